@@ -1,4 +1,4 @@
-"""pretouch designs the gain of a preemptive impact controller with proximity sensors, without collision tests.
+"""pretouch designs the gain of a controller that softens impacts with proximity sensors, without collision tests.
 
 Calibrate the sensor, describe the encounter, and get the optimal gain, the contact that it results in, the margins and
 the evidence:
@@ -37,7 +37,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _hint(name: str) -> str:
-    """Return a suggestion for a misspelled public name, such as `verify_gain` for `verify`, or an empty text."""
+    """Return a suggestion for an unknown public name, such as `did you mean verify_gain?`, or an empty text."""
     from difflib import get_close_matches  # noqa: PLC0415 - only for mistakes
 
     similar = [known for known in __all__ if len(name) > 2 and name.lower() in known.lower()]

@@ -1,4 +1,4 @@
-"""Export all errors that pretouch raises on purpose.
+"""Provide the exception classes of pretouch, such as `InvalidInputError`.
 
 The tree:
 

@@ -669,7 +669,7 @@ def test_a_distance_sensor_and_an_admittance_without_stiffness(tmp_path: Path) -
     assert found["reading.quantity"]["default_value"] == "distance"
     assert found["reading.delay"]["default_value"] == chain.latency
     assert found["law.timeout"]["default_value"] == pytest.approx(10 / 60)
-    assert "cannot have this design's damping" in (tmp_path / "package/README.md").read_text()
+    assert "computes its damping from the stiffness" in (tmp_path / "package/README.md").read_text()
 
 
 def test_numbers_for_an_admittance_controller(package: Path, design: str) -> None:

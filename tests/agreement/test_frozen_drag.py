@@ -187,10 +187,10 @@ def test_what_is_not_known_is_asked_for() -> None:
         suspends_admittance=True,
     )
     with pytest.raises(
-        InvalidInputError, match=r"^relative_velocity: .* because the damping by the law virtual-drag depends on it"
+        InvalidInputError, match=r"^relative_velocity: .* because the damping of the control law virtual-drag depends"
     ):
         gain_limit(CURVE, LETTER, TIMING, distance=0.0, law=DRAG)
-    with pytest.raises(InvalidInputError, match=r"^law: the damping by the law shock is unknown"):
+    with pytest.raises(InvalidInputError, match=r"^law: the damping of the control law shock is unknown"):
         gain_limit(CURVE, LETTER, TIMING, distance=0.0, law=own, relative_velocity=-0.1)
     known, velocity = replace(own, damping=DRAG.damping), np.array([-0.1, -0.3])
     limits = [
@@ -218,13 +218,13 @@ def test_the_limit_of_a_loop_is_that_along_its_own_motion(speed: float) -> None:
 def test_bounds_that_no_stable_drag_is_in_are_refused() -> None:
     """The message names the largest drag that is a half of the limit of its own motion, as the bounds end there."""
     with pytest.raises(
-        InvalidInputError, match=r"^stability_margin: .*gain margin of 2 at .* a drag may be at most"
+        InvalidInputError, match=r"^stability_margin: .*gain margin of 2\. .* the strongest drag with this margin is "
     ) as told:
         LOOP.stable_bounds((0.5, 1.0), approach(6.0), CURVE, 2.0)
-    drag = float(re.search(r"at most (\S+) N\*s\^2,", str(told.value)).group(1))  # type: ignore[union-attr]
+    drag = float(re.search(r"this margin is (\S+) N\*s\^2\.", str(told.value)).group(1))  # type: ignore[union-attr]
     limits = [LOOP.stability_limit(approach(6.0), CURVE, drag * part).strongest for part in (0.999, 1.001)]  # 4 digits
     assert limits[0] / (0.999 * drag) > 2 > limits[1] / (1.001 * drag)
-    with pytest.raises(InvalidInputError, match=r"a drag may be at most"):
+    with pytest.raises(InvalidInputError, match=r"the strongest drag with this margin is "):
         LOOP.stable_bounds((1.001 * drag, 1.0), approach(6.0), CURVE, 2.0)
     assert LOOP.stable_bounds((0.999 * drag, 1.0), approach(6.0), CURVE, 2.0)[1] == pytest.approx(drag, rel=5e-4)
 

@@ -263,12 +263,12 @@ def test_a_soft_joint_lowers_the_stability_limit_and_a_verdict_says_so(tmp_path:
         ({"c": [1.0, 0.0, 0.0]}, r"c: found a matrix of the shape \(3,\), expected the shape \(2,\) for 2 states"),
         (
             {"b": [[1.0, 0.0, 0.0, 0.0], [2000.0, 90.0, 1.0, 0.5]]},
-            "the input virtual position acts directly on the velo",
+            "the input virtual position changes the robot's velocity directly",
         ),
         ({"b": [[0.0] * 4, [2000.0, 90.0, 1.0, -0.5]]}, "causes an acceleration of -0.5 m/s"),
         (
             {"b": [[0.0] * 4, [1000.0, 90.0, 1.0, 0.5]]},
-            "a: the position of the robot model does not follow a virtual object",
+            "a: the robot model does not follow its commanded motion, a virtual object",
         ),
         ({"b": [[0.0] * 4, [2000.0, 90.0, 1.0, math.nan]]}, "b: found .*nan.*"),
         ({"states": ("x",)}, "states: found 1, expected 2 to 32"),

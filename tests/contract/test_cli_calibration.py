@@ -177,7 +177,9 @@ def test_a_contact_nearer_than_the_data_is_refused_with_the_calibration_as_the_r
     code, _, err = run(verb, scenario("clipped.toml", CLIPPED), *VERBS[verb])
     near, reason = near_end()
     assert code == 2
-    assert f"the sensor curve starts {near} from contact ({reason.partition(' (')[0]}), but is needed down" in err
+    assert (
+        f"the sensor curve starts at the distance {near} ({reason.partition(' (')[0]}), but must reach contact" in err
+    )
     mounting = (
         f'mount the sensor {near} behind the contact surface, and set recess = "{near}" (positions count from the '
     )
@@ -188,7 +190,7 @@ def test_a_contact_nearer_than_the_data_is_refused_with_the_calibration_as_the_r
 def test_the_ways_out_of_a_refusal_lead_out(run):
     recessed = CLIPPED + '\nrecess = "5 mm"'
     err = run("design", scenario("clipped.toml", recessed))[2]
-    assert "starts 7 mm from contact" in err
+    assert "starts at the distance 7 mm" in err
     assert 'mount the sensor 12 mm (now 5 mm) behind the contact surface, and set recess = "12 mm"' in err
     assert run("design", scenario("sunk.toml", CLIPPED + '\nrecess = "12 mm"'), "--no-report")[0] == 0
     code, out, _ = run(
@@ -206,7 +208,7 @@ def test_the_ways_out_of_a_refusal_lead_out(run):
 
 def test_a_curve_that_the_file_cuts_is_not_blamed_on_the_calibration(run):
     err = run("design", scenario("cut.toml", WHOLE + '\nminimum_distance = "2 mm"'))[2]
-    assert "starts 2 mm from contact, but is needed down" in err
+    assert "starts at the distance 2 mm, but must reach contact" in err
     assert 'or extend the curve with minimum_distance = "0 mm"' in err
 
 

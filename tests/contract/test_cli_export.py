@@ -95,7 +95,7 @@ def test_the_same_design_gives_the_same_files(tmp_path: Path) -> None:
     [
         (["c", "no.toml", "-o", "law"], "no.toml"),
         (["c", "LOOP", "-o", "no/law"], "does not exist"),
-        (["c", "LOOP", "-o", "file"], "is no folder"),
+        (["c", "LOOP", "-o", "file"], "a file or link"),
         (["c", "LOOP", "-o", "full"], "already exists"),
         (["c", "LOOP", "-o", "full", "--force"], "notes.txt"),
         (["c", "LOOP", "-o", "law", "--gain", "-0.86 m"], "--gain"),
@@ -128,7 +128,7 @@ def test_an_earlier_export_is_replaced_only_on_demand_and_only_unchanged(tmp_pat
     write_folder(target, {"law.c": b"new"}, overwrite=True)
     assert sorted(p.name for p in target.iterdir()) == ["law.c", MANIFEST]
     (target / "law.c").write_bytes(b"edited")
-    with pytest.raises(OutputExistsError, match=r"contains law\.c"):
+    with pytest.raises(OutputExistsError, match=r"contains the file law\.c"):
         write_folder(target, {"law.c": b"newer"}, overwrite=True)
     assert (target / "law.c").read_bytes() == b"edited"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["law"]

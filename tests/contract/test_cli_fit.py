@@ -57,18 +57,19 @@ def test_too_few_distances_are_not_called_a_missing_signal(run):
     Path("four.csv").write_text("distance [mm],output [counts]\n2,5000\n10,3000\n20,1500\n40,700\n")
     code, out, _ = run("fit", "four.csv", "--no-report")
     assert code == 1
-    assert out.startswith("four.csv: too few distances. Only 4 distances are usable, but a curve needs at least 5.\n")
+    few = "The number of usable distances is 4, but a curve needs at least 5"
+    assert out.startswith(f"four.csv: too few distances. {few}.\n")
     assert "signal" not in out
     assert "first measured distance" not in out
-    assert "Warning PT101: Only 4 distances are usable, but a curve needs at least 5: measure at 8 or more" in out
+    assert f"Warning PT101: {few}: measure at 8 or more" in " ".join(out.split())
     clipped = "distance [mm],output [counts]\n2,1023\n5,1023\n10,900\n20,500\n40,200\n50,150\n"
     Path("clipped.csv").write_text(clipped)
     out = " ".join(run("fit", "clipped.csv", "--no-report")[1].split())
     because = "because the output clips at 1023 counts up to 5 mm (within 1 % of the full scale of a 10-bit converter)"
-    assert f"Only 4 distances are usable, {because}, but a curve needs at least 5." in out
+    assert f"The number of usable distances is 4, {because}, but a curve needs at least 5." in out
     code, _, err = run("init", "four.csv")
     assert code == 2
-    assert "four.csv: too few distances, so no sensor curve can be fitted. Only 4 distances are usable, but" in err
+    assert "four.csv: too few distances, so no sensor curve can be fitted. The number of usable distances is" in err
 
 
 def test_the_summary_of_a_rising_output_has_a_remedy_that_works(run):
@@ -98,7 +99,7 @@ def test_a_sensor_that_reports_distances_is_led_to_a_scenario_that_needs_no_cali
     assert "with pretouch init --part VL53L0X, and correct rate and noise in [chain]." in " ".join(out.split())
     code, out, _ = run("init", "--part", "VL53L0X")
     assert code == 0
-    assert out.startswith("scenario.toml: a first scenario with the VL53L0X, which needs no calibration")
+    assert out.startswith("scenario.toml: this first scenario file uses the sensor part VL53L0X, which needs no")
     assert "replace it by your calibration" not in out
     assert "pretouch record" not in Path("scenario.toml").read_text()
     assert run("design", "scenario.toml", "--no-report")[0] == 0
@@ -148,7 +149,7 @@ def test_notes_are_wrapped_and_count_rows_without_an_output(run):
     header = "distance [mm],the output of the sensor without a unit,first,second,temperature,gain"
     Path("gap.csv").write_text("\n".join([header, *rows]) + "\n")
     out = run("fit", "gap.csv", "--columns", "output=2", "--labels", "none", "--no-report")[1]
-    assert "note: Rows or cells without an output (empty, nan or -) are not used: 1.\n" in out
+    assert "note: Rows or cells that are not used, because their output is missing (empty, nan or -): 1.\n" in out
     assert "note: The column 'the output of the sensor without a unit' of sensor outputs has no unit, so" in out
     assert max(map(len, out.splitlines())) <= 100
 
@@ -193,15 +194,18 @@ def test_one_of_several_curves_is_selected_and_has_a_report_of_its_own(run, page
     ("options", "says"),
     [
         (["--select", "unit"], "--select: found 'unit', expected COLUMN=VALUE"),
-        (["--columns", "distance"], "--columns: found 'distance', expected NAME=COLUMN, where COLUMN is a header"),
+        (
+            ["--columns", "distance"],
+            "--columns: found 'distance', expected NAME=COLUMN, where COLUMN is a column header",
+        ),
         (
             ["--columns", "range=1"],
             "columns: found the key 'range', but only the keys 'distance' and 'output' are allowed",
         ),
-        (["--columns", "output=4"], "columns: found '4' for the output, expected a number from 1 to 3"),
+        (["--columns", "output=4"], "columns: found '4' for the output column, expected a number from 1 to 3"),
         (
             ["--columns", "output=height"],
-            "columns: found 'height' for the output, expected one of 'unit', 'distance [mm]'",
+            "columns: found 'height' for the output column, expected one of 'unit', 'distance [mm]'",
         ),
         (
             ["--columns", "distance=[V]"],
@@ -209,7 +213,7 @@ def test_one_of_several_curves_is_selected_and_has_a_report_of_its_own(run, page
         ),
         (["--columns", "distance=1,output=1"], "columns: column 1 is given as the distance and also as the output"),
         (["--labels", "side"], "labels: found 'side', expected one of 'unit', 'distance [mm]', 'output [V]'"),
-        (["--select", "unit=c"], "select: the file has no curve with the labels unit=c; available in two.csv: unit=a"),
+        (["--select", "unit=c"], "no curve with the labels unit=c; labels available in two.csv: unit=a"),
         (["--offset", "much"], "--offset: found 'much', expected a number, or a text such as"),
         (["--offset", "3 counts"], "offset: found 3 counts, expected a value in the unit of the calibration (V)"),
         (
@@ -256,7 +260,7 @@ def test_columns_and_labels_are_chosen_on_the_command_line_as_the_messages_say(r
     Path("equal.csv").write_text("\n".join(["distance,output,output", *rows]) + "\n")
     code, _, err = run("fit", "equal.csv", "--json")
     assert code == 2
-    assert '--columns "output=2" (in a scenario file and in Python: columns)' in err
+    assert '--columns "output=2" (in a scenario file and in Python, the option is called columns)' in err
     code, _, err = run("fit", "equal.csv", "--columns", "output=3", "--json")
     assert (code, '--columns "distance=1 [mm]"' in err) == (2, True)
     code, out, _ = run("fit", "equal.csv", "--columns", "distance=1 [mm], output=3 [V]", "--json")
@@ -362,7 +366,7 @@ def test_a_scenario_chooses_columns_and_labels(run):
             ['calibration = "two.csv"', "select = { unit = 3 }"],
             3,
             "sensor.select",
-            "no curve with the labels unit=3; available in",
+            "no curve with the labels unit=3; labels available in",
         ),
         (['calibration = "two.csv"', "columns = 3"], 3, "sensor.columns", "expected a table of distance and output"),
         (['calibration = "two.csv"', "columns = { range = 1 }"], 3, "sensor.columns", "expected a table of distance"),

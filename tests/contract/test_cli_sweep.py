@@ -150,11 +150,11 @@ def test_a_sweep_whose_answer_is_no_ends_with_1(run: Any) -> None:
         (["obstacle.velocity=-1:-2:3:linear"], "expected NAME=START:STOP:COUNT"),
         (
             ["obstacle.velocity=-1:-2:many"],
-            "found 'many' as the number of values of obstacle.velocity, expected a whole number",
+            "found 'many' as the number of values of the input obstacle.velocity, expected a whole number",
         ),
         (
             ["obstacle.velocity=-1:1:10:log"],
-            "but logarithmic spacing needs two ends of the same sign that are not zero",
+            "but logarithmic spacing needs nonzero start and stop values of the same sign",
         ),
         (["obstacle.velocity=-1 kg:-2 kg:3"], "obstacle.velocity: found '-1 kg', expected a quantity in m/s"),
         (["obstacle.speed=-1:-2:3"], "'obstacle.speed' is not an input of this sweep"),

@@ -51,7 +51,7 @@ BAD = {
     ),
     "number": (
         "cube_law:NUMBER",
-        "is invalid: found 3, but a law must be a class or value with the members of pretouch.motion.ContinuousLaw",
+        "is invalid: found 3, but a law must be a class or value that has all members of pretouch.motion.ContinuousLaw",
     ),
     "other": ("cube_law:Cube", 'the kind of the law is "cube", but must equal'),
     "undeclared": (
@@ -102,7 +102,7 @@ def test_the_file_sets_what_the_law_declares(folder):
         (
             'rate = "3 1/s"',
             'ratio = "1"',
-            'law.ratio: this key belongs to "virtual-drag", but this section has the kind "cube"',
+            'law.ratio: this key belongs to the variant "virtual-drag" of this section, but kind = "cube" selects',
         ),
         (
             'kind = "cube"',

@@ -95,7 +95,8 @@ def test_a_kernel_of_contacts_refuses_too_few_columns(given, peaks):
     out, status = np.zeros((len(layout.STATES), 2)), np.zeros(2, dtype=np.int8)
     filled = np.zeros((len(layout.PEAKS), 2)) if peaks else None
     with pytest.raises(
-        TypeError, match=rf"needs 9 input columns, and two additional columns to compute peaks, but received {given}"
+        TypeError,
+        match=rf"needs 9 input columns, and two additional columns to compute peak values, but received {given}",
     ):
         kernels.contact_times([np.zeros(2)] * given, curves, 1.0, out, status, peaks=filled)
 
@@ -179,8 +180,8 @@ def test_a_library_that_is_not_as_it_was_built_is_refused_in_one_sentence(tmp_pa
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith(
-        f"pretouch: the compiled core of pretouch cannot be used, because the file {library.name} in the folder "
-        f"{tmp_path} {what}"
+        f"pretouch: the compiled core of pretouch cannot be used (file {library.name} in the folder "
+        f"{tmp_path}, set by PRETOUCH_LIBRARY), because this file {what}"
     )
     assert done.stderr.endswith("run python native/build.py\n")
     assert done.stderr.count("\n") == 1

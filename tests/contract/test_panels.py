@@ -353,7 +353,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "map of a row": (lambda: Map(x=[0, 1], y=[0], values=[[0, 1]]), r"^map: values: found 2 finite values of shape"),
     "map turned": (
         lambda: Map(x=[0, 1], y=[0, 1, 2], values=np.ones((2, 3))),
-        r"found .* of shape \(2, 3\), expected an array of the shape \(3, 2\), given by the lengths of y and x",
+        r"found .* of shape \(2, 3\), expected an array of the shape \(3, 2\), with one row for each y and one column",
     ),
     "map of nothing": (lambda: Map(x=[0, 1], y=[0, 1], values=np.full((2, 2), np.nan)), r"found 0 finite values"),
     "map on log": (
@@ -364,7 +364,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "columns": (lambda: panel_figure(tiny(), columns=0), r"^columns: found 0"),
     "height": (
         lambda: panel_figure(tiny(), height=0.2),
-        r"^height: found a figure height of 0.2 inch, but .* at least 1 inch",
+        r"^height: found a row height of 0.2 inch, but .* at least 1 inch",
     ),
 }
 

@@ -69,7 +69,7 @@ def test_notebooks_show_a_table_of_inputs_and_results_and_the_figure_of_what_has
     motion = pt.solve_motion(task.scenario, task.sensor, -0.7)
     for value, words, has_figure in (
         (task, ("virtual-damper", "excursion", "200 mm", "exponent"), False),
-        (task.scenario, ("approaches at 0.3 m/s", "42.2 mm", "25 N/m"), False),
+        (task.scenario, ("approaches at a speed of 0.3 m/s", "42.2 mm", "25 N/m"), False),
         (contact, (f"{contact.end.relative_velocity:.4g} m/s", "largest virtual force"), False),
         (motion, (f"{1e3 * motion.time[-1]:.4g} ms",), True),
         (pt.design_gain(task), ("-0.7463 N s",), True),

@@ -6,7 +6,7 @@ import pytest
 from pretouch._core.errors import CalibrationDataError
 from pretouch.calibration import read_calibration, read_calibrations
 
-REMEDY = "(in a scenario file and in Python: columns)"
+REMEDY = "(in a scenario file and in Python, the option is called columns)"
 
 
 @pytest.fixture
@@ -283,16 +283,16 @@ def test_columns_are_chosen_by_header_number_and_unit(file, text, columns):
     ("columns", "message"),
     [
         ({"range": 1}, "columns: found the key 'range', but only the keys 'distance' and 'output' are allowed"),
-        ({"output": 0}, "columns: found '0' for the output, expected a number from 1 to 3"),
-        ({"output": True}, "columns: found True for the output, expected a column header, a column number"),
-        ({"output": " "}, "columns: found ' ' for the output, expected a column header"),
+        ({"output": 0}, "columns: found '0' for the output column, expected a number from 1 to 3"),
+        ({"output": True}, "columns: found True for the output column, expected a column header, a column number"),
+        ({"output": " "}, "columns: found ' ' for the output column, expected a column header"),
         (
             {"output": "height"},
-            "columns: found 'height' for the output, expected one of 'distance [mm]', 'output', 'output'",
+            "columns: found 'height' for the output column, expected one of 'distance [mm]', 'output', 'output'",
         ),
         (
             {"output": "output"},
-            "columns: found 'output' for the output, which is ambiguous, because columns 2 and 3 of sensor.csv have",
+            "for the output column, which is ambiguous, because the columns 2 and 3 of the file sensor.csv have the",
         ),
         ({"distance": "[V]"}, "columns: found the unit 'V' for the distance, expected a unit of length such as mm"),
         (
@@ -341,7 +341,7 @@ def test_a_choice_that_cannot_be_is_refused(file, columns, message):
         ("Bench 4\ndistance,output [V]\n0,2\n", "line 2: found 'distance', a distance without a unit"),
         ("distance,output [V]\n0,2\n", f'or use --columns "distance=1 [mm]" {REMEDY}'),
         ("distance [mm],drive current [mA],gain\n0,8,2\n", f'--columns "distance=1,output=2" {REMEDY}'),
-        ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "use --labels none (in Python and in"),
+        ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "use --labels none. In Python and in"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_sentence_with_its_line(file, text, message):

@@ -53,7 +53,7 @@ def test_a_wrong_topic_lists_the_topics_and_suggests_one(recorded, tmp_path):
 
 def test_a_wrong_field_lists_the_fields(recorded, tmp_path):
     bag = recorded.range_bag(tmp_path / "bag", [0.0, 0.1], [0.1, 0.2])
-    with pytest.raises(InvalidInputError, match=r"no number 'rang'.*range"):
+    with pytest.raises(InvalidInputError, match=r"no numeric field 'rang'.*range"):
         read_recording(bag, "/range.rang")
 
 
@@ -62,7 +62,7 @@ def test_a_type_with_several_numbers_needs_a_field(recorded, tmp_path):
     file = recorded.write_json_mcap(tmp_path / "x.mcap", {"/j": rows})
     with pytest.raises(InvalidInputError, match=r"/j\.a"):
         read_recording(file, "/j")
-    with pytest.raises(InvalidInputError, match="no number 'c'"):
+    with pytest.raises(InvalidInputError, match="no numeric field 'c'"):
         read_recording(file, "/j.c")
 
 

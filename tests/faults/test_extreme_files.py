@@ -75,8 +75,16 @@ def test_and_one_of_the_command_line(run: Any) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "what"),
     [
-        ('horizon = "5 s"', 'horizon = "5e9 s"', "loop.horizon: found 5e+09 s, which takes 5e+12 steps"),
-        ('rate = "1 kHz"', 'rate = "99999 kHz"', "loop.horizon: found 5 s, which takes 5e+08 steps"),
+        (
+            'horizon = "5 s"',
+            'horizon = "5e9 s"',
+            "loop.horizon: found a simulated time of 5e+09 s, which takes 5e+12 steps",
+        ),
+        (
+            'rate = "1 kHz"',
+            'rate = "99999 kHz"',
+            "loop.horizon: found a simulated time of 5 s, which takes 5e+08 steps",
+        ),
     ],
 )
 def test_a_loop_that_no_memory_holds_is_refused_with_its_key(
@@ -86,7 +94,7 @@ def test_a_loop_that_no_memory_holds_is_refused_with_its_key(
     code, _, err = run(verb, "loop.toml", "--gain", "-0.7")
     assert code == 2
     assert what in err
-    assert "expected at most" in err
+    assert "; expected a time of at most" in err
 
 
 # --- numbers with which no search ends, or that no robot has

@@ -34,7 +34,7 @@ MISTAKES = [
     (WHOLE + "[law]\nratio = 0.15\n", "[law]", "law.kind", 'missing, expected one of "virtual-damper", "virtual-drag"'),
     (WHOLE + '[law]\nkin = "virtual-drag"\n', "kin =", "law.kin", 'found an unknown key, expected "kind"'),
     (WHOLE + '[law]\nkind = "virtual-damper"\nratio = 0.15\n', "ratio", "law.ratio",
-     'this key belongs to "virtual-drag", but this section has the kind "virtual-damper"'),
+     'this key belongs to the variant "virtual-drag" of this section, but kind = "virtual-damper" selects'),
     (ALONE + LAW + "ratoi = 0.15\n", "ratoi", "law.ratoi", 'found an unknown key, expected "ratio"'),
     (ALONE + LAW + "ratio = 1.5\n", "ratio", "law.ratio", "found 1.5, expected a positive number up to 1"),
     (ALONE + LAW + "ratio = 0\n", "ratio", "law.ratio", "expected a positive number"),
@@ -42,8 +42,8 @@ MISTAKES = [
     (ALONE + LAW + 'ratio = 0.1\nexcursion = "60 mm"\n', "excursion", "law.excursion", "found the keys ratio and ex"),
     (ALONE + LAW + 'ratio = 0.1\ndrag = "0.1 N*s^2"\n', "ratio", "law.ratio", "found the keys drag and ratio"),
     (ALONE + LAW + 'ratio = 0.1\nlargest_speed = "1 m/s"\n', "largest", "law.largest_speed",
-     "together with ratio"),
-    (WHOLE.replace(GAIN, IN_DRAGS) + LAW + "largest_speed = 1\n", "largest", "law.largest_speed", "alone"),
+     "but the section has the key ratio"),
+    (WHOLE.replace(GAIN, IN_DRAGS) + LAW + "largest_speed = 1\n", "largest", "law.largest_speed", "has none of them"),
     (ALONE + LAW + 'impact_force = "9 N"\n', "impact_force", "law.impact_force", "needs the section [impact]"),
     (ALONE + UNSURE + LAW + 'contact_speed = "5 cm/s"\n', "[law]", "law.largest_speed",
      'because the approach speed is uncertain; add, for example: largest_speed ='),
@@ -64,7 +64,7 @@ MISTAKES = [
     (replaced('rate = "1 kHz"', "rate = 1e3\napproach_only = true", LOOP), "approach_only", "controller.approach_only",
      "expected only rate, period, floor"),
     (LOOP + 'noise = "1 mV"\n', "noise = \"1", "law.noise", 'found "1 mV", expected counts'),
-    (LOOP + 'own_advance = "2 N*s"\n', "own_advance", "law.own_advance", "a positive number would accelerate"),
+    (LOOP + 'own_advance = "2 N*s"\n', "own_advance", "law.own_advance", "a positive gain would accelerate"),
     (LOOP + 'smoothing_time = "7 m"\n', "smoothing", "law.smoothing_time", "expected a quantity in s"),
     (replaced(CHAIN, '[chain]\npart = "VL53L5CX-4x4"\n', LOOP), "[law]", "law.noise",
      "because [chain] has a noise of distances, not of readings"),
@@ -110,9 +110,10 @@ def test_a_margin_that_leaves_no_drag_is_placed(write):
         pt.design_gain(load_scenario(write(text)))
     told = str(refused.value)
     assert told.startswith(
-        f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: with a gain margin of 1e+06 at"
+        f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: at a sensor rate of "
     )
-    assert "[gain] has bounds from 0.001 to 0.2 N*s^2; choose a smaller margin" in told
+    assert "has the required gain margin of 1e+06. The bounds are 0.001 to 0.2 N*s^2, and the strongest drag " in told
+    assert ". Choose a smaller margin" in told
 
 
 def test_the_undamaged_files_are_read(write):

@@ -39,8 +39,8 @@ MISTAKES = [
     (IN_CHAIN, 'drift = "2 counts"', "drift", "chain.drift", "a sensor output per second, a number or text in V/s or"),
     (IN_CHAIN, 'exposure = "5 ms"', "exposure", "chain.exposure", "longer than the period of 0.004 s"),
     (IN_CHAIN, 'jitter = "2 ms"', "jitter", "chain.jitter", "at most a quarter of the sensor's period of 0.004 s"),
-    (IN_CHAIN, "dropout = 1", "dropout", "chain.dropout", "found 1, expected a share below 1"),
-    (IN_CHAIN, 'highest = "-1 counts"', "highest", "chain.highest", "expected a number above the lowest reading, 0"),
+    (IN_CHAIN, "dropout = 1", "dropout", "chain.dropout", "found 1, expected a probability below 1"),
+    (IN_CHAIN, 'highest = "-1 counts"', "highest", "chain.highest", "expected more than the lower clipping limit"),
     (IN_CHAIN, 'noise = 1\nhighest = "2 counts"', "highest", "chain.highest", "the readings saturate at 2"),
     (IN_CHAIN, 'distance_noise = "1 mm"', "[chain]", "chain", "only for a sensor that measures a distance"),
     (IN_CHAIN, 'noise = 20\nmisfit = "2 %"', "[chain]", "chain.misfit_length", "needs a correlation length"),
@@ -72,7 +72,7 @@ MISTAKES = [
     (IN_CONTROLLER, "rate = 1000\nsensor_period = 1", "sensor_p", "controller.sensor_period", "an unknown key"),
     ('kind = "impedance"', "", "[robot]", "robot.kind", 'missing, expected one of "ideal", "impedance", "position"'),
     ('"impedance"', '"impedence"', "kind", "robot.kind", 'did you mean "impedance"?'),
-    ('"impedance"', '"position"', "stiffness", "robot.stiffness", 'belongs to "impedance", but'),
+    ('"impedance"', '"position"', "stiffness", "robot.stiffness", 'to the variant "impedance" of'),
     ('mass = "4 kg"\n', "", "[robot]", "robot.mass", 'missing, expected a quantity in kg; add, for example'),
     ('"250 N*s/m"', '"250 N/m"', 'damping = "250', "robot.damping", "expected a quantity in N*s/m"),
     ('"250 N*s/m"', '1\nbandwidth = 80\nviscous_friction = 1', "viscous", "robot.viscous_friction", "only without a"),
@@ -83,7 +83,7 @@ MISTAKES = [
      "a positive quantity in the unit N/m^1.5"),
     (STIFF, "stiffness = -1", "stiffness = -1", "contact.stiffness", "a positive quantity in N/mⁿ"),
     (STIFF, "stiffness = 1e6\nexponent = 0.5", "exponent =", "contact.exponent", "found 0.5, which must be at least 1"),
-    (STIFF, "stiffness = 1e6\ndamping = 1", "damping = 1", "contact.damping", 'belongs to "spring-damper", but'),
+    (STIFF, "stiffness = 1e6\ndamping = 1", "damping = 1", "contact.damping", 'to the variant "spring-damper" of'),
     ("runs = 500", "runs = 0", "runs", "verify.runs", "expected a whole number of at least 1, such as 1000"),
     ("runs = 500", "confidence = 95", "confidence", "verify.confidence", "expected a probability between 0 and 1"),
     ("runs = 500", "speed_tolerance = -0.1", "speed", "verify.speed_tolerance", "expected a nonnegative number"),
@@ -166,7 +166,7 @@ def test_a_part_of_a_loop_alone_is_refused(message, sections, named, missing):
     text, keys = ENCOUNTER + sections, {"chain": 'part = "VCNL4010" or rate =', "controller": 'rate = "1 kHz"'}
     place = f"line {line_of(f'[{named}]', text)}: {named}: this section also needs the section [{missing}]"
     (told,) = (line for line in message(text).splitlines() if place in line)
-    assert f"add [{missing}] with {keys[missing]}" in told
+    assert f"add, for example: [{missing}] with {keys[missing]}" in told
 
 
 def test_a_misspelt_section_is_not_called_missing_as_well(message):
@@ -212,7 +212,7 @@ def test_a_bare_curve_is_in_the_unit_of_the_part_and_must_be_of_its_size(write, 
         "line 3: sensor.scale: the sensor output at contact is 0.4877, which is below the controller's floor of 60"
         in told
     )
-    assert "expected outputs in counts, which VCNL4010 reports, well above the floor" in told
+    assert "well above the floor; give outputs, noise and floor in counts, the unit of VCNL4010" in told
 
 
 def test_without_any_other_unit_the_outputs_of_a_loop_share_one(message):
@@ -237,9 +237,9 @@ def test_a_margin_that_leaves_no_gain_is_placed(write):
             verb()
         told = str(refused.value)
         assert told.startswith(
-            f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: with a gain margin of 1000 at a"
+            f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: at a sensor rate of "
         )
-        assert "bounds from -10 to -0.01 N*s" in told
+        assert "has the required gain margin of 1000. The bounds are -10 to -0.01 N*s, and" in told
 
 
 @pytest.mark.parametrize(

@@ -129,7 +129,7 @@ def test_a_vcnl4010_measures_by_itself_and_its_high_byte_comes_first() -> None:
 
 
 def test_another_part_no_part_and_no_bus_are_reported() -> None:
-    with pytest.raises(SourceError, match="another part"):
+    with pytest.raises(SourceError, match="another kind of sensor"):
         I2cSource("VCNL4010", FakeBus(0x13, {0x81: 0x15}, words=False))
     with pytest.raises(SourceError, match="wiring"):
         I2cSource("VCNL4040", FakeBus(0x13, {}, words=False))

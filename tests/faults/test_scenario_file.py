@@ -111,7 +111,7 @@ KEYS = [
         "exponent = 3\nrate = -60",
         "rate",
         "sensor.rate",
-        'but this section has the kind "inverse-power"',
+        'but model = "inverse-power" selects another variant',
     ),
     ("exponent = 3.32", "exponent = 3\nselect = {}", "select", "sensor.select", "expected the key calibration as well"),
     (
@@ -150,7 +150,7 @@ KEYS = [
         "time_scale = 1\nvelocity_scale",
         "time_scale",
         "objective.time_scale",
-        'this key belongs to "time"',
+        'this key belongs to the variant "time" of this section',
     ),
 ]
 

@@ -77,7 +77,7 @@ def test_a_sensor_that_is_none_is_refused_at_its_key(message, sensor, key, says)
 def test_a_sensor_that_does_not_reach_contact_is_refused_with_the_way_out(message):
     table = 'model = "table"\ndistances = ["5 mm", "50 mm"]\noutputs = ["4 V", "1 V"]\n'
     told = message("[sensor]\n" + table + WHOLE.replace(SENSOR, ""))
-    assert "line 1: sensor: the sensor curve starts 5 mm from contact, but is needed down" in told
+    assert "line 1: sensor: the sensor curve starts at the distance 5 mm, but must reach contact" in told
     assert 'recess = "5 mm"' in told
 
 

@@ -30,7 +30,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         (lambda: pt.SensorChain(rate=100.0, delay=-1e-3), "delay: found -0.001 s, which must not be negative"),
         (lambda: pt.SensorChain(rate=100.0, jitter=0.003), "at most a quarter of the sensor's period"),
         (lambda: pt.SensorChain(rate=100.0, dropout=1.0), "below 1"),
-        (lambda: pt.SensorChain(rate=100.0, lowest=1.0, highest=1.0), "expected a number above the lowest reading"),
+        (lambda: pt.SensorChain(rate=100.0, lowest=1.0, highest=1.0), "expected more than the lower clipping limit"),
         (lambda: pt.SensorChain(rate=100.0, noise=math.nan), "noise: found nan"),
         (lambda: pt.SensorChain(rate=100.0, highest=math.nan), "highest: found nan"),
         (lambda: pt.SensorChain(rate=[100.0, 200.0]), "rate: found an array"),
@@ -65,12 +65,13 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         (lambda: simulate(seed=-1), "seed: found -1"),
         (
             lambda: simulate(horizon=5e9),
-            "loop horizon: found 5e+09 s, which takes 5e+12 steps of a controller with a period of 1 ms, expected at "
-            "most 2e+04 s",
+            "loop horizon: found a simulated time of 5e+09 s, which takes 5e+12 steps of a controller with a period of "
+            "1 ms; expected a time of at most 2e+04 s",
         ),
         (
             lambda: simulate(horizon=10.0, chain=pt.SensorChain(rate=1e9)),
-            "loop horizon: found 10 s, which takes 1e+10 steps of a sensor with 1e+09 readings per second",
+            "loop horizon: found a simulated time of 10 s, which takes 1e+10 steps of a sensor with 1e+09 readings per "
+            "second; expected",
         ),
         (
             lambda: simulate(horizon=10.0, plant=pt.simulation.PositionPlant(mass=1.0, bandwidth=1e5)),

@@ -237,7 +237,7 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     assert len(together["map"]["objective"]) == design.map.objective.size
     text = str(design)
     assert text.startswith("The optimal admittance has a natural frequency of 2 rad/s")
-    assert "% less than with the admittance of the task" in text
+    assert "Compared with the admittance of the task, the objective changes by -" in text
     assert "At this admittance: Optimal gain" in text
     assert "<table" in design._repr_html_()
     assert repr(design.map) == f"<AdmittanceMap: {design.map.objective.size} admittances>"

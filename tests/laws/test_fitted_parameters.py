@@ -82,7 +82,7 @@ def test_readings_that_do_not_bound_a_parameter_are_refused_with_the_way_out() -
 def test_a_table_has_no_parameters() -> None:
     outputs = np.exp(-40 * np.unique(DISTANCES))
     fit = fit_sensor(Calibration(distances=np.unique(DISTANCES), outputs=outputs, unit="V"), "table", offset="zero")
-    with pytest.raises(InvalidInputError, match="fit: the table has no parameters; fit a curve with parameters"):
+    with pytest.raises(InvalidInputError, match="fit: the sensor curve 'table' has no parameters; fit a curve"):
         parameter_distribution(fit)
 
 

@@ -330,11 +330,11 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
             lambda: pt.design_admittance(
                 pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, damping_ratio=(0.7, 2.0), evaluate=NOISY)
             ),
-            "the controller of a loop has only one admittance",
+            "the controller has only one admittance",
         ),
         (
             lambda: NOISY(replace(SCENARIO, admittance=replace(ADMITTANCE, mass=2.0)), SENSOR, -0.7),
-            "the scenario has the value 2, but the control law of the loop has 1",
+            "the scenario has the value 2, but the controller has the value 1",
         ),
         (lambda: NOISY(many(3), SENSOR, np.zeros(2)), "does not broadcast"),
         (lambda: replace(NOISY, first_run=-1), "first_run: found -1"),

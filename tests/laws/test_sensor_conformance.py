@@ -254,11 +254,11 @@ def design(sensor: SensorModel) -> object:
 UNLAWFUL = {
     "ln xi is no number": (
         _custom(lambda d: d * np.nan, forty),
-        "found ln xi of nan at a distance of 0 m, but this value must be finite",
+        "the function log_output returned nan at a distance of 0 m, but its values must be finite",
     ),
     "slope is no number": (
         _custom(straight, lambda d: np.where(d > 0.02, np.nan, -40.0)),
-        r"found a slope of nan 1/m at a distance of 0\.0201\d* m, but this value must be finite",
+        r"the function log_slope returned nan 1/m at a distance of 0\.0201\d* m, but its values must be finite",
     ),
     "noise": (
         _custom(noisy(straight, 0.01), forty),
@@ -271,7 +271,7 @@ UNLAWFUL = {
     ),
     "rising beside the surface": (
         _custom(lambda d: -100 * (d - 0.02) ** 2, lambda d: -200 * (d - 0.02)),
-        "the slope is 4 1/m at a distance of 0 m, but must not be positive.*maximum_distance, or mount",
+        "the slope is 4 1/m at a distance of 0 m, but must not be positive.*maximum_distance, or use the class Rec",
     ),
     "slope 10 % off": (
         _custom(straight, lambda d: 1.1 * forty(d)),
@@ -282,7 +282,7 @@ UNLAWFUL = {
     "flat": (_custom(lambda d: 0 * d, lambda d: 0 * d), "found a slope of 0 1/m at every distance"),
     "raises": (
         _custom(lambda _: {}["slope"], forty),
-        "found KeyError: 'slope', but log_output and log_slope of a sensor curve must accept distances",
+        "found the error \"KeyError: 'slope'\", but log_output and log_slope of a sensor curve must accept distances",
     ),
     "scalars only": (
         _custom(lambda d: -40 * math.tanh(d), forty),

@@ -496,19 +496,23 @@ class TestTable:
             (
                 (0.0, 0.02, 0.01),
                 (3.0, 2.0, 1.0),
-                "distances: found 0.02 followed by 0.01, but a table must be strictly inc",
+                "distances: found 0.02 followed by 0.01, but these values must be strictly inc",
             ),
             (
                 (0.0, 0.01, 0.01),
                 (3.0, 2.0, 1.0),
-                "distances: found 0.01 followed by 0.01, but a table must be strictly inc",
+                "distances: found 0.01 followed by 0.01, but these values must be strictly inc",
             ),
             (
                 (0.0, 0.01, 0.02),
                 (3.0, 1.0, 2.0),
-                "outputs: found 1 followed by 2, but a table must be strictly decreasing",
+                "outputs: found 1 followed by 2, but these values must be strictly decreasing",
             ),
-            ((0.0, 0.01, 0.02), (3.0, 2.0, 2.0), "outputs: found 2 followed by 2, .* smooth or fit it first"),
+            (
+                (0.0, 0.01, 0.02),
+                (3.0, 2.0, 2.0),
+                "outputs: found 2 followed by 2, .* smooth the table or fit a curve first",
+            ),
             ((0.0, 0.01), (1.0, 0.0), "outputs: found 0, which must be positive"),
             ((0.0, 0.01), (1.0, -1.0), "outputs: found -1, which must be positive"),
             ((0.0, np.nan), (2.0, 1.0), "distances: found nan m, which must be finite"),

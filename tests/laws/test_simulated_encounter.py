@@ -128,7 +128,7 @@ def test_the_law_sees_the_object_where_a_reading_first_exceeds_its_floor() -> No
     assert seen.time_left == encounter.run.time - seen.time
     # of a constant slope, ln xi changes with the distance: L(5)
     assert seen.missed_share == pytest.approx(1 - seen.distance / 0.0422, abs=1e-12)
-    assert "The object is detected late: first at " in encounter.warnings[0]
+    assert "The object is detected late, first at a distance of " in encounter.warnings[0]
 
 
 def speeds_by_reach(*reaches: float) -> list[float]:
@@ -211,7 +211,7 @@ def test_flags_say_what_was_reported_since_when_and_for_how_long() -> None:
     )
     assert flags["in-contact"].approach_duration == 0
     assert any(
-        "Before contact, the virtual force was limited. This happened first after" in warning
+        "Before contact, the controller reported: the virtual force was limited. This state began after" in warning
         for warning in encounter.warnings
     )
     assert not any("in-contact" in warning for warning in encounter.warnings)

@@ -345,7 +345,7 @@ def test_a_range_of_delays_leaves_no_force_before_its_reading() -> None:
     ):
         pt.simulation.LoopTiming(rate=100.0, delay=0.01, delay_range=0.02)
     with pytest.raises(
-        pt.errors.InvalidInputError, match=r"delay: found 0\.001 s, expected at least half of the exposure"
+        pt.errors.InvalidInputError, match=r"delay: found a shortest delay of 0\.001 s, expected at least half of"
     ):
         pt.simulation.LoopTiming(rate=100.0, delay=0.01, exposure=0.004, delay_range=0.009)
 

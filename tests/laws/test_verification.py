@@ -247,7 +247,7 @@ def test_a_gain_is_verified_where_there_is_no_ideal_one() -> None:
 @pytest.mark.parametrize(
     ("acceleration", "status", "headline"),
     [
-        (1.0, HOLDS, "Holds: no run ends in contact, instead of contact at 0.0748 m/s without mitigation."),
+        (1.0, HOLDS, "Holds: no run ends in contact; without mitigation, the mean contact speed is 0.0748 m/s."),
         (
             1.2,
             NARROWLY,
@@ -417,8 +417,8 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     task = task.replace(loop=replace(task.loop, seed=seed))
     (said,) = (text for text in pt.verify_gain(task, changes=False).warnings if "robot at rest" in text)
     found = re.search(
-        r"by up to ([\d.]+) mm within 30 s: a controller floor of ([\d.]+) above the offset, instead of 100, "
-        r"keeps this motion within 1 mm, but objects are then detected only from ([\d.]+) mm on\. ",
+        r"by up to ([\d.]+) mm within 30 s: a controller floor \(detection threshold\) of ([\d.]+) above the offset, "
+        r"instead of 100, limits this motion to 1 mm, but then only objects closer than ([\d.]+) mm are detected\. ",
         said,
     )
     assert found is not None

@@ -227,7 +227,7 @@ def test_without_a_calibration_or_with_too_few_readings_nothing_is_said() -> Non
     found = pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, calibration=few, **given), changes=False)
     assert found.calibration_check is None
     assert any(
-        "too few to check whether the calibration is good enough: record more distances" in warning
+        "too few to check whether the calibration is good enough: record readings at more distances" in warning
         for warning in found.warnings
     )
     assert found.to_dict()["calibration_check"] is None
@@ -243,7 +243,7 @@ def test_a_prediction_outside_of_the_range_of_the_sensors_is_explained(exponent:
     assert f"On the sampled loop without noise, the contact speed is {on_loop} with the fitted curve" in check.text
     assert "in continuous time: on 100 sensor curves that fit the readings, the contact speed is " in check.text
     assert f"the fitted curve predicts {in_time}" in check.text
-    assert (f"contact with the fitted curve is {way} than with most of these sensors" in check.text) is bool(way)
+    assert (f"the fitted curve predicts a {way} contact than most of these sensors" in check.text) is bool(way)
     assert (", which is outside of this range; a difference of up to 15 % counts as agreement." in check.text) is bool(
         way
     )

@@ -183,7 +183,7 @@ def test_the_loop_as_it_is_stands_beside_its_changes_over_the_same_runs() -> Non
 def test_more_runs_without_noise_are_one_run_and_nothing_helps_a_perfect_loop() -> None:
     found = verdict(QUICK, runs=3)
     assert found.best_change is None
-    assert "None of the tried changes improves the status of the verdict" in str(found)
+    assert "None of the tried changes improves the result of the verification" in str(found)
     assert all(not change.helps for change in found.changes)
     assert {change.name for change in found.changes}.isdisjoint({"noise", "delay", "median", "low-pass", "offset"})
 

@@ -207,7 +207,7 @@ def test_a_loop_without_effect_does_not_hold() -> None:
     assert verdict(QUICK, gain=0.0, runs=1, changes=False).status is pt.VerdictStatus.DOES_NOT_HOLD
     one = pt.simulate_encounter(task)
     assert one.warnings[-1].startswith(
-        "PT415: The gain has no effect in this run: the contact speed is 0.5 m/s with the gain, "
+        "PT415: The gain has no effect in this run: the contact speed is 0.5 m/s, and it is "
     )
 
 
@@ -223,8 +223,8 @@ def test_a_loop_that_loses_most_of_the_mitigation_does_not_hold() -> None:
         assert (found.effect.lost > 0.5) == lost
         assert (found.status is pt.VerdictStatus.DOES_NOT_HOLD) == lost
         said = (
-            f"most of the mitigation is lost on the loop: contact at {mean:.3g} m/s on average instead of the "
-            f"predicted {predicted:.3g} m/s, and 0.3 m/s without mitigation"
+            "most of the predicted mitigation is lost on the simulated loop: contact at a mean speed of "
+            f"{mean:.3g} m/s (predicted speed: {predicted:.3g} m/s; without mitigation: 0.3 m/s)"
         )
         assert (found.reasons[0] == said) == lost
 
@@ -313,7 +313,7 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     assert grows
     for values in (result.peak_force, free.peak_force, result.impact_force, free.impact_force):
         assert f"{values.mean():.4g} N" in said[0]
-    assert "the driven obstacle and the robot's drive push with a force of up to " in said[0]
+    assert "the robot's drive and the driven obstacle push with a force of up to " in said[0]
     light = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e7, obstacle_mass=0.2))
     other = verdict(light, gain=-0.7463, runs=20, changes=False)
     assert not any(text.startswith("PT407: After the impact") for text in other.warnings)
@@ -350,7 +350,7 @@ def test_a_speed_is_compared_in_percent_or_as_a_factor(excess: float, words: str
 def test_the_speed_of_a_sensor_is_compared_in_words(excess: float, words: str) -> None:
     speed = SensorSpeed(rate=8.0, speed=0.3, fast=0.08, excess=excess, tolerance=0.1)
     assert f"In 95 % of the runs, the contact speed is {'up to ' * (excess > 1)}{words}" in speed.text
-    assert "with an infinitely fast sensor; an excess of up to 10 % is allowed." in speed.text
+    assert "with an infinitely fast sensor; an increase of up to 10 % is allowed." in speed.text
 
 
 @pytest.mark.parametrize(

@@ -226,7 +226,7 @@ def test_the_limit_on_acceleration_has_three_branches(limit: float) -> None:
     assert roots
     sensor = InversePower(scale=1.0, distance_offset=l_0, exponent=n)
     if l_d / (l_0 * beta) * max(roots) > math.log(1e9):
-        with pytest.raises(InvalidInputError, match=r"even the strongest drag of the search .speed ratio 1e-09"):
+        with pytest.raises(InvalidInputError, match=r"even the strongest drag .contact speed / approach speed = 1e-09"):
             drag_by(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
         return
     found = drag_by(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
@@ -270,7 +270,7 @@ def test_drags_of_an_array_are_those_of_one_each(effect: str, values: tuple[floa
 def test_a_limit_of_an_array_that_no_drag_reaches_is_named() -> None:
     with pytest.raises(InvalidInputError, match=r"the limit of 1e\+09 m .* strongest drag"):
         drag_by(POWER, 0.0422, 1.0, excursion=[0.05, 1e9, 0.06])
-    with pytest.raises(InvalidInputError, match=r"the limit of 1e\+09 1/m.* strongest drag"):
+    with pytest.raises(InvalidInputError, match=r"the limit of .*, 1e\+09 1/m, .* strongest drag"):
         drag_by(POWER, 0.0422, 1.0, acceleration=[2.0, 1e9], largest_speed=1.0)
 
 
@@ -282,7 +282,7 @@ def test_a_limit_of_an_array_that_no_drag_reaches_is_named() -> None:
         ({"ratio": 1.2}, "ratio: found 1.2, .* a virtual drag reduces the speed"),
         ({"acceleration": 2.0}, r"largest_speed: the largest approach speed \[m/s\] is missing"),
         ({"impact_force": 2.0, "largest_speed": 1.0}, "found none"),
-        ({"excursion": 1e9}, "even the strongest drag of the search"),
+        ({"excursion": 1e9}, "even with the strongest drag"),
     ],
 )
 def test_a_design_without_a_meaning_is_refused(given: dict[str, float], message: str) -> None:
@@ -292,7 +292,7 @@ def test_a_design_without_a_meaning_is_refused(given: dict[str, float], message:
 
 def test_a_curve_that_does_not_reach_contact_has_no_design() -> None:
     table = Table(distances=(0.01, 0.02, 0.04), outputs=(4.0, 2.0, 1.0))
-    with pytest.raises(InvalidInputError, match=r"valid only from 0.01 m on, but .* down to 0 m"):
+    with pytest.raises(InvalidInputError, match=r"valid only at distances above 0.01 m, but .* down to 0 m"):
         drag_by(table, 0.035, 1.0, ratio=0.2)
 
 

@@ -1,1 +1,1 @@
-"""Provide code that all packages of pretouch share: errors, units, argument checks and the compiled core."""
+"""Provide code that all packages of pretouch share: errors, units, argument checks and compiled code."""

@@ -183,7 +183,7 @@ def rules_of_fields(cls: Any) -> dict[str, Rule]:
 
 
 class _TypeCheckingOnly(type):
-    """Placeholder for a class that is imported only for type checking.
+    """Placeholder for a class that a module imports only for static type checking.
 
     Values are checked by the name of their class.
     """
@@ -243,7 +243,7 @@ def _allowed(annotation: Any) -> _Allowed | None:
 
 
 def _composed(origin: Any, parts: tuple[Any, ...]) -> _Allowed | None:
-    """Return the argument values that a union, a literal or a container annotation allows."""
+    """Return the argument values that a `Union`, `Literal` or container type annotation allows."""
     if origin in {Union, types.UnionType}:
         return _any_of([_allowed(part) for part in parts])
     if origin is Literal:
@@ -320,7 +320,7 @@ def _sequence(kind: _Allowed | None) -> _Allowed:
 
 
 def _mapping(key: Any, value: Any) -> _Allowed:
-    """Return the argument values that a mapping annotation allows; only the types of the keys are checked."""
+    """Return the values that an annotation such as `Mapping[str, float]` allows; only the types of keys are checked."""
     keys, values = _allowed(key), _allowed(value)
 
     def fits(candidate: Any) -> bool:
@@ -351,5 +351,5 @@ def _members(protocol: type) -> list[str]:
 
 
 def _has(value: Any, name: str) -> bool:
-    """Return True if a value has an attribute; the getter of a property is not called."""
+    """Return True if a value has an attribute, without calling the getter of a property."""
     return hasattr(type(value), name) or hasattr(value, name)

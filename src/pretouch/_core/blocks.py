@@ -1,4 +1,4 @@
-"""Describe reports independently of the output medium: terminal, notebook or HTML.
+"""Describe the content of a report once for all output media: terminal, notebook and HTML.
 
 A result is described once, as a `Page`. The terminal shows the headline, the warnings and the blocks that are marked as
 brief. A notebook shows the headline, the warnings and the first brief table. A report shows everything, with figures.
@@ -151,7 +151,7 @@ class Download(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageSection(Value):
-    """A titled section of a report; terminal output contains only the blocks that are marked as brief.
+    """A titled section of a report; the terminal shows only those of its parts that are marked as brief.
 
     Args:
         title: the title.
@@ -170,19 +170,19 @@ class PageSection(Value):
 
     @property
     def brief(self) -> bool:
-        """Whether terminal output contains at least one block of this report section."""
+        """Whether the terminal shows any part of this report section, such as a table or a paragraph."""
         return any(block.brief for block in self.blocks)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LazyBlock(Value):
-    """A section or table of a report that takes long to compute, and is computed only when the report is written.
+    """A part of a report, such as a figure, that is computed only when the report is written, because it takes long.
 
     Args:
         make: returns the block; None if there is nothing to show.
     """
 
-    make: Callable[[], PageSection | PageTable | None]
+    make: Callable[[], PageSection | PageTable | Picture | None]
     brief: ClassVar[bool] = False
 
 
@@ -191,7 +191,7 @@ Block: TypeAlias = PageSection | PageTable | Paragraph | Listing | Picture | Cod
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page(Value):
-    """Content of a report: headline, warnings, tables and figures, in a form for every output medium.
+    """Content of a report, independent of the output medium: headline, warnings, tables and figures.
 
     Args:
         kind: kind of the result, such as `Gain design`.
@@ -232,18 +232,18 @@ class Page(Value):
 
 
 def named(name: str, *, magnitude: bool = False) -> Named:
-    """Return a table cell with the name of a quantity; with `magnitude`, the symbol is written as |symbol|."""
+    """Return a table cell with name and symbol of a quantity; `magnitude` puts bars around the symbol, as in |v|."""
     return named_entry(QUANTITIES[name], magnitude=magnitude)
 
 
 def named_entry(q: Entry, *, magnitude: bool = False) -> Named:
-    """Return a table cell with name and symbol of a quantity; with `magnitude`, the symbol is written as |symbol|."""
+    """Return a table cell with name and symbol of a quantity; `magnitude` puts bars around the symbol, as in |v|."""
     with_bars = magnitude and q.is_magnitude and q.symbol and "|" not in q.symbol
     return Named(q.words, f"|{q.symbol}|" if with_bars else q.symbol)
 
 
 def tables_of(blocks: Iterable[Block]) -> Iterator[PageTable]:
-    """Yield all tables among the blocks of a report, including tables inside sections."""
+    """Yield all tables in a list of report parts, including tables inside sections."""
     for block in blocks:
         if isinstance(block, PageTable):
             yield block
@@ -298,7 +298,7 @@ def _label(text: str) -> str:
 
 
 def _parts(blocks: Iterable[Block]) -> Iterator[str]:
-    """Yield the plain text of those blocks of a report that are marked as brief."""
+    """Yield the plain text of those parts of a report that the terminal shows."""
     for block in blocks:
         if not block.brief:
             continue
@@ -359,7 +359,7 @@ class InNotebooks:
 
 
 class Described(InNotebooks):
-    """Base class of results that `str(result)` describes in a few lines for a terminal."""
+    """Base class of results for which `str(result)` is a short report for the terminal."""
 
     __slots__ = ()
 
@@ -368,7 +368,7 @@ class Described(InNotebooks):
 
 
 def page_of(result: InNotebooks) -> Page:
-    """Create the report on a result.
+    """Create the report that describes a result.
 
     Args:
         result: a result whose class names the function that makes its page.

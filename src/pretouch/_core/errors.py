@@ -1,4 +1,4 @@
-"""Define the errors that pretouch raises, and import optional libraries."""
+"""Define the exceptions that pretouch raises, and a function that imports optional libraries."""
 
 from __future__ import annotations
 
@@ -54,18 +54,18 @@ class MissingExtraError(PretouchError):
 
 
 class SourceError(PretouchError):
-    """Raised if a source of readings fails, for example an unplugged sensor; the message says what to do."""
+    """Raised if a source of sensor readings fails, for example an unplugged sensor; the message says what to do."""
 
 
 class BrokenCoreError(PretouchError, ImportError):
-    """Raised if the compiled core library of pretouch is missing, damaged or of another version.
+    """Raised if the compiled library of pretouch is missing, damaged or of another version.
 
     The message gives the remedy.
     """
 
 
 class ResultUnavailableError(PretouchError):
-    """Raised if a result does not contain a requested part, such as the contact in a run without contact."""
+    """Raised if a requested part of a result does not exist, such as the contact speed of a run without contact."""
 
 
 def require(module: str, *, extra: str = "sweep") -> Any:

@@ -1,4 +1,4 @@
-"""Find classes that installed packages offer through Python entry points, such as a sensor curve."""
+"""Find classes, such as sensor curves, that installed packages offer through Python entry points."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Extensions:
         return (*self.built_in(), *self.installed())
 
     def installed(self) -> tuple[str, ...]:
-        """Return the names of all classes that installed packages add."""
+        """Return the names of all classes that installed packages add to pretouch."""
         return tuple(sorted({entry.name for entry in self._entries()} - set(self.built_in())))
 
     def _entries(self) -> list[EntryPoint]:
@@ -83,7 +83,7 @@ class Extensions:
 
 
 def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
-    """Create a function that checks the class and the name of an entry point, and returns the problem as text.
+    """Create a function that checks class and name of a Python entry point, and returns what is wrong as text.
 
     Args:
         base: the base class; if a subclass has an attribute `kind` or `name`, this attribute must equal the name of the
@@ -101,7 +101,7 @@ def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
         return (
             ""
             if kind == name
-            else f'the kind of the class is "{kind}", but must equal the name of the entry point; use the '
+            else f'the class has the kind "{kind}", but its kind must equal the name of the entry point; use the '
             "same name for both"
         )
 
@@ -109,7 +109,7 @@ def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
 
 
 def _incomplete(value: Any) -> str:
-    """Return why a scenario file cannot create instances of a class; the text is empty if it can."""
+    """Return the reason why a scenario file cannot create instances of a class; empty if there is none."""
     missing = ", ".join(sorted(getattr(value, "__abstractmethods__", ())))
     if missing:
         return f"the class lacks the methods {missing}"

@@ -75,7 +75,7 @@ def declared(cls: Any) -> tuple[Any, ...]:
 
 
 def units_of_fields(cls: Any) -> dict[str, str]:
-    """Return the SI units of all physical quantities of a dataclass, by field name."""
+    """Return a dictionary from field name to SI unit for all physical quantities of a dataclass."""
     return {f.name: f.metadata["unit"] for f in declared(cls)}
 
 
@@ -120,7 +120,7 @@ def check_types(value: Any, before: str = "") -> None:
 
 @cache
 def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
-    """Return the lower limit of each physical quantity of a dataclass, in a form that is fast to check."""
+    """Return the lower limit of each physical quantity of a dataclass, prepared for a fast check."""
     # Each entry has the name, the lower limit, whether the limit itself is excluded, and the field.
     ends = {"positive": (0.0, True), "nonnegative": (0.0, False)}
     checks = []
@@ -131,7 +131,7 @@ def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
 
 
 def _check_one(value: Any, f: Field[Any], *, arrays: bool, before: str, instead: str) -> None:
-    """Check the value of one dataclass field with all rules, after a quick check could not accept the value."""
+    """Check the value of one dataclass field against all rules; called if a quick check did not accept the value."""
     number, metadata = getattr(value, f.name), f.metadata
     if number is None and f.default is None:
         return

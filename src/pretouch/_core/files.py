@@ -52,7 +52,7 @@ def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callab
 
 
 def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Raise an error if an output path leads to an input file, also through a link.
+    """Raise an error if an output path is an input file, or a link to an input file.
 
     Args:
         path: the output file.
@@ -68,8 +68,8 @@ def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
             same = os.path.realpath(path) == os.path.realpath(each)
         if same:
             raise OutputExistsError(
-                f"{path}: this file is an input of this command ({each}), and pretouch never overwrites an "
-                "input; choose another name with --output"
+                f"{path}: this file is an input of this command (input file {each}), and pretouch never "
+                "overwrites an input; choose another name with --output"
             )
 
 

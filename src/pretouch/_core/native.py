@@ -54,7 +54,7 @@ _DATA_OFFSET: Final = _data_offset()
 
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL:
-    """Load the compiled library, and select the kernels for this processor, or those that `PRETOUCH_VARIANT` names."""
+    """Load the compiled library, and use its code for this processor, or for the variant in `PRETOUCH_VARIANT`."""
     default = Path(__file__).with_name(f"libpretouch{_SUFFIXES.get(sys.platform, '.so')}")
     path = Path(os.environ.get(_LIBRARY) or default)
     _check_file(path)
@@ -75,7 +75,7 @@ def _library() -> ctypes.CDLL:
 
 
 def _check_file(path: Path) -> None:
-    """Compare a compiled library with its build record, because a truncated library would crash Python."""
+    """Check that a compiled library is complete and unchanged, because a damaged one could crash Python."""
     try:
         content = path.read_bytes()
         record = json.loads(path.with_name(f"{path.name}.json").read_bytes())
@@ -96,16 +96,15 @@ def _check_file(path: Path) -> None:
 
 
 def _broken(path: Path, what: str) -> BrokenCoreError:
-    origin = f" ({_LIBRARY} is set to this file)" if os.environ.get(_LIBRARY) else ""
+    origin = f", set by {_LIBRARY}" if os.environ.get(_LIBRARY) else ""
     return BrokenCoreError(
-        f"the compiled core of pretouch cannot be used, because the file {path.name} in the folder "
-        f"{path.parent} {what}{origin}. Reinstall pretouch by pip; in a source tree, run python "
-        "native/build.py"
+        f"the compiled core of pretouch cannot be used (file {path.name} in the folder {path.parent}{origin}), "
+        f"because this file {what}. Reinstall pretouch by pip; in a source tree, run python native/build.py"
     )
 
 
 def variant() -> str:
-    """Return the processor variant whose kernels pretouch uses: `base`, `avx2` or `avx512`."""
+    """Return the processor variant whose compiled code pretouch runs: `base`, `avx2` or `avx512`."""
     best = _library().pretouch_best_variant()  # _library has checked PRETOUCH_VARIANT
     return os.environ.get(_SWITCH) or VARIANTS[best]
 
@@ -217,7 +216,7 @@ def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ..
 
 
 def columns(arrays: Sequence[NDArray[np.float64]], count: int | None = None) -> bytes:
-    """Pack address and stride (0 or 1) of each array into bytes that a compiled function reads.
+    """Pack memory address and stride (0 or 1) of each NumPy array into bytes, as compiled functions expect them.
 
     Args:
         arrays: arrays with one number for all encounters, or one number for each encounter.
@@ -315,7 +314,7 @@ def location(memory: Any, name: str) -> tuple[int, int]:
         return int(memory.__array_interface__["data"][0]), memory.nbytes
     raise InvalidInputError(
         f"{name}: found {type(memory).__name__}, expected a ctypes.Structure or a contiguous NumPy array, "
-        "because compiled step functions access its memory directly"
+        "because compiled functions access its memory directly"
     )
 
 

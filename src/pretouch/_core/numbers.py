@@ -116,7 +116,7 @@ def is_whole(value: Any) -> bool:
 
 
 def are_numbers(value: Any) -> bool:
-    """Return True if a value is a number, or an array or nested list of numbers, which may be NaN or infinite."""
+    """Return True if a value is a number, an array or a nested list of numbers; NaN and infinity are allowed."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
         return True
     return _numbers(value) is not None
@@ -159,18 +159,18 @@ def chebyshev_nodes(count: int) -> FloatArray:
 
 
 def chebyshev_extremes(degree: int) -> FloatArray:
-    """Return the points of [-1, 1] at which a Chebyshev polynomial of given degree has its extremes."""
+    """Return the points between -1 and 1 at which a Chebyshev polynomial of a given degree has its extremes."""
     return np.asarray(np.cos(np.arange(degree + 1) * np.pi / degree))
 
 
 def chebyshev_sum(terms: FloatArray, z: FloatArray | float) -> FloatArray:
-    """Evaluate several Chebyshev series, one per column of `terms`, at one point per series."""
+    """Evaluate several Chebyshev series, each at one point; each column of `terms` has the coefficients of a series."""
     return np.asarray(np.polynomial.chebyshev.chebval(z, terms, tensor=False))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChebyshevBasis:
-    """Chebyshev polynomials at given nodes, with matrices that convert node values to coefficients.
+    """Chebyshev polynomials at given nodes, with matrices that convert function values at the nodes to coefficients.
 
     Args:
         nodes: the nodes, shape (n,).
@@ -190,7 +190,7 @@ class ChebyshevBasis:
 
 @lru_cache
 def chebyshev_basis(at: tuple[float, ...] | int, degree: int | None = None) -> ChebyshevBasis:
-    """Create a basis of Chebyshev polynomials for Chebyshev nodes or other nodes.
+    """Create a basis of Chebyshev polynomials at Chebyshev nodes or at other nodes.
 
     Args:
         at: the number of nodes, or the nodes themselves, in [-1, 1].

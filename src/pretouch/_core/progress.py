@@ -15,7 +15,7 @@ _INTERVAL: Final = 1.0  # time between two calls [s]
 
 
 class _Progress:
-    """Counter of solved encounters, which calls a listener function at most once per second."""
+    """Counter of solved encounters that reports its progress to a listener function at most once per second."""
 
     def __init__(self, listener: Listener) -> None:
         self._listener, self._start, self._solved = listener, time.monotonic(), 0
@@ -65,12 +65,12 @@ def listening(listener: Listener) -> Iterator[None]:
 
 
 def note_solved(count: int) -> None:
-    """Add a number of solved encounters to the progress that the listener function receives."""
+    """Add `count` to the number of solved encounters that is reported to the progress listener."""
     if _current is not None:
         _current.add(count)
 
 
 def note_work(work: str) -> None:
-    """Tell the progress listener which work begins, for example `trying changes, 3 of 9`."""
+    """Report to the progress listener which step of a computation begins, for example `trying changes, 3 of 9`."""
     if _current is not None:
         _current.announce(work)

@@ -121,7 +121,7 @@ def unit_tables() -> dict[str, dict[str, Any]]:
 
 
 def _tokens(text: str) -> list[str]:
-    """Split a unit text into symbols, integers and operators, and treat a space between units as `*`."""
+    """Split the text of a unit into symbols, integers and operators; a space between units becomes `*`."""
     source = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda m: "^" + m.group(1).translate(_SUPERSCRIPT), text).rstrip()
     tokens: list[str] = []
     divided = [False]  # for each open parenthesis, whether it contains a `/` so far
@@ -213,7 +213,7 @@ def _combine(left: Unit, right: Unit, power: int) -> Unit:
 
 
 def missing_unit(text: str, unit: str) -> str:
-    """Return the correct spelling of a quoted number that lacks its unit, or an empty text if no unit is missing.
+    """Return suggestions for a text such as `42.2` that lacks its unit; the result is empty if no unit is missing.
 
     Args:
         text: text that may be such a number.
@@ -232,12 +232,12 @@ def missing_unit(text: str, unit: str) -> str:
     if match is None or match.group(2) or "inf" in match.group(1) or parse_unit(unit).exponents == _NONE:
         return ""
     number, base = match.group(1), written_unit(unit)
-    bare = f"{float(number):.15g} without quotes, which is in {base}"
-    return f'a number with its unit, such as "{number} {_LIKELY.get(unit, base)}", or {bare}'
+    example = f"{number} {_LIKELY.get(unit, base)}"
+    return f'a number with its unit, such as "{example}", or {float(number):.15g} without quotes, which is in {base}'
 
 
 def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) -> float:
-    """Convert a number in SI, or a text such as `42.2 mm`, to an SI float, and check its unit.
+    """Convert a number in SI units, or a text such as `42.2 mm`, to an SI float, and check its unit.
 
     Args:
         value: a number in SI, or text such as `"42.2 mm"`.
@@ -289,12 +289,12 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
 
 
 def _expected(words: str, unit: str) -> str:
-    """Return `words` followed by a unit, for messages, or `a pure number` if the unit is empty."""
+    """Return a description of the expected value: `words` and the unit, or `a pure number` if the unit is empty."""
     return f"{words} {written_unit(unit)}" if unit else "a pure number"
 
 
 def has_workable_magnitude(value: float) -> bool:
-    """Return True if a number is zero, or neither so large nor so small that products over- or underflow.
+    """Return True if a number is zero, or if products of such numbers neither overflow nor underflow.
 
     Args:
         value: a finite number.
@@ -310,7 +310,7 @@ def has_workable_magnitude(value: float) -> bool:
 
 
 def read_quantity(value: float | str, unit: str, *, name: str) -> float:
-    """Convert a quantity from the command line to SI, and refuse values so extreme that products would overflow.
+    """Convert a quantity from the command line to SI units, and refuse extremely large or small values.
 
     Args:
         value: a number, or text with or without a unit; text without a unit counts as a number in SI.

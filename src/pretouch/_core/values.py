@@ -87,7 +87,7 @@ def _read_only(array: Any) -> Any:
 
 
 def _wrap(value: Any) -> Any:
-    """Wrap read-only arrays for pickling, also those inside lists, tuples and dictionaries."""
+    """Wrap read-only arrays for pickling, including arrays inside lists, tuples and dictionaries."""
     if type(value) is np.ndarray:
         return value if value.flags.writeable else _ReadOnly(value)
     if type(value) in _PLAIN:

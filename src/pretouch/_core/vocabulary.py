@@ -9,7 +9,7 @@ from typing import Any, Final
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Name, symbol and SI unit of a quantity, such as the contact time, that results report.
+    """Name, symbol and SI unit of a quantity that results report, such as the contact time.
 
     Args:
         words: name of the quantity in words.
@@ -33,7 +33,7 @@ class Entry:
     is_magnitude: bool = True
 
     def in_words(self) -> Entry:
-        """Return name, symbol and unit of the quantity, without the function that computes the quantity."""
+        """Return a copy of this entry with only the name, the symbol and the unit of the quantity."""
         return Entry(self.words, self.symbol, self.unit)
 
     @property
@@ -43,7 +43,7 @@ class Entry:
 
 
 def _state(name: str, words: str, symbol: str, unit: str, *, whole: bool = False, limit: str = "") -> Entry:
-    """Return name, symbol and unit of a quantity that is a field of the state at contact."""
+    """Return the entry for a quantity that is stored in the state at contact, such as the plant velocity."""
     return Entry(words, symbol, unit, whole, lambda state, _: getattr(state, name), limit)
 
 
@@ -115,5 +115,5 @@ def words_for(name: str) -> str:
 
 
 def unit_of(name: str) -> str:
-    """Return the SI unit of a quantity for its name in code, such as `relative_velocity`."""
+    """Return the SI unit of the quantity that has a name such as `relative_velocity`."""
     return QUANTITIES[name].unit

@@ -51,29 +51,29 @@ def caution(code: str, text: str) -> str:
         InvalidInputError: there is no such code.
     """
     if code not in WARNING_CODES:
-        raise InvalidInputError(f"code: found {code!r}, expected one of the codes in WARNING_CODES")
+        raise InvalidInputError(f"code: found {code!r}, expected one of the warning codes in WARNING_CODES")
     return f"{code}: {text}"
 
 
 def split_code(text: str) -> tuple[str, str]:
-    """Return the code of a warning and its text; the code is empty if the text has none."""
+    """Split a warning into its code, such as PT101, and its text; the code is empty if the warning has none."""
     match = _CODED.match(text)
     return (match[1], text[match.end() :]) if match else ("", text)
 
 
 def with_context(context: str, text: str) -> str:
-    """Return a warning with a context, such as the name of a site, between its code and its text."""
+    """Insert a context, such as the name of a sensor site, between the code and the text of a warning."""
     code, rest = split_code(text)
     return f"{code}: {context}: {rest}" if code else f"{context}: {rest}"
 
 
 def codes_in(texts: Iterable[str]) -> tuple[str, ...]:
-    """Return the codes of warnings that occur in texts, each once and in ascending order."""
+    """Return the warning codes that occur in several texts, each code once and in ascending order."""
     return tuple(sorted({code for text in texts for code in _CODED.findall(text) if code in WARNING_CODES}))
 
 
 def page_of_code(code: str) -> str:
-    """Return the path of the page that explains a code, inside the source tree."""
+    """Return the path of the documentation page that explains a warning code, relative to the source tree."""
     return f"docs/warnings/{code}.md"
 
 
@@ -135,7 +135,7 @@ _TABLE: Final = (
         "Where most of the virtual force acts, the 95 % uncertainty of the slope g is too large for a design.",
         "The virtual force is proportional to the slope, so the force has the same relative error as the slope.",
         "Follow the remedy in the message: more distances, more readings, or readings without an object.",
-        "The uncertainty of the sensor slope g is 38 % at 24 mm, but a design needs at most 15 %",
+        "The uncertainty of the sensor slope g is 38 % at the distance 24 mm, but a design needs at most 15 %",
     ),
     (
         "PT108",
@@ -471,7 +471,7 @@ _TABLE: Final = (
         "Some joints of the robot model have no actuator.",
         "pretouch treats these joints as free, which changes the moved mass.",
         "Add the actuators, or lock the joints.",
-        "No actuator moves the following joints, which are treated as free: wrist",
+        "No actuator moves the following joints, so pretouch lets them move freely: wrist",
     ),
     (
         "PT504",
@@ -487,7 +487,7 @@ _TABLE: Final = (
         "In the simulation of the whole robot, a drive reaches its largest torque before contact.",
         "The robot then lags behind the commanded motion, and touches harder than predicted.",
         "Choose a weaker gain, another posture, or a stronger drive.",
-        "A drive is at its limit for up to 36 % of the encounter of the site fingertip",
+        "A drive is at its limit during up to 36 % of the encounter at the site fingertip",
     ),
     (
         "PT506",
@@ -495,7 +495,7 @@ _TABLE: Final = (
         "In the simulation of the whole robot, a joint range or a singularity ends the motion along the axis.",
         "The robot stops before the law has reduced the contact speed, and touches harder than predicted.",
         "Choose a weaker gain or a posture with a longer retreat.",
-        "The reference of the site fingertip stops at a joint range, before contact.",
+        "Before contact, the reference motion of the site fingertip stops at a joint range of the robot.",
     ),
     (
         "PT507",
@@ -503,7 +503,7 @@ _TABLE: Final = (
         "The contact speed of the simulated robot differs from the prediction by more than 5 %.",
         "A gain that was designed for one axis then does not have the designed effect on this robot.",
         "Rely on the simulation. Other warnings of the result name the reason, if it is known.",
-        "The contact speed of the site fingertip differs from the prediction by up to 12 %",
+        "The simulated contact speed of the site fingertip is 12 % higher than its prediction.",
     ),
     (
         "PT508",
@@ -511,7 +511,7 @@ _TABLE: Final = (
         "Some hinges of the robot model have no range.",
         "pretouch treats them as turning without end, so the robot may have less room to retreat than stated.",
         "Add the range to each joint that has one.",
-        "The following hinges have no range in the model, and count as turning without end: elbow",
+        "The following hinges have no range in the model, so pretouch lets them turn without limit: elbow",
     ),
     # --- recordings
     (
@@ -520,7 +520,7 @@ _TABLE: Final = (
         "The file is truncated, parts of it are missing, or its clock was set back.",
         "Only the readable part was used.",
         "Record again if the part that you need is missing.",
-        "bag.mcap is truncated or damaged; only its beginning was read.",
+        "The file bag.mcap is truncated or damaged; pretouch read only its beginning.",
     ),
     (
         "PT602",
@@ -528,7 +528,7 @@ _TABLE: Final = (
         "Lines could not be read, or the output drifted while it was recorded.",
         "A drift changes the curve, and skipped lines may hide a wrong column.",
         "Check sensor and object, and record the distance again.",
-        "10 mm: the output drifted while it was recorded; check sensor and object.",
+        "10 mm: the sensor output drifted during the recording; check sensor and object.",
     ),
     (
         "PT603",
@@ -545,7 +545,7 @@ _TABLE: Final = (
         "Readings arrive out of order, have equal times, or arrive faster than the controller takes them.",
         "The law uses the rate of change, so a wrong time results in a wrong force.",
         "Use the time stamps of the sensor, not of the arrival (`--clock header`).",
-        "12 readings have earlier times than readings before them",
+        "12 readings arrived after readings with a later time stamp",
     ),
     (
         "PT605",
@@ -553,7 +553,7 @@ _TABLE: Final = (
         "The recording contains no detection.",
         "Unit, offset or floor may be wrong, or no object came near.",
         "Check that the topic has the unit of the scenario, and that an object came near.",
-        "No reading was above the floor: the largest sensor output was 12, and the floor is 100",
+        "No reading was above the noise floor: the largest sensor output was 12, and the noise floor is 100",
     ),
     (
         "PT606",
@@ -569,7 +569,7 @@ _TABLE: Final = (
         "The recorded noise is larger than that of `[chain]`, or too large for the floor.",
         "Noise alone can be detected as an object, and the verification is too optimistic.",
         "Put the measured section `[chain]` into the scenario, and raise the floor.",
-        "The noise of 27 is 1.4 times that of the scenario",
+        "The recorded noise of 27 is 1.4 times the noise in the scenario",
     ),
     (
         "PT608",
@@ -577,7 +577,7 @@ _TABLE: Final = (
         "Without an object, the median reading differs from the offset that the controller subtracts.",
         "The difference acts like a signal, and the virtual force becomes too weak or too strong.",
         "Set `offset` in `[controller]` to the median.",
-        "Without an object, the median reading is 152, but the controller subtracts 120",
+        "Without an object, the median reading is 152, but the controller subtracts the offset 120",
     ),
     # --- the letter
     (

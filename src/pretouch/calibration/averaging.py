@@ -81,7 +81,7 @@ def resolution(calibration: Calibration) -> float:
 
 
 def average(calibration: Calibration) -> AveragedCurve:
-    """Average the readings at each distance, and leave out outliers and lost readings (zeros)."""
+    """Average the readings at each distance, without outliers and lost readings (zeros)."""
     keep = ~_lost(calibration)
     distance, place = np.unique(calibration.distances[keep], return_inverse=True)
     groups = [np.flatnonzero(keep)[place == i] for i in range(len(distance))]
@@ -164,14 +164,14 @@ def two_components(
 
 
 def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return weights for values at given distances [m], so that the weighted sum is the slope of a fitted line."""
+    """Return weights for values at given distances [m]; the weighted sum of the values is the slope of a line fit."""
     weight = 1 / variance
     away = distance - float(weight @ distance) / float(weight.sum())
     return np.asarray(weight * away / float(weight @ away**2))
 
 
 def count_copies_once(calibration: Calibration) -> Calibration:
-    """Return the calibration without exact copies of readings; return it unchanged if there are no copies.
+    """Return a calibration without exact copies of readings, because copies contain no information about the noise.
 
     There are copies if repeated readings are equal at every distance with repeats, or if every reading occurs equally
     often.
@@ -200,7 +200,7 @@ def count_copies_once(calibration: Calibration) -> Calibration:
 
 
 def _occurrence(place: IntArray, counts: IntArray) -> IntArray:
-    """Return how many equal readings come before each reading; equal readings have the same index `place`."""
+    """Return for each reading the number of equal readings before it; equal readings have the same index `place`."""
     earlier = np.empty(len(place), dtype=np.int64)
     earlier[np.argsort(place, kind="stable")] = np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)
     return earlier
@@ -254,7 +254,7 @@ def condense(calibration: Calibration) -> Calibration:
 
 
 def _parts(distance: FloatArray, output: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Divide readings that are sorted by distance into groups, and return group borders and group indices."""
+    """Divide readings, sorted by distance, into groups; return group borders and the group index of each reading."""
     blocks = np.array_split(np.arange(len(distance)), _BLOCKS)
     at = np.array([distance[b].mean() for b in blocks])
     level = np.array([np.median(output[b]) for b in blocks])

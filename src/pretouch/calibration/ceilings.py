@@ -77,13 +77,13 @@ class CeilingFits(Value):
 
     @property
     def error(self) -> float:
-        """The standard error of a reading relative to its signal, taken from the most probable fit."""
+        """The relative standard error of a reading, estimated from the residuals of the most probable fit."""
         lanes, weight = max(zip(self.lanes, self.weights, strict=True), key=lambda pair: float(pair[1].max()))
         cost = float(lanes.costs[int(weight.argmax())])
         return _ERROR * float(np.sqrt((_ERROR_FREEDOM + cost) / (_ERROR_FREEDOM + max(self.readings - 3, 1))))
 
     def flattened(self, distance: FloatArray) -> FloatArray:
-        """Return for each distance the probability that saturation reduces the slope by more than 15 %."""
+        """Return for each distance the probability that saturation reduces the sensor slope by more than 15 %."""
         # The slope is compared with that of the ideal curve; distances [m] and probabilities have the shape (N,).
         probability = np.zeros(len(distance))
         for lanes, weight in zip(self.lanes, self.weights, strict=True):
@@ -159,7 +159,7 @@ def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: Offset
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Problem:
-    """Problem of fitting one family of sensor curves for many saturation levels at once.
+    """Least-squares problem: fit one family of sensor curves for many saturation levels at once.
 
     Each fit has a given offset, or fits the offset as a last parameter.
 
@@ -184,7 +184,7 @@ class _Problem:
         return np.asarray(np.log(np.maximum(float(self.curve.output.max()) - offsets, 1e-300)) + above)
 
     def residuals(self, u: FloatArray, which: IntArray) -> FloatArray:
-        """Return the residuals of a fit on an asinh scale, in units of the usual error of a reading."""
+        """Return the fit residuals after an asinh transformation, divided by the usual error of a reading."""
         # Residuals are differences of asinh(signal / tau), as in `family_fits.Problem`.
         curve, reach = self.curve, float(np.ptp(self.curve.output))
         sigma = self.noise.sigma or 1e-3 * reach
@@ -198,7 +198,7 @@ class _Problem:
         return np.asarray((measured - np.arcsinh(np.exp(np.minimum(level, 300.0)) / tau)) / _ERROR)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of the fit parameters that keep the sensor slope from steepening with distance."""
+        """Return bounds of the fit parameters, so that the log output cannot become steeper with distance."""
         low, high = self.family.easing(*self.family.bounds)
         if self.offsets is not None:
             return low, high
@@ -258,7 +258,7 @@ class _Problem:
         )
 
     def _offsets_around(self, fits: Fits) -> tuple[FloatArray, FloatArray]:
-        """Return several offsets near the best-fitting offset, with the prior cost of each offset."""
+        """Return several sensor offsets near the best-fitting one, with the cost -2 ln(prior probability) of each."""
         # The cost is -2 ln of the prior probability.
         best, reach = int(fits.costs.argmin()), float(np.ptp(self.curve.output))
         scale = (_ERROR_FREEDOM + float(fits.costs[best])) / _ERROR_FREEDOM
@@ -271,7 +271,7 @@ class _Problem:
 
 
 def _under(level: FloatArray, ceiling: Any, sharpness: Any) -> tuple[FloatArray, FloatArray]:
-    """Return log outputs after soft saturation, and the factor by which saturation reduces the slope."""
+    """Return the log outputs of a softly saturating sensor, and the factor by which saturation reduces the slope."""
     # `level` and `ceiling` are logarithms of the ideal signal and of the saturation level.
     above = np.where(np.isinf(ceiling), -np.inf, sharpness * (level - np.where(np.isinf(ceiling), 0.0, ceiling)))
     return np.asarray(level - np.logaddexp(0.0, above) / sharpness), np.asarray(

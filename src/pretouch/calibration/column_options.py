@@ -16,7 +16,7 @@ _KEYS = ("distance", "output")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnOption:
-    """A user option that selects the column of distances or of outputs in a calibration table, or gives its unit.
+    """A user option that selects the distance or output column of a calibration table, or gives the unit of the column.
 
     A column is selected by its number counted from 1, or by its header. The number is None if the option has a header,
     or only a unit. The unit is None if the option has no unit.
@@ -35,10 +35,11 @@ class ColumnOption:
 
     def index(self, table: TextTable) -> int | None:
         """Return the index of the column that this option selects, or None if the option only gives a unit."""
-        return _find(table, self.number, (self.text, self.name), f"columns: found {self.text!r} for the {self.key}")
+        message = f"columns: found {self.text!r} for the {self.key} column"
+        return _find(table, self.number, (self.text, self.name), message)
 
     def unit_with(self, title: str) -> str | None:
-        """Return the unit of a column from this option or from the column header, and refuse two different units."""
+        """Return the unit of a column from this option or the column header; raise an error if the two units differ."""
         header_unit = split_title(title)[1]
         if self.unit is None or self.text == title:
             return header_unit
@@ -88,7 +89,7 @@ def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
             )
         if isinstance(value, bool) or not isinstance(value, (str, int)) or not str(value).strip():
             raise CalibrationDataError(
-                f"columns: found {value!r} for the {key}, expected a column header, a column number such as "
+                f"columns: found {value!r} for the {key} column, expected a column header, a column number such as "
                 f'{key}=1, or a unit in brackets such as {key}="[{("mm" if key == "distance" else "V")}]"'
             )
         text = str(value).strip()
@@ -116,12 +117,12 @@ def find_label_columns(table: TextTable, labels: Sequence[str | int]) -> tuple[i
 
 
 def columns_hint(columns: str) -> str:
-    """Return the option `--columns` with values that an error message recommends to the user."""
-    return f'--columns "{columns}" (in a scenario file and in Python: columns)'
+    """Return the option `--columns` with recommended values, for an error message."""
+    return f'--columns "{columns}" (in a scenario file and in Python, the option is called columns)'
 
 
 def _find(table: TextTable, number: int | None, names: tuple[str, str], message: str) -> int | None:
-    """Find a table column by its number, its full header, or the name in its header."""
+    """Find a table column by its number, its full header, or its header without the unit."""
     if number is not None:
         if not 1 <= number <= len(table.header):
             raise CalibrationDataError(f"{message}, expected a number from 1 to {len(table.header)}")
@@ -138,8 +139,8 @@ def _find(table: TextTable, number: int | None, names: tuple[str, str], message:
         at = [i for i, title in enumerate(among) if title == wanted]
         if len(at) > 1:
             raise CalibrationDataError(
-                f"{message}, which is ambiguous, because columns {' and '.join(str(i + 1) for i in at[:2])} of "
-                f"{table.file} have the same name; give the number of the column instead"
+                f"{message}, which is ambiguous, because the columns {' and '.join(str(i + 1) for i in at[:2])} of the "
+                f"file {table.file} have the same name; give the column number instead"
             )
         if at:
             return at[0]

@@ -21,7 +21,7 @@ _STEP: Final = 1e-5  # step of a family's parameter for finite differences
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem:
-    """Problem of fitting one family of sensor curves to averaged readings, for many offsets at once.
+    """Least-squares problem: fit one family of sensor curves to averaged readings, for many sensor offsets at once.
 
     The readings are weighted by their noise.
 
@@ -36,7 +36,7 @@ class Problem:
     weights: FloatArray | BoolArray | None = None
 
     def residuals(self, u: FloatArray, which: IntArray) -> FloatArray:
-        """Return the residuals of a fit, scaled to unit variance on an asinh scale."""
+        """Return the fit residuals after an asinh transformation, scaled to unit variance."""
         # Residuals are (h(y - o) - h(xi)) / c with h(z) = asinh(z / tau) and tau = sigma / (c sqrt n).
         relative = self.noise.relative_of_means(self.curve.count)
         tau = np.maximum(self.noise.output, 1e-300) / np.sqrt(self.curve.count) / relative
@@ -88,13 +88,13 @@ class Problem:
 
 
 def lowest_offset(curve: AveragedCurve) -> float:
-    """Return the smallest allowed offset of a fit, which is at most slightly negative if no output is negative."""
+    """Return the smallest sensor offset that a fit may choose: not far below 0 if no output is negative."""
     lowest, reach = float(curve.output.min()), float(np.ptp(curve.output))
     return lowest - reach if lowest < 0 else max(-0.1 * reach, lowest - reach)
 
 
 def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
-    """Return the families of sensor curves that are used to estimate offset and noise, the fastest first."""
+    """Return the families of sensor curves that are used to estimate offset and noise, starting with the fast ones."""
     first, last = float(curve.distance[0]), float(curve.distance[-1])
     curves = sorted(sensor_curves().values(), key=lambda curve: curve.name, reverse=True)
     ordered = [c for c in curves if c.family.quick] + [c for c in curves if not c.family.quick]
@@ -192,7 +192,7 @@ def find_noise(
 def _separate_noise_from_misfit(
     curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, residuals: FloatArray
 ) -> NoiseEstimate:
-    """Separate random noise from the fixed error of the curve by comparing neighboring residuals of single readings."""
+    """Separate random noise from the fixed error of the curve by comparing the residuals at neighboring distances."""
     row, share = residuals / noise.of_means(curve.count, signal), 1.0
     if len(row) >= 5 and noise.misfit > 0:
         rough = float(np.mean(np.diff(row) ** 2) / 2 / max(float(np.mean(row**2)), 1e-300))
@@ -254,7 +254,7 @@ def _worst_outlier(curve: AveragedCurve, raw_noise: ReadingNoise, offset: Offset
 
 
 def _robust_residuals(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: float | None) -> FloatArray:
-    """Return the residuals of an outlier-resistant curve fit, divided by a robust standard deviation."""
+    """Return the residuals of an outlier-resistant curve fit, divided by their robust standard deviation."""
     row = weight = np.ones(len(curve.distance))
     x = fit_free(curve, family, noise, value).x
     problem = problem_at(curve, family, noise, value)

@@ -81,7 +81,7 @@ def read_calibration(
     values = "; ".join(f"{k}: {', '.join(dict.fromkeys(curve_labels[k] for curve_labels, _ in curves))}" for k in keys)
     raise CalibrationDataError(
         f"{Path(path).name}: the file contains {len(selected)} curves{f' for {wanted}' if wanted else ''}, but "
-        f"exactly one is needed; choose one curve by its labels with select={{...}}: {values}"
+        f"exactly one is needed; choose one curve by its labels with select={{...}}; the labels are {values}"
     )
 
 
@@ -132,8 +132,8 @@ def _curves(
         titles = ", ".join(repr(table.name(i)) for i in label_columns)
         raise CalibrationDataError(
             f"{table.file}: every row has a different label in {titles}, so each curve would have only one "
-            "reading; name the label columns with --labels NAME,NAME, or use --labels none (in Python and in "
-            "scenario files, give a list named labels)"
+            "reading; name the label columns with --labels NAME,NAME, or use --labels none. In Python and in "
+            "scenario files, give a list named labels"
         )
     extra = _no_object_readings(no_object, layout)
     names = tuple(table.name(i) for i in label_columns)
@@ -155,7 +155,7 @@ class _Readings(NamedTuple):
     outputs: FloatArray
 
     def of(self, rows: Sequence[int], shared: Sequence[int]) -> _Readings:
-        """Return the readings of selected table rows, and those readings without an object that all curves share."""
+        """Return the readings of selected table rows, and the no-object readings that all curves share."""
         # A row without any label belongs to all curves if it has no object.
         row_indices, shared_indices = (np.array(indices, dtype=np.int64) for indices in (rows, shared))
         without_object = np.isinf(self.distances[shared_indices])
@@ -171,7 +171,7 @@ class _Readings(NamedTuple):
 def _rows_by_label(
     table: TextTable, columns: Sequence[int], distances: FloatArray
 ) -> tuple[dict[tuple[str, ...], Sequence[int]], Sequence[int]]:
-    """Group the rows of a table by their labels, and separately return rows that belong to every group."""
+    """Group the rows of a table by their labels; also return the rows that belong to all groups."""
     if not columns:
         return ({(): range(len(distances))} if len(distances) else {}), ()
     groups: dict[tuple[str, ...], list[int]] = {}
@@ -188,7 +188,7 @@ def _rows_by_label(
 
 
 def _readings(table: TextTable, layout: Layout) -> _Readings:
-    """Read all distances and outputs of a table, and refuse a row with an unreadable cell."""
+    """Read all distances and outputs of a table; raise an error for an unreadable cell."""
     shape = (len(table.lines), len(layout.pairs))
     distances, outputs = np.empty(shape), np.empty(shape)
     bad = len(table.lines)
@@ -215,7 +215,7 @@ def _readings(table: TextTable, layout: Layout) -> _Readings:
 
 
 def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> FloatArray | int:
-    """Read the numbers of a table column; if a cell is not a number, return the index of its row."""
+    """Read the numbers of a table column, or return the index of the first row with an invalid cell."""
     cells = table.columns[column.index]
     values = np.empty(len(cells))
     cache: dict[str, float] = {}
@@ -255,7 +255,7 @@ def _curve(
     without_object = np.isinf(readings.distances)
     label = ", ".join(f"{name}={value}" for name, value in labels.items())
     dropped = int((~present).sum())
-    missing = f"Rows or cells without an output (empty, nan or -) are not used: {dropped}."
+    missing = f"Rows or cells that are not used, because their output is missing (empty, nan or -): {dropped}."
     _refuse_stray_distance(table, readings.distances[present & ~without_object])
     if not (present & ~without_object).any():
         raise CalibrationDataError(
@@ -287,7 +287,7 @@ def _curve(
 
 
 def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
-    """Refuse a single distance far beyond all others, because it is a typing error or means "no object"."""
+    """Raise an error for a single distance far beyond all others, which is a typing error or means "no object"."""
     distinct = np.unique(distances)
     if len(distinct) < _FEW or distinct[-1] <= _STRAY * distinct[-2]:
         return
@@ -300,7 +300,7 @@ def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
 
 
 def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
-    """Return readings without an object that the user gave in addition to the file, in the unit of the calibration."""
+    """Return the no-object readings that the user gives in addition to the file, in the unit of the calibration."""
     if no_object is None:
         return []
     if not isinstance(no_object, (str, os.PathLike)):

@@ -173,7 +173,7 @@ def _parameters(
     unit: str,
     runaway: bool,
 ) -> dict[str, Estimate]:
-    """Convert the confidence intervals of a fit from its coordinates to the parameters of the sensor curve."""
+    """Convert confidence intervals of transformed fit parameters to intervals of the sensor curve's parameters."""
     parameters = {}
     for i, declared in enumerate(sensor._declared()):
         name, meta, mapped = declared.name, declared.metadata, []
@@ -262,15 +262,15 @@ def check_models(models: tuple[str, ...]) -> None:
 
 
 def why_not(model: str, prepared: Prepared) -> str:
-    """Return why a sensor model cannot be fitted to the readings, or an empty text if it can be fitted."""
+    """Return the reason why a sensor model cannot be fitted to the readings, or an empty text if it can be fitted."""
     used = prepared.used
     if model != _TABLE:
         count, size = len(used.distance), _family(model, used).size
         return (
             ""
             if count > size
-            else f"The model needs readings at {size + 1} or more distances above the signal floor, because it has "
-            f"{size} parameters; found {count} such distances."
+            else f"The model has {size} parameters, so it needs {size + 1} or more distances at which the signal is "
+            f"above the noise floor; found {count} such distances."
         )
     rises = np.flatnonzero(np.diff(used.output) >= 0)
     if not len(rises):
@@ -278,7 +278,7 @@ def why_not(model: str, prepared: Prepared) -> str:
     d = used.distance[rises[0] : rises[0] + 2] * 1e3
     return (
         f"The averaged output does not fall between the distances {d[0]:g} mm and {d[1]:g} mm, but a table model "
-        "needs an output that falls at every step."
+        "needs an output that falls from each distance to the next."
     )
 
 
@@ -293,7 +293,7 @@ def _family(model: str, used: AveragedCurve) -> Family:
 
 
 def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
-    """Fit one sensor model to prepared readings, or return the reason why the model cannot be fitted."""
+    """Fit one sensor model to a prepared calibration, or return the reason why the model cannot be fitted."""
     reason = why_not(model, prepared)
     if reason:
         return reason
@@ -308,7 +308,7 @@ def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
 
 
 def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
-    """Fit one sensor model to prepared readings with a usable signal."""
+    """Fit one sensor model to the usable readings of a prepared calibration."""
     used, offset, noise = prepared.used, prepared.offset, prepared.noise
     if offset is None or noise is None:
         raise AssertionError
@@ -334,7 +334,7 @@ def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
 def _fit_curve(
     model: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Fit the parameters of a sensor curve; return its log outputs and the keyword arguments of `SensorFit`."""
+    """Fit the parameters of a sensor curve; return its log outputs and keyword arguments for `SensorFit`."""
     used, family = prepared.used, _family(model, prepared.used)
     best = fit_free(used, family, noise, offset.value)
     problem = problem_at(used, family, noise, offset.value)
@@ -363,7 +363,7 @@ def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | No
 def _fit_table(
     _: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Create a sensor table from averaged readings; return its log outputs and the keyword arguments of `SensorFit`."""
+    """Create a sensor table from averaged readings; return its log outputs and keyword arguments for `SensorFit`."""
     distance, xi = prepared.used.distance, prepared.used.output - offset.value
     sensor, inner = _table(distance, xi), range(1, len(xi) - 1)
     without = [_table(np.delete(distance, i), np.delete(xi, i)).log_output(float(distance[i])) for i in inner]

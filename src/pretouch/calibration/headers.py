@@ -122,7 +122,7 @@ def join_first(items: Sequence[str], most: int) -> str:
 
 
 def number(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Parse a table cell as a number in the unit of the calibration."""
+    """Parse the number in a table cell, and convert it to the unit of the calibration."""
     # The locale is ignored. Decimal arithmetic makes 42.2 mm the float nearest to 0.0422, which 42.2 * 0.001 is not.
     # Numbers that are not finite, or whose products with others could overflow, are refused.
     pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
@@ -237,7 +237,7 @@ def is_named(title: str, kind: str) -> bool:
 
 
 def output_unit(text: str | None) -> tuple[str, float]:
-    """Return V or counts with the factor that converts an output unit to it; return any other unit unchanged."""
+    """Return the base unit (V or counts) of an output unit, and the conversion factor; return other units unchanged."""
     try:
         unit = parse_unit(text or "")
     except UnitError:
@@ -307,7 +307,7 @@ def _exponents(unit: str | None) -> tuple[int, ...]:
 
 
 def output_column(table: TextTable, index: int, layout: Layout) -> Column:
-    """Return the output column of a file with no-object readings, and refuse a unit other than the calibration's."""
+    """Return the output column of a file of no-object readings; raise an error if the calibration has another unit."""
     title = table.header[index]
     header_unit = split_title(title)[1]
     symbol, factor = output_unit(header_unit) if header_unit else (layout.unit, layout.pairs[0][1].factor)

@@ -28,8 +28,8 @@ def calibration_page(report: CalibrationReport) -> Page:
     else:
         parameters = tuple(block for fit in report.fits for block in _parameters(fit, report))
         note = Paragraph(
-            text=f"These keys describe the fitted sensor curve {best.model}. The contact surface is placed at the "
-            "nearest usable distance.",
+            text=f"In a scenario file, these lines describe the fitted sensor curve {best.model}. They place the "
+            "contact surface at the nearest usable distance.",
             quiet=True,
         )
         blocks = (
@@ -54,7 +54,7 @@ def calibration_page(report: CalibrationReport) -> Page:
 
 
 def _lines_for_scenario(report: CalibrationReport) -> tuple[str, ...]:
-    """Return the scenario file lines for this sensor, including the recess that puts contact in the usable range."""
+    """Return scenario file lines for this sensor, with a mounting recess that puts contact in the usable range."""
     if report.window.l_min <= 0:
         return report.scenario_lines
     recess = recess_in_words(report.window.l_min)
@@ -196,7 +196,7 @@ def _offset_clause(report: CalibrationReport) -> str:
     error = f" \u00b1 {offset.error_in_words}" if offset.standard_error else ""
     clause = f"if the offset is {offset.value:.4g}{error} {unit}".rstrip()
     if offset.is_wide:
-        return f"{clause}; larger for other offsets in the 95 % interval"
+        return f"{clause}; the uncertainty is larger for other offsets in the 95 % interval"
     return f"{clause}, over all curves that fit"
 
 

@@ -89,7 +89,7 @@ class PossibleCurves(Value):
         return min(self.parts, key=lambda part: float(part.costs.min()))
 
     def offset(self, kind: str) -> OffsetEstimate:
-        """Return the sensor offset with its 95 % interval over all well-fitting families of sensor curves."""
+        """Return the best-fitting sensor offset, and a 95 % interval that covers all well-fitting curve families."""
         ends = [e for part in self.parts if (e := part.interval(self.least + self.rise)) is not None]
         low, high = min(e[0] for e in ends), max(e[1] for e in ends)
         error = (high - low) / (2 * float(np.sqrt(self.rise)))
@@ -112,7 +112,7 @@ class PossibleCurves(Value):
         return tuple(curves)
 
     def doubt(self, offset: OffsetEstimate) -> float:
-        """Return the deviation of an offset from the best-fitting offset, in half widths of the latter's 95 % interval.
+        """Return the deviation of an offset from the best fit: 0 at the best fit, 1 at an end of its 95 % interval.
 
         The deviation is that of the value in the interval of the offset that is nearest to the best-fitting offset. It
         is infinite if this value is beyond all fitted offsets.
@@ -134,7 +134,7 @@ class PossibleCurves(Value):
         return [w / total for w in weights]
 
     def slope(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return mean and standard deviation of ln |g| of the sensor slope g over all curves that fit the readings."""
+        """Return mean and standard deviation of ln |g| over all curves that fit the readings; g is the sensor slope."""
         # The value is ln |g|; the deviation includes both the scatter between fits and the error of each.
         rows, spreads, weights = [], [], []
         for part, weight in zip(self.parts, self.weights(), strict=True):
@@ -165,7 +165,7 @@ def fit_possible_curves(
     informed_by: int | None = None,
     also: float | None = None,
 ) -> PossibleCurves:
-    """Fit every family of sensor curves for every offset that the readings make plausible."""
+    """Fit every family of sensor curves for every plausible sensor offset."""
     # A fit needs five points or more, or four with a known offset.
     # The noise was estimated from `informed_by` points, by default those of the curve. `also` is an additional offset.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits

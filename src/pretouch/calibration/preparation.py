@@ -83,12 +83,11 @@ def prepare(
         clipped = f"No distance is usable, because {near.reason}: measure at larger distances, or amplify less."
         return _without_signal(calibration, curve, near, offset_estimate, caution("PT110", clipped))
     if count < needed:
-        because = f" because {near.reason}," if near.index else ""
+        because = f", because {near.reason}" if near.index else ""
         few = caution(
             "PT110" if near.flat else "PT101",  # noise has a peak anywhere
-            f"Only {count} distance{('s are' if count != 1 else ' is')} usable,{because} but a curve needs at least "
-            f"{needed}: measure at 8 or more distances, out to where the output no longer changes, and record readings "
-            "with no object.",
+            f"The number of usable distances is {count}{because}, but a curve needs at least {needed}: measure at 8 or "
+            "more distances, up to where the output no longer changes, and record readings with no object.",
         )
         return replace(_without_signal(calibration, curve, near, offset_estimate, few), too_few=not near.flat)
     if not np.ptp(curve.output[near.index :]) > 0:
@@ -245,7 +244,7 @@ def _user_offset(calibration: Calibration, offset: OffsetChoice, noise: ReadingN
 
 
 def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimate:
-    """Compute the sensor offset as the mean of the readings without an object, without outliers."""
+    """Compute the sensor offset as the mean of the no-object readings, after outliers are removed."""
     # The standard error is -1 if the noise is not known yet.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
@@ -265,7 +264,7 @@ def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimat
 def _without_signal(
     calibration: Calibration, curve: AveragedCurve, near: NearEnd, offset: OffsetEstimate | None, reason: str
 ) -> Prepared:
-    """Return the preparation result, including the reason, for a calibration without a usable signal."""
+    """Return the result of `prepare` for a calibration without a usable signal, with the reason."""
     window = UsableWindow(
         distances=(),
         start_reason=near.reason,
@@ -305,17 +304,17 @@ def _why_no_signal(
         reasons.append(
             caution(
                 "PT110",
-                f"Only {count} distance{(' is' if count == 1 else 's are')} above the signal floor of {floor}, "
-                f"but a curve needs {_FEWEST_POINTS} distances. {largest}The offset is {offset.in_words(unit)}, and "
-                f"the noise of one reading is {sigma}: measure in finer steps near the sensor, repeat readings, and "
-                "record the output with no object.",
+                f"The number of distances with an output above the signal floor of {floor} is {count}, but a "
+                f"curve needs {_FEWEST_POINTS}. {largest}The offset is {offset.in_words(unit)}, and the noise of one "
+                f"reading is {sigma}: measure in finer steps near the sensor, repeat readings, and record the output "
+                "with no object.",
             )
         )
     return tuple(reasons)
 
 
 def chance_of_falling(output: FloatArray) -> float:
-    """Return the p-value of a trend test (Kendall) for readings that fall with distance."""
+    """Return the p-value of Kendall's trend test for outputs that fall with distance."""
     # The p-value is the probability that a random order falls as much; ties count half.
     n = len(output)
     pairs = [float(output[j] - output[i]) for i in range(n) for j in range(i + 1, n)]

@@ -1,4 +1,4 @@
-"""Fit all sensor models to a calibration, rank the models by AICc, and judge whether the sensor is usable."""
+"""Fit all sensor models, rank them by the information criterion AICc, and judge whether the sensor is usable."""
 
 from __future__ import annotations
 
@@ -77,6 +77,6 @@ def rank_models(
 
 
 def _rank(fit: SensorFit) -> tuple[bool, bool, float, float]:
-    """Return a sort key for ranking sensor models: first AICc, then cross-validation error, and tables last."""
+    """Return a sort key that ranks sensor models by AICc, then by cross-validation error, and puts tables last."""
     error = math.inf if fit.cross_validation is None else fit.cross_validation
     return fit.model == "table", fit.aicc is None, fit.aicc or 0.0, error

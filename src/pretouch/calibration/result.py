@@ -116,7 +116,7 @@ class OffsetEstimate(Value):
         return f"{self.standard_error:.{2 if self.standard_error < 100 else 6}g}"
 
     def in_words(self, unit: str, digits: int = 4) -> str:
-        """Return the offset with its standard error as text, or without it if the standard error would be misleading.
+        """Return the offset as text, with its standard error unless this is zero or would be misleading.
 
         Examples:
             >>> offset = OffsetEstimate(value=180.0, standard_error=1.2, low=177.6, high=182.4, kind="measured")

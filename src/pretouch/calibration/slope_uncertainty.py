@@ -70,9 +70,9 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
         warnings.append(
             caution(
                 "PT107",
-                f"The uncertainty of the sensor slope g is {size} at {format_quantity(slope.worst_at, 'm', 3)}, but "
-                f"a design needs at most {100 * _ALLOWED:.0f} % from {near} to {far}, where most of the virtual "
-                f"force acts: {remedy}.",
+                f"The uncertainty of the sensor slope g is {size} at the distance "
+                f"{format_quantity(slope.worst_at, 'm', 3)}, but a design needs at most {100 * _ALLOWED:.0f} % at "
+                f"distances from {near} to {far}, where most of the virtual force acts: {remedy}.",
             )
         )
     gap = _largest_gap(prepared, best, float(slope.distances[-1]))

@@ -148,7 +148,7 @@ def _may_be_label(table: TextTable, index: int) -> bool:
 
 
 def _single_match(table: TextTable, matches: Sequence[int], what: str) -> int | None:
-    """Return the only matching column or None without a match, and refuse two matching columns."""
+    """Return the only matching column, or None if no column matches; raise an error if two columns match."""
     if len(matches) < 2:
         return matches[0] if matches else None
     first, second = (f"{i + 1}: {quoted(table.header[i])}" for i in matches[:2])
@@ -191,7 +191,7 @@ def _output_column(table: TextTable, outputs: Sequence[int], option: ColumnOptio
 
 
 def default_output_unit(cells: Collection[str]) -> tuple[str, str]:
-    """Return the unit of sensor outputs if the table states no unit, and a phrase that describes this unit."""
+    """Return the unit that is assumed if a table states no unit of the sensor outputs, and a phrase for messages."""
     filled = [cell for cell in cells if not is_missing(cell)]
     if filled and all(re.fullmatch(r"\+?\d+", cell) for cell in filled):
         return "counts", "counts, because all of them are integers"
@@ -264,7 +264,7 @@ def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
 
 
 def _refuse_ambiguity(table: TextTable, marks: dict[int, DistanceMark], others: list[int]) -> None:
-    """Refuse a table in which the column headers may be distances or repeat numbers."""
+    """Raise an error if the column headers of a table may be distances as well as repeat numbers."""
     corner = next((i for i in others if is_length(split_title(table.header[i])[1])), None)
     if corner is None or any(mark.unit or mark.number is None for mark in marks.values()):
         return
@@ -279,7 +279,7 @@ def _refuse_ambiguity(table: TextTable, marks: dict[int, DistanceMark], others: 
 
 
 def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, DistanceMark], others: list[int]) -> str:
-    """Return the unit of the distances in column headers, from a header, an option or the corner cell."""
+    """Find the unit of the distances in column headers: in these headers, in an option, or in another header."""
     header_units = list(dict.fromkeys(mark.unit for mark in marks.values() if mark.unit))
     bare = [i for i, mark in marks.items() if mark.unit is None and mark.number is not None and float(mark.number)]
     option_unit = options.distance.unit
@@ -310,7 +310,7 @@ def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, Di
 
 
 def _units(title: str) -> list[tuple[str, str]]:
-    """Return all names with units that a column header contains; a corner cell may contain two."""
+    """Return all pairs of a name and a unit in a column header; the header in the corner may contain two pairs."""
     units = [(name, unit.strip()) for name, unit in _BRACKETS.findall(title)]
     name, unit = split_title(title)
     return units or ([(name, unit)] if unit else [("", title)])

@@ -193,7 +193,7 @@ def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -
 
 
 def _certain_header(lines: Lines, options: ColumnOptions) -> int | None:
-    """Find the line that names a distance or a selected column, and that is followed by rows of equal width."""
+    """Find the header line: it names a distance or a selected column, and rows with as many cells follow it."""
     width: int | None = None
     wanted: list[int] = []
     for i in range(min(len(lines), _SEARCHED)):

@@ -36,15 +36,15 @@ def ignored_readings(prepared: Prepared) -> tuple[str, ...]:
         shown = [f"{_level(calibration, calibration.outputs[i])} at {d}" for i, d in zip(single, at, strict=True)]
         named = ", ".join(shown[:_MOST_NAMED]) + (", ..." if len(shown) > _MOST_NAMED else "")
         groups.append(
-            f"{_readings(len(single))} ({named}) cannot be used, because the output differs from other readings "
-            "at the same distance (dropout or outlier)."
+            f"{_readings(len(single))} whose output differs from other readings at the same distance (dropout or "
+            f"outlier): {named}."
         )
     for distance in prepared.outlier_distances:
         at_distance = calibration.distances == distance
         named = f"{_level(calibration, np.mean(calibration.outputs[at_distance]))} at {format_quantity(distance, 'm')}"
         groups.append(
-            f"{_readings(at_distance.sum())} ({named}) cannot be used, because no curve through the other readings "
-            "explains their output; measure again."
+            f"{_readings(at_distance.sum())} whose output disagrees with every curve through the other readings: "
+            f"{named}; measure again."
         )
     if window.distances:
         low, high = window.l_min, window.l_max
@@ -119,9 +119,9 @@ def find_reservations(
         reasons.append(
             caution(
                 "PT115",
-                f"{copies} of {given} readings repeat another reading exactly, like copies, averages or readings of a "
-                "coarse sensor, so they do not show the noise and are not counted: remove copies, and record raw "
-                "readings.",
+                f"{copies} of {given} readings repeat another reading exactly, for example as copies, averages or "
+                "readings of a coarse sensor, so they do not show the noise and are not counted: remove copies, and "
+                "record raw readings.",
             )
         )
     elif used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
@@ -154,16 +154,16 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
     curve, record = average(prepared.calibration), "record the output with no object"
     at = int(curve.output.argmin())
     lowest = float(curve.output[at])
-    named = f"{offset.kind} offset of {_level(prepared.calibration, offset.value)}"
+    kind, level = offset.kind, _level(prepared.calibration, offset.value)
     if offset.value < 0 and offset.high < 0 and min([lowest, *prepared.calibration.no_object]) >= 0:
-        reasons.append(caution("PT103", f"The {named} is negative, but no reading is: {record}."))
+        reasons.append(caution("PT103", f"The {kind} offset of {level} is negative, but no reading is: {record}."))
     if offset.kind == "declared" and offset.value > lowest + 4 * noise.output / math.sqrt(float(curve.count[at])):
         reading = _level(prepared.calibration, lowest)
         reasons.append(
             caution(
                 "PT103",
-                f"The {named} is larger than some readings, such as {reading}, so these readings contain no "
-                f"signal: {record}.",
+                f"The {kind} offset of {level} is larger than some readings, such as {reading}, so these readings "
+                f"contain no signal: {record}.",
             )
         )
     if offset.kind == "fitted" and prepared.flattens:
@@ -176,12 +176,12 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
     free_offset = prepared.free.offset("fitted")
     fitted = f"{free_offset.value:.4g} {unit} (95 % interval {free_offset.low:.4g} to {free_offset.high:.4g})"
     contradiction = (
-        f"The readings at large distances level off at {fitted}, above the {named}, so the controller subtracts "
-        "too little and the virtual force becomes too weak"
+        f"The readings at large distances level off at {fitted}, above the {kind} offset of {level}, so the "
+        "controller subtracts too little and the virtual force becomes too weak"
         if free_offset.value > offset.value
-        else f"The readings at large distances fall more steeply than any curve with the {named}, but agree with an "
-        f"offset of {fitted}, so the controller subtracts too much and the virtual force becomes too strong at "
-        "large distances"
+        else f"The readings at large distances fall more steeply than any curve with the {kind} offset of {level}, "
+        f"but agree with an offset of {fitted}, so the controller subtracts too much and the virtual force becomes "
+        "too strong at large distances"
     )
     return [*reasons, caution("PT103", f"{contradiction}: {record}, or fit the offset.")]
 

@@ -178,7 +178,7 @@ def find_near_end(
 
 
 def _end_of_clipping(clipped: BoolArray) -> int:
-    """Return the index of the first unclipped reading; a single clipped reading beyond the first one is ignored."""
+    """Return the index after the last clipped distance; isolated clipped distances count only at index 0."""
     supported = [
         i for i in np.flatnonzero(clipped) if i == 0 or clipped[i - 1] or (i + 1 < len(clipped) and clipped[i + 1])
     ]
@@ -246,13 +246,15 @@ def window_of(
     # a single low reading between two good ones does not end the window
     end = next((k for k in range(len(above)) if not any(above[k : k + 2])), len(above))
     used = [i for i, holds in zip(indices[:end], above[:end], strict=True) if holds]
-    unit = f" {calibration.unit}" if calibration.unit else ""
     floor = offset.value + floor_sigmas * float(np.median(error))
     if end < len(indices):
         beyond = format_quantity(float(curve.distance[indices[end]]), "m")
+        base, least = (
+            f"{value} {calibration.unit}".rstrip() for value in (f"{offset.value:.4g}", f"{floor - offset.value:.3g}")
+        )
         reason = (
-            f"at distances from {beyond} on, the output exceeds the offset of {offset.value:.4g}{unit} by "
-            f"less than {floor_sigmas:g} standard errors, that is, by less than {floor - offset.value:.3g}{unit}"
+            f"at distances from {beyond} on, the output exceeds the offset of {base} by less than {floor_sigmas:g} "
+            f"standard errors, that is, by less than {least}"
         )
     return UsableWindow(
         distances=tuple(float(curve.distance[i]) for i in used),

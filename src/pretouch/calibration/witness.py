@@ -1,4 +1,4 @@
-"""Generate random sensor curves that agree with the calibration readings, to test a gain on alternatives.
+"""Generate random sensor curves that agree with the readings, to test a gain on alternatives to the fitted curve.
 
 The controller subtracts one offset o from every output y. Between two readings, the impulse of the letter's virtual
 force, L(2), is D_p times the change of ln(y - o). This impulse does not depend on the curve between the readings, or on
@@ -81,7 +81,7 @@ class Witness(Value):
 def witness_of(
     curve: AveragedCurve, offset: OffsetEstimate, noise: NoiseEstimate, ceilings: CeilingFits, farthest: float
 ) -> Witness | None:
-    """Return a generator of random sensor curves that fit the readings; None if there are fewer than two signals."""
+    """Return a source of random sensor curves that fit the readings, or None if fewer than two have a signal."""
     part = curve.part((curve.output > offset.value) & (curve.distance <= farthest))
     if len(part.distance) < 2:
         return None
@@ -99,7 +99,7 @@ def witness_of(
 
 
 def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
-    """Remove rises of the log output that noise can explain; otherwise return the log outputs unchanged."""
+    """Remove rises of the log output if noise can explain them all; otherwise return the log outputs unchanged."""
     if (np.diff(level) <= 0).all():
         return level
     from scipy.optimize import isotonic_regression  # noqa: PLC0415 - SciPy is loaded only for fits

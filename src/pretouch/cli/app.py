@@ -71,7 +71,7 @@ _EXAMPLES: Final[
 
 
 def _epilog(first: str, second: str, page: str) -> str:
-    """Return the last part of the help text of a command: examples and the page of the documentation."""
+    """Return the end of the help text of a command: two examples and the path of its documentation page."""
     return f"\b\nExamples:\n  pretouch {first}\n  pretouch {second}\n\n\b\nDocumentation: docs/{page}"
 
 
@@ -93,7 +93,7 @@ def _root(
         bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
-    """Choose the gain of a robot controller that softens impacts with proximity sensors, without a single collision."""
+    """Choose the gain of a controller that softens robot impacts by proximity sensing, without a single collision."""
 
 
 def _run() -> int:

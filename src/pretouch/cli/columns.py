@@ -1,4 +1,4 @@
-"""Options that select the columns and the curves of a calibration file, and their parsers."""
+"""Define and parse the command-line options that select columns and curves of a calibration file."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def read_columns(text: str | None) -> dict[str, str]:
     parts = re.split(r"(?:^|[,;])\s*(\w+)\s*=", text)
     if parts[0].strip() or len(parts) < 3:
         raise InvalidInputError(
-            f"--columns: found {text!r}, expected NAME=COLUMN, where COLUMN is a header, a number from 1, or a "
-            'unit in brackets, for example "distance=1,output=3 [V]"'
+            f"--columns: found {text!r}, expected NAME=COLUMN, where COLUMN is a column header, a column "
+            'number from 1, or a unit in brackets, for example "distance=1,output=3 [V]"'
         )
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
 
 def read_labels(text: str | None) -> tuple[str, ...] | None:
-    """Parse the option --labels such as `day,sensor`; the word `none` gives an empty list."""
+    """Parse the option --labels: a list of column names such as `day,sensor`, or `none` for an empty list."""
     if text is None:
         return None
     names = tuple(name.strip() for name in text.split(",") if name.strip())
@@ -55,5 +55,5 @@ def read_selection(texts: list[str] | None) -> dict[str, str]:
 
 
 def selection_of(label: str) -> str:
-    """Return the options --select that a user types to select the curve with this label."""
+    """Return the command-line options --select that select the calibration curve with a given label."""
     return " ".join(f"--select {shlex.quote(part)}" for part in label.split(", "))

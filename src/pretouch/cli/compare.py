@@ -1,4 +1,4 @@
-"""Implement the command `pretouch compare`, which ranks sensors, laws or robots."""
+"""Implement the command `pretouch compare`, which ranks sensors, control laws or robots."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def compare(
         int | None, option("NUMBER", "Simulated encounters of each candidate; by default as in the files.", min=1)
     ] = None,
 ) -> None:
-    """Compare sensors, laws or robots: which one is best?
+    """Compare sensors, control laws or robots: which one is best?
 
     Verifies the gain of each file on its sampled loop, or with --parts with each built-in sensor part. Prints a table,
     best first: a gain that holds is better than one that does not, and among equals the lower contact speed is
@@ -50,14 +50,14 @@ def compare(
 
 
 def _tasks(files: list[Path], *, parts: bool) -> dict[str, Task]:
-    """Return a task for each candidate; its key is the name of the file, of the sensor part, or of both."""
+    """Return the design task of each compared candidate; its key names the scenario file, the sensor part, or both."""
     from pretouch.config import load_scenario  # noqa: PLC0415
     from pretouch.config.parts import load_with_parts  # noqa: PLC0415
 
     if not parts and len(files) < 2:
         raise InvalidInputError(
-            f"found 1 file, expected two or more; or compare the built-in sensor parts with: pretouch compare "
-            f"{files[0]} --parts"
+            "found 1 scenario file, expected two or more; to compare the built-in sensor parts in this file, run: "
+            f"pretouch compare {files[0]} --parts"
         )
     stems = [file.stem for file in files]
     names = [file.stem if stems.count(file.stem) == 1 else str(file) for file in files]

@@ -32,7 +32,7 @@ _PROGRAMS: Final = {
 
 
 def doctor(*, json: Annotated[bool, typer.Option("--json", help="Print only a JSON object.")] = False) -> None:
-    """Check the installation: versions, processor, extras, and how to install missing parts.
+    """Check the installation: versions, processor, optional libraries, and how to install missing parts.
 
     Exit status: 0 pretouch works, though an extra may be missing, 1 the compiled core does not work, 2 a mistake in
     the request.
@@ -67,7 +67,7 @@ def _lines(
     *,
     page: str,
 ) -> list[str]:
-    """Return the state of the installation as lines of text; `page` says how to build a missing core of the studio."""
+    """Return lines of text on the installation; `page` says how to build the core of the studio if it is missing."""
     own = packages.pop("pretouch")
     lines = [f"pretouch {own}, Python {platform.python_version()}, {platform.system()} {platform.machine()}"]
     lines.append(
@@ -76,7 +76,7 @@ def _lines(
     if "problem" in core:
         lines.append(f"  compiled core  does not work: {core['problem']}")
     else:
-        lines.append(f"  compiled core  works, kernels for the processor variant {core['variant']}")
+        lines.append(f"  compiled core  works, with code for the processor variant {core['variant']}")
     for name, purpose in _EXTRAS.items():
         missing = extras[name]
         state = "installed" if not missing else f"missing {', '.join(missing)}: pip install 'pretouch[{name}]'"
@@ -90,7 +90,7 @@ def _lines(
 
 
 def _core() -> dict[str, Any]:
-    """Compute one contact with the compiled core, and return its processor variant or its problem."""
+    """Test the compiled core by computing one contact, and return its processor variant or the error message."""
     try:
         import pretouch as pt  # noqa: PLC0415
         from pretouch._core import native  # noqa: PLC0415
@@ -106,7 +106,7 @@ def _core() -> dict[str, Any]:
 
 
 def _required(extra: str) -> list[str]:
-    """Return the packages that an extra installs on this machine; an empty name means pretouch without extras."""
+    """Return the packages that a pip extra installs on this machine; an empty name means pretouch without extras."""
     names = []
     for line in requires("pretouch") or []:
         name = re.match(r"[\w.-]+", line)
@@ -117,14 +117,14 @@ def _required(extra: str) -> list[str]:
 
 
 def _no_dds() -> bool:
-    """Return True if the DDS library has no wheel for this machine."""
+    """Return True if no prebuilt package (wheel) of the DDS library exists for this machine."""
     return platform.python_version_tuple() >= ("3", "14") or (
         platform.system() == "Linux" and platform.machine() != "x86_64"
     )
 
 
 def _missing(extra: str) -> list[str]:
-    """Return the packages of an extra that are not installed."""
+    """Return those packages of a pip extra that are not installed."""
     return [name for name in _required(extra) if _version(name) is None and _version(f"{name}-core") is None]
 
 

@@ -19,7 +19,7 @@ from .verbs import LoopFile, LoopGain, load_loop
 
 
 class Target(StrEnum):
-    """Format of an exported law; the values are the names in `pretouch.export.TARGETS`."""
+    """Format of an exported control law; the values are the names in `pretouch.export.TARGETS`."""
 
     C = "c"
     FMU = "fmu"
@@ -48,7 +48,7 @@ def export(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="List all files and warnings.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print only a JSON object.")] = False,
 ) -> None:
-    """Verify the law of a scenario file (TOML), and write it for a robot.
+    """Verify the control law of a scenario file (TOML), and export it for use on a robot.
 
     The folder has the law's source, the constants of this design, test vectors from a simulation, a test that replays
     them, and instructions. If the verification finds that the gain does not hold, nothing is written.
@@ -72,7 +72,7 @@ def _export(
     verbose: bool,
     json: bool,
 ) -> None:
-    """Export the law that the command line options describe, and print the result."""
+    """Export the control law that the command-line options describe, and print the result."""
     from pretouch._core.blocks import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick
     from pretouch.export import export_law  # noqa: PLC0415
 

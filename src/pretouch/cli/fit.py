@@ -89,7 +89,7 @@ def _print_notes(curve: Calibration, printed: tuple[str, ...]) -> None:
 
 
 def _word_or(text: str, words: tuple[str, ...], read: Callable[..., Any], name: str) -> Any:
-    """Return an allowed word unchanged, and parse any other text."""
+    """Return an allowed word such as `auto` unchanged, and parse any other text as a value."""
     return text if text in words else read(text, name=name)
 
 
@@ -127,7 +127,8 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
         print_text(as_json({"file": request.path.name, "usable": usable, "curves": objects}))
     else:
         print_text(
-            f"\n{usable} of {len(curves)} curves are usable; choose a curve with --select to get its report and figures"
+            f"\n{usable} of {len(curves)} calibration curves are usable; choose a curve with --select to get its "
+            "report and figures"
         )
     end(good=usable > 0)
 

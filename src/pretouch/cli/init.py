@@ -63,7 +63,7 @@ def init(
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print only a JSON object; ask nothing.")] = False,
 ) -> None:
-    """Write a first scenario file (TOML) that runs, with a comment on every value.
+    """Write a first scenario file (TOML), ready to run and with a comment on every value.
 
     In a terminal, asks for everything that no option gives. Otherwise uses the defaults. With a calibration (CSV), the
     file starts at the far end of the usable range.
@@ -81,7 +81,7 @@ def init(
 
 
 def _request(csv: Path | None, columns: str | None, labels: str | None, select: list[str] | None) -> FitRequest | None:
-    """Return the calibration file with the options for reading it; None without a calibration."""
+    """Return the path of the calibration file and the options for reading it; None without a calibration."""
     from pretouch.config.sensor import FitRequest  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     if csv is not None:
@@ -90,7 +90,7 @@ def _request(csv: Path | None, columns: str | None, labels: str | None, select: 
         )
     for name, value in (("columns", columns), ("labels", labels), ("select", select)):
         if value:
-            raise InvalidInputError(f"--{name}: this option needs a calibration; also give the name of a CSV file")
+            raise InvalidInputError(f"--{name}: this option needs a calibration file; also give the name of a CSV file")
     return None
 
 
@@ -119,7 +119,7 @@ def _init(
     start = min(reach, 0.3) if given["distance"] is None else size("distance", "m", asks=False)
     if not start > 0:
         raise InvalidInputError(
-            f"--recess: a recess of {near:g} m leaves nothing of the usable range, which ends at {far:g} m"
+            f"--recess: a recess of {near:g} m is too large, because the sensor can be used only up to {far:g} m"
         )
     scenario = FirstScenario(
         calibration="" if request is None else Path(os.path.relpath(request.path, output.parent)).as_posix(),
@@ -153,24 +153,24 @@ def _init(
         return
     source = "your calibration" if request is not None else "a typical sensor curve; replace it by your calibration"
     if request is None and chosen is not None and chosen.chain.measures_distance:
-        source = f"the {chosen.name}, which needs no calibration, because it reports distances"
+        source = f"the sensor part {chosen.name}, which needs no calibration, because it reports distances"
     print_text(
-        f"{output}: a first scenario with {source}.\n\nCheck the values in the file. Then run\n"
+        f"{output}: this first scenario file uses {source}.\n\nCheck the values in the file. Then run\n"
         f"  pretouch design {output}    to choose the gain, and\n"
-        f"  pretouch verify {output}    to check it on the sampled loop."
+        f"  pretouch verify {output}    to check the gain in a simulated control loop."
     )
     if request is not None and warnings:
         from .summary import warning_lines  # noqa: PLC0415 - keeps `pretouch --help` quick
 
         lines = [
-            f"\nThe readings in {request.path} are usable with reservations.",
+            f"\nThe calibration in {request.path} is usable with reservations:",
             *(x for w in warnings for x in warning_lines(w)),
         ]
         print_text("\n".join(lines))
 
 
 def _answer(name: str, given: dict[str, str | None], default: str, read: Callable[[str], _T], *, asks: bool) -> _T:
-    """Parse the value of an option, the answer to a question, or the default; ask again after a wrong answer."""
+    """Parse the value of an option, the user's answer, or the default value; ask again after an invalid answer."""
     value = given[name]
 
     def read_answer(text: Any) -> _T:
@@ -206,7 +206,7 @@ _DIMENSIONS: Final = {
 
 
 def _size(text: str, *, unit: str, zero: bool = False) -> float:
-    """Parse a positive quantity with its unit; `zero` also allows 0."""
+    """Parse a positive quantity with its unit; if `zero` is true, 0 is also allowed."""
     name, example = _DIMENSIONS[unit]
     if zero and text.strip() == "0":
         return 0.0
@@ -215,14 +215,14 @@ def _size(text: str, *, unit: str, zero: bool = False) -> float:
     except UnitError:
         value = math.nan
     if math.isnan(value):
-        raise InvalidInputError(f"found {text}, expected a {name} with its unit, such as {example}")
+        raise InvalidInputError(f"found {text}, expected a quantity with its unit ({name}), such as {example}")
     if not (0 < value < math.inf or (zero and value == 0)):
         raise InvalidInputError(f"found {text}, expected a positive {name}, such as {example}")
     return value
 
 
 def _part(name: str) -> SensorPart | None:
-    """Return the sensor part with this name, in upper or lower case; return None for the name `other`."""
+    """Return the sensor part with a given name, ignoring case; return None for the name `other`."""
     from pretouch.simulation import PARTS  # noqa: PLC0415
 
     if name.lower() == _NONE:
@@ -234,14 +234,14 @@ def _part(name: str) -> SensorPart | None:
 
 
 def _usable(request: FitRequest | None, part: SensorPart | None) -> tuple[float, float, tuple[str, ...]]:
-    """Return the usable range [m], from the smallest distance rounded up to 0.1 mm, and warnings of the calibration."""
+    """Return smallest and largest usable distance [m], the smallest rounded up to 0.1 mm, and calibration warnings."""
     if request is None:
         return 0.0, 0.1 if part is None else part.range[1], ()
     curves = request.read()
     if len(curves) > 1:
         raise InvalidInputError(
-            f"{request.path}: found {len(curves)} curves, expected one; choose a curve with --select, for example "
-            f"{selection_of(curves[0].label)}"
+            f"{request.path}: found {len(curves)} calibration curves, expected one; choose a curve with "
+            f"--select, for example {selection_of(curves[0].label)}"
         )
     report = request.rank(curves[0])
     if report.best is None:

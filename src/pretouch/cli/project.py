@@ -1,4 +1,4 @@
-"""Implement the command `pretouch project`, which prints what a robot model offers along the axes of its sensors."""
+"""Implement the command `pretouch project`, which prints mass and limits of a robot model along sensor axes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def project(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print all rows and all warnings.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print only a JSON object.")] = False,
 ) -> None:
-    """Print mass, excursion and limits along the axes of all sites of a robot model.
+    """Print mass, longest retreat and limits of a robot model along the axes of all its sites (named points).
 
     Each site is projected along its own axes x, y and z, in the posture in which the model is defined and in all of its
     keyframes. This command needs MuJoCo: pip install 'pretouch[mujoco]'.
@@ -33,7 +33,7 @@ def project(
 
 
 def _project(file: Path, *, verbose: bool, json: bool) -> None:
-    """Project all sites of a model file, and print the table."""
+    """Compute mass and limits for all sites of a robot model, and print them as a table."""
     from pretouch._core.blocks import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick, as below
     from pretouch._core.files import as_json  # noqa: PLC0415
     from pretouch.robots import load_model, project_all  # noqa: PLC0415
@@ -46,7 +46,7 @@ def _project(file: Path, *, verbose: bool, json: bool) -> None:
 
 
 def _short(page: Page) -> str:
-    """Return the headline and the first rows of the table, and the number of omitted rows and warnings."""
+    """Return a short text: headline, first rows of the table, and the number of omitted rows and warnings."""
     from pretouch._core.blocks import aligned, cell_as_text, tables_of  # noqa: PLC0415
 
     (table,) = tables_of(page.blocks)

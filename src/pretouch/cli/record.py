@@ -1,4 +1,4 @@
-"""Implement the command `pretouch record`, which records a calibration at the bench."""
+"""Implement the command `pretouch record`, which records a sensor calibration at the bench."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _INTERRUPTED: Final = 130  # exit status of a command that was ended with Ctrl-C
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Origin:
-    """The options that choose where readings come from."""
+    """The command-line options that choose the source of the sensor readings."""
 
     port: str | None
     baud: int
@@ -43,7 +43,7 @@ class _Origin:
     distance_unit: str
 
     def open(self) -> ReadingSource:
-        """Open the source of the readings; by default, this is the only serial port."""
+        """Open the source of the sensor readings; by default, the only serial port of the computer."""
         from pretouch.recording.sources.lines import LineFormat  # noqa: PLC0415 - keeps `pretouch --help` quick
 
         chosen = [
@@ -57,7 +57,10 @@ class _Origin:
             if value
         ]
         if len(chosen) > 1:
-            raise InvalidInputError(f"{' and '.join(chosen)}: these are {len(chosen)} sources, but only one is allowed")
+            raise InvalidInputError(
+                f"{' and '.join(chosen)}: these options choose {len(chosen)} sources of readings, but only one is "
+                "allowed"
+            )
         layout = LineFormat(column=self.column, distance_column=self.distance_column, distance_unit=self.distance_unit)
         if self.topic:
             from pretouch.recording.sources.topic import TopicSource  # noqa: PLC0415
@@ -126,7 +129,7 @@ def record(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print all warnings and files.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print a JSON object at the end.")] = False,
 ) -> None:
-    """Record a calibration at the bench, step by step, and write it as CSV.
+    """Record a sensor calibration at the bench, step by step, and write it as CSV.
 
     Records the empty scene first, then distance after distance. At each distance, waits until the output has settled.
     Names the distances that are still missing. Ends when the slope g is known well enough, for the scenario if FILE is
@@ -175,7 +178,7 @@ def record(
 
 @dataclass(frozen=True, slots=True)
 class _Steps:
-    """The options about the distances, the unit, and the continuation of a recording."""
+    """The command-line options on the distances and the unit of a recording, and on its continuation."""
 
     distances: str | None
     stage: str | None
@@ -197,14 +200,14 @@ class _Steps:
         return () if self.distances is None else read_distances(self.distances)
 
     def plan(self, wanted: tuple[float, ...], done: tuple[float, ...]) -> DistancePlan:
-        """Return the plan of the remaining distances, which come from a list, or which the user types."""
+        """Return the plan of the remaining distances: those of a list, or those that the user types."""
         from pretouch.recording.record_distances import ListedDistances, TypedDistances  # noqa: PLC0415
 
         return ListedDistances(wanted, done, self.stage) if self.distances is not None else TypedDistances()
 
 
 def _goal(file: Path, accuracy: float) -> tuple[Path, RecordGoal]:
-    """Return the calibration file to write, and what the recording must achieve."""
+    """Return the path of the calibration file to write, and the accuracy and distances that the recording needs."""
     from pretouch.recording.record_judgment import RecordGoal  # noqa: PLC0415
 
     if not 0 < accuracy < 1:

@@ -1,4 +1,4 @@
-"""Show a recording in the terminal: live value, recorded distances and curve, or plain lines without a terminal."""
+"""Show the progress of a calibration recording: live values in a terminal, or plain lines in a log."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ROWS: Final = 24  # recorded distances that are shown
 
 
 class PlainDisplay:
-    """Writes one line for each step to standard error, for scripts and logs.
+    """Display that writes one line for each step of a recording to standard error, for scripts and logs.
 
     Args:
         readings_on_stdin: whether standard input carries the readings, so that questions go to the terminal.
@@ -50,11 +50,11 @@ class PlainDisplay:
         """Print nothing, because a log needs no live values."""
 
     def show_distance(self, distance: float, outputs: Sequence[float]) -> None:
-        """Print the value at a distance, its spread and the number of readings."""
+        """Print the median sensor output at a distance, its spread and the number of readings."""
         self._write(f"{place_in_words(distance)}: {value_in_words(outputs)}, {len(outputs)} readings")
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing, because plain lines need no cleanup."""
 
     def _write(self, text: str, end: str = "\n") -> None:
         with contextlib.suppress(OSError):  # a log that cannot be written must not end the recording
@@ -63,7 +63,7 @@ class PlainDisplay:
 
 
 class LiveDisplay(PlainDisplay):
-    """Shows live value, recorded distances and curve in a terminal, and redraws them ten times per second.
+    """Display that shows live value, recorded distances and curve in a terminal, updated ten times per second.
 
     Args:
         readings_on_stdin: whether standard input carries the readings, so that questions go to the terminal.
@@ -83,7 +83,7 @@ class LiveDisplay(PlainDisplay):
         self._points: dict[float, tuple[str, int, float]] = {}
 
     def ask(self, question: str) -> str | None:
-        """Show the recorded distances and the curve, then ask."""
+        """Show the recorded distances and the curve, then ask the user a question."""
         self._pause()
         if self._points:
             self._console.print(self._view())
@@ -94,7 +94,7 @@ class LiveDisplay(PlainDisplay):
         self._console.print(text, highlight=False, markup=False)
 
     def show(self, distance: float, outputs: Sequence[float], counted: int, wanted: int, settling: bool) -> None:
-        """Show the live value at a distance."""
+        """Show the live sensor output at the current distance."""
         count = "settling" if settling else f"{counted} of {wanted} readings" if wanted else f"{counted} readings"
         self._now = f"{place_in_words(distance)}: {value_in_words(outputs)}, {count}"
         if self._live is None:
@@ -102,13 +102,13 @@ class LiveDisplay(PlainDisplay):
             self._live.start()
 
     def show_distance(self, distance: float, outputs: Sequence[float]) -> None:
-        """Add a complete distance to the table and the curve."""
+        """Add the readings at a completed distance to the table and the curve."""
         if len(outputs):
             self._points[distance] = (value_in_words(outputs), len(outputs), float(np.median(outputs)))
         self._now = ""
 
     def close(self) -> None:
-        """End the live values, and leave the distances and the curve in the terminal."""
+        """Stop the live display, and leave the recorded distances and the curve in the terminal."""
         self._pause()
         if self._points:
             self._console.print(self._view())
@@ -119,7 +119,7 @@ class LiveDisplay(PlainDisplay):
             self._live = None
 
     def _view(self) -> Any:
-        """Return the table of distances, the curve and the live value."""
+        """Return the content of the live display: table of distances, curve and live value."""
         from rich.console import Group  # noqa: PLC0415
         from rich.table import Table  # noqa: PLC0415
         from rich.text import Text  # noqa: PLC0415
@@ -134,18 +134,18 @@ class LiveDisplay(PlainDisplay):
 
 
 def place_in_words(distance: float) -> str:
-    """Return a distance as text; an infinite distance is the empty scene."""
+    """Return a distance as text; an infinite distance means an empty scene without an object."""
     return "empty scene" if math.isinf(distance) else format_quantity(distance, "m")
 
 
 def value_in_words(outputs: Sequence[float]) -> str:
-    """Return the median of readings with their robust spread."""
+    """Return the median and the robust spread of readings as text."""
     values = np.asarray(outputs)
     return f"{np.median(values):.6g} ± {robust_spread(values):.2g}" if len(values) else "no reading"
 
 
 def _terminal() -> TextIO | None:
-    """Open the terminal, for answers while standard input carries readings; None without a terminal."""
+    """Open the terminal for the user's answers if standard input carries readings; return None without a terminal."""
     try:
         return open("/dev/tty", encoding="utf-8")
     except OSError:

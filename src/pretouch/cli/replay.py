@@ -1,4 +1,4 @@
-"""Implement the command `pretouch replay`, which runs the law of a scenario over a recording of a real sensor."""
+"""Implement the command `pretouch replay`, which runs a control law on recorded readings of a real sensor."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def replay(
     ] = None,
     mcap: McapFile = None,
 ) -> None:
-    """Run the sampled law of a scenario file (TOML) over a recording, and describe what the sensor really measured.
+    """Run the control law of a scenario file (TOML) on recorded readings, and describe what the sensor really measured.
 
     Prints what the law detects, false triggers and missed contacts if the true ones are known, rate, gaps and noise of
     the sensor next to those of the scenario, and its lag behind another topic. Writes a report with figures,
@@ -113,7 +113,9 @@ def replay(
 
 def _refuse_swapped(file: Path, recording: Path) -> None:
     if file.suffix != ".toml" and recording.suffix == ".toml":
-        raise InvalidInputError(f"{file}: expected the scenario file first: pretouch replay {recording} {file}")
+        raise InvalidInputError(
+            f"{file}: expected the scenario file before the recording; run: pretouch replay {recording} {file}"
+        )
 
 
 def _refuse_incomplete(reference: str | None, joints: str | None, model: Path | None, site: str | None) -> None:
@@ -131,7 +133,7 @@ def _recordings(path: Path, topic: str, others: list[str], clock: str | None) ->
 
 
 def _distances(path: Path, joints: str, model: Path, site: str, *, axis: str, clock: str) -> Recording:
-    """Compute distances from a robot model and recorded joint states, with the same clock as the sensor recording."""
+    """Compute distances from a robot model and recorded joint states, timed by the clock of the sensor recording."""
     from pretouch.recording import distances_from_joints  # noqa: PLC0415 - MuJoCo, only when needed
     from pretouch.robots import SensorSite, load_model  # noqa: PLC0415
 
@@ -147,12 +149,14 @@ def _time(text: str, name: str) -> float:
 def _write(
     result: Replay, shown: Presentation, chain: Path | None, calibration: Path | None, mcap: Path | None
 ) -> tuple[str, ...]:
-    """Write the files that the options name, and return a line of text about each file."""
+    """Write the output files that the options name, and return a line of text about each file."""
     written = []
     pairs = None if calibration is None else result.pairs()  # before anything is written
     if chain is not None:
         if not result.chain:
-            raise InvalidInputError(f"{chain}: there are too few readings to describe a sensor chain; record longer")
+            raise InvalidInputError(
+                f"{chain}: the recording has too few readings to describe the sensor chain; record longer"
+            )
         written.append(f"Section [chain]: {write_text(chain, result.chain, overwrite=shown.force)}")
     if calibration is not None and pairs is not None:
         write_text(calibration, pairs.as_csv(), overwrite=shown.force)

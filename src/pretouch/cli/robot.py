@@ -1,4 +1,4 @@
-"""Implement the command `pretouch robot`, which simulates an encounter of a whole robot and shows it as a film."""
+"""Implement the command `pretouch robot`, which simulates how a whole robot meets an object, with an animation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def robot(
     seed: LoopSeed = None,
     view: Annotated[bool, typer.Option("--view", help="Open the first run in MuJoCo's viewer.")] = False,
 ) -> None:
-    """Simulate the encounter of a scenario file (TOML) on the whole robot whose model it names in [robot].
+    """Simulate the encounter of a scenario file (TOML) with the whole robot that its section [robot] names.
 
     The sensor meets the object that it sees in the model, or else an added ball. Prints the simulated contact next to
     the prediction. Writes a report with a film of the encounter and its time series, STEM-robot.html in this folder.

@@ -1,4 +1,4 @@
-"""Implement the command `pretouch studio`, which serves a page on which the user chooses a gain by dragging."""
+"""Implement the command `pretouch studio`, which serves a web page to choose a gain by dragging."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def studio(
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print only a JSON object.")] = False,
 ) -> None:
-    """Choose a gain by dragging, in the browser.
+    """Choose a gain in the browser, by dragging the gain or any input with the mouse.
 
     Serves a page on 127.0.0.1 that computes the motion while you drag, and asks this program for fits, simulations with
     noise, verification and exports. Ends with Ctrl+C. This command needs more libraries: pip install
@@ -38,7 +38,7 @@ def studio(
 
 
 def _studio(file: Path | None, port: int, *, browser: bool, output: Path | None, force: bool, json: bool) -> None:
-    """Serve the studio page, or write the page to a file."""
+    """Serve the web page of the studio, or write the page to a file."""
     from pretouch._core.files import as_json, refuse_input, write_text  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     if output is not None:

@@ -45,13 +45,13 @@ def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: S
 
 
 def warning_lines(text: str) -> list[str]:
-    """Return the first sentence of a warning as lines that begin with its code."""
+    """Return the first sentence of a warning, with the warning code in front, broken into lines."""
     code, rest = split_code(text)
     return wrapped(_first_sentence(rest), first=f"Warning {code}: " if code else "Warning: ", indent="  ")
 
 
 def _figures(page: Page) -> list[str]:
-    """Return one line of text for each of the first four key figures of a report page."""
+    """Return one line of text for each of the four most important numbers of a report."""
     rows = []
     for name, cell in page.key_figures[:_FIGURES]:
         label, _, comparison = name.partition("; ")
@@ -66,7 +66,7 @@ def _figures(page: Page) -> list[str]:
 
 
 def _fitting(paragraphs: Sequence[Sequence[str]], room: int, findings: int) -> list[str]:
-    """Return the first paragraphs that fit into a number of lines; the last line counts the omitted paragraphs."""
+    """Return the paragraphs that fit into the available lines; the last line gives the number of omitted ones."""
     lines: list[str] = []
     for i, paragraph in enumerate(paragraphs):
         rest = len(paragraphs) - i - 1

@@ -1,4 +1,4 @@
-"""Implement the command `pretouch sweep`, which solves encounters or finds gains over a grid of inputs."""
+"""Implement the command `pretouch sweep`, which computes contacts or optimal gains on a grid of inputs."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def sweep(
         bool, typer.Option("--force", help="Replace an existing sweep or figure; without it, nothing is replaced.")
     ] = False,
 ) -> None:
-    """Compute contacts or optimal gains over a grid of inputs.
+    """Compute the contact or the optimal gain at each point of a grid of inputs.
 
     Every combination of the values of all axes is an encounter; all other inputs are those of the scenario file. With
     --gain, or an axis gain=..., contacts are computed; otherwise the optimal gain of each encounter. With --output an
@@ -101,7 +101,7 @@ def _sweep(
     figure: Path | None,
     dask: str | None,
 ) -> None:
-    """Compute the sweep that the command line options describe, and show its results."""
+    """Compute the sweep that the command-line options describe, and show its results."""
     from pretouch.config import load_scenario  # noqa: PLC0415 - keeps `pretouch --help` quick
     from pretouch.sweeps import sweep as run_sweep  # noqa: PLC0415
 
@@ -129,7 +129,7 @@ def _sweep(
 
 
 def _nominal(task: Task) -> Any:
-    """Return the designed gain of the nominal encounter; if there is no gain to design, return the task itself."""
+    """Design the gain for the nominal inputs; return the task unchanged if there is no gain to design."""
     if task.gain is not None or task.objective is None or task.bounds is None:
         return task
     from pretouch.design import design_gain  # noqa: PLC0415 - keeps `pretouch --help` quick
@@ -211,8 +211,8 @@ def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Pres
         if shown.output is None:
             raise
         raise InvalidInputError(  # a large sweep is read here for the first time
-            f"{shown.output}: the file cannot be loaded ({' '.join(str(error).split())[:200]}) and may be "
-            "damaged; choose another name with --output, or remove the file"
+            f"{shown.output}: the dataset cannot be loaded (error: {' '.join(str(error).split())[:200]}) and "
+            "may be damaged; choose another name with --output, or remove the file"
         ) from None
     print_text(text)
     for what, path in () if shown.json else (("Dataset", shown.output), ("Figure", figure)):

@@ -63,12 +63,12 @@ _BROKEN_PIPE: Final = 141
 
 
 def option(metavar: str, description: str, **more: Any) -> Any:
-    """Return a command-line option with the type of its value and its help text."""
+    """Return a command-line option with a help text and a placeholder for its value, such as PATH."""
     return typer.Option(metavar=metavar, help=description, **more)
 
 
 def read_gain(text: str | None, law: ContinuousLaw) -> float | None:
-    """Parse the option --gain in the unit of the control law's gain; None if the option is missing."""
+    """Parse the option --gain in the gain unit of the control law; return None if the option is missing."""
     try:
         return None if text is None else read_quantity(text, law.number.unit, name="--gain")
     except UnitError as error:
@@ -133,7 +133,7 @@ def _flush_output() -> None:
 
 
 def _output_failure(error: OSError) -> OSError | None:
-    """Return the standard output error that caused another error; None if the error has a different cause."""
+    """Return the failure of standard output that caused an error; return None if the error has another cause."""
     if isinstance(error, _OutputError):
         return error.__cause__ if isinstance(error.__cause__, OSError) else error
     frame = error.__traceback__
@@ -157,7 +157,7 @@ def _discard_output() -> None:
 
 
 def end(*, good: bool) -> None:
-    """Exit with status 1 if the command's result is not good."""
+    """Exit with status 1 if the result of the command is negative, for example if no gain was found."""
     if not good:
         raise typer.Exit(_NO_RESULT)
 
@@ -298,7 +298,7 @@ class Presentation:
         return as_text() if reservations is None else reservations.around_text(as_text())
 
     def _summary(self, result: Any, reservations: Reservations | None, lines: int) -> str:
-        """Return the summary of a result, including a verdict on the calibration."""
+        """Return the summary of a result for the terminal, including the verdict on the sensor calibration."""
         from pretouch._core.blocks import page_of  # noqa: PLC0415 - `pretouch --help` stays fast
 
         from .summary import summary_of  # noqa: PLC0415

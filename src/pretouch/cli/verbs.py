@@ -46,7 +46,7 @@ def _load(file: Path, activity: str) -> Task:
 
 
 def load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> Task:
-    """Load a scenario file with a sampled loop; the options --gain and --seed override values in the file."""
+    """Load a scenario file with a sampled control loop; the options --gain and --seed override its values."""
     task = _load(file, activity)
     number = read_gain(gain, task.law)
     loop = task.loop if seed is None or task.loop is None else replace(task.loop, seed=seed)
@@ -60,7 +60,7 @@ def refuse_existing(path: Path | None, *, force: bool) -> None:
 
 
 def write_series(path: Path, series: tuple[Series, ...], *, force: bool) -> str:
-    """Write time series as an MCAP file with a Foxglove layout, and return a line that names both."""
+    """Write time series as an MCAP file with a Foxglove layout, and return a line of text that names both files."""
     from pretouch.recording.mcap_output import write_mcap  # noqa: PLC0415
 
     written, layout = write_mcap(path, series, overwrite=force)
@@ -69,7 +69,7 @@ def write_series(path: Path, series: tuple[Series, ...], *, force: bool) -> str:
 
 @verb
 def design(shown: Presentation, *, file: ScenarioFile) -> None:
-    """Choose the optimal gain for a scenario file (TOML), and the optimal admittance if the file gives its bounds.
+    """Choose the optimal gain for a scenario file (TOML), and the optimal admittance if the file gives bounds for it.
 
     If the law is a virtual drag with an effect, chooses the drag by that effect.
 
@@ -92,7 +92,7 @@ def design(shown: Presentation, *, file: ScenarioFile) -> None:
 
 @verb
 def pareto(shown: Presentation, *, file: ScenarioFile) -> None:
-    """Compute the Pareto front of contact quantities for a scenario file (TOML).
+    """Compute the Pareto front of quantities such as excursion and contact speed for a scenario file (TOML).
 
     Prints the knee of the front, its ends, the designed gain or the choice of the file, and their distances from the
     physical limit of any controller. Writes a report with figures, STEM-pareto.html in this folder.
@@ -180,7 +180,7 @@ def verify(
     ] = True,
     mcap: McapFile = None,
 ) -> None:
-    """Verify by simulation that a gain meets its limits on the sampled loop of a scenario file (TOML).
+    """Verify by simulation that a gain meets its limits in the sampled control loop of a scenario file (TOML).
 
     Simulates many encounters with sensor noise and the uncertain inputs of [uncertainty]; if the file names a
     calibration, also with all sensor curves that its readings allow. Prints a verdict, the predicted and the simulated
@@ -218,7 +218,7 @@ def _series_of_verdict(verdict: Verdict, task: Task) -> tuple[Series, ...]:
 
 
 def floor_of(task: Task) -> float:
-    """Return the detection threshold of the controller of a task; NaN if its law has no threshold."""
+    """Return the detection threshold of a task's controller; NaN if the control law has no threshold."""
     law = None if task.loop is None else task.loop.law
     return float(getattr(getattr(law, "conditioning", None), "floor", float("nan")))
 
@@ -231,7 +231,7 @@ def reproduce(
         list[str] | None, typer.Argument(metavar="ID", help="What to reproduce; by default everything.")
     ] = None,
 ) -> None:
-    """Reproduce the tables and figures of the published letter.
+    """Reproduce the tables and figures of the published letter (short paper).
 
     Compares every printed number with the computed one. Prints how many agree, the differences with their reasons, and
     contradictions between the letter's text and its equations. Writes letter-reproduction.html in this folder, a report

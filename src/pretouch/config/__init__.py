@@ -56,7 +56,7 @@ _ROUNDING: Final = 1e-9  # relative error of a distance after adding and subtrac
 
 @check_arguments
 def load_scenario(path: str | os.PathLike[str]) -> Task:
-    """Read a scenario file (TOML) and return the task that the file describes.
+    """Read a scenario file (TOML) and return the design task that the file describes.
 
     docs/reference/scenario-file.md lists the sections and keys of a scenario file.
 
@@ -106,7 +106,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
 
 
 def load_document(path: Path, text: str, sha256: str, data: Mapping[str, Any]) -> Task:
-    """Return the task that the parsed contents `data` of a scenario file describe."""
+    """Return the design task that the parsed contents of a scenario file describe."""
     # Messages and reports show the `text` of the file.
     source = ScenarioSource(path=path, text=text, sha256=sha256)
     builder = _Builder(source, data)
@@ -118,7 +118,7 @@ def load_document(path: Path, text: str, sha256: str, data: Mapping[str, Any]) -
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationPlan:
-    """The calibration that a scenario file names, and the distances that its encounter needs.
+    """The calibration file that a scenario file names, and the range of distances that the calibration must cover.
 
     Args:
         path: the calibration file, which need not exist.
@@ -132,7 +132,7 @@ class CalibrationPlan:
 
 
 def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
-    """Return the calibration file and the distances that a scenario file needs, before the calibration is recorded.
+    """Return the calibration file that a scenario file names, and the distances at which it must be recorded.
 
     Args:
         path: the scenario file.
@@ -163,7 +163,7 @@ def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
 
 
 def _task(builder: _Builder) -> Task | None:
-    """Build the task that a scenario file describes; return None if the file contains mistakes."""
+    """Build the design task that a scenario file describes; return None if the file contains mistakes."""
     scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
     options = {**builder.admittance_bounds(), **builder.settings("motion")}
     options |= {section: builder.options(section) for section in OPTIONS}
@@ -199,7 +199,7 @@ def _task(builder: _Builder) -> Task | None:
 
 
 def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> str:
-    """Return a sentence on the distances that the calibration supports; an empty text without a calibration."""
+    """Return a sentence that gives the range of calibrated distances; the text is empty without a calibration."""
     if calibration is None:
         return ""
     window, recess = calibration.window, getattr(sensor, "recess", 0.0)
@@ -302,7 +302,7 @@ class _Builder(Reading):
         return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
 
     def impact(self, projection: Projection | None) -> ImpactModel | None:
-        """Build the impact model; without a mass in the file, the robot has the reflected mass of its model."""
+        """Build the impact model; if the file gives no robot mass, use the reflected mass of the robot model."""
         values = self.values("impact")
         if values is None:
             return None
@@ -333,10 +333,11 @@ class _Builder(Reading):
             cause, other = "", 'extend the curve with minimum_distance = "0 mm" (not for a table)'
             if window is not None and window.l_min >= recess + low * (1 - _ROUNDING):
                 cause, other = f" ({window.start_reason.partition(' (')[0]})", "calibrate with lower amplification"
+            start = f"{1e3 * low:.4g} mm{cause}"
             self.refuse(
                 ("sensor",),
-                f"the sensor curve starts {1e3 * low:.4g} mm from contact{cause}, but is needed down "
-                f"to contact; {recess_advice(recess + low, recess)}, or {other}",
+                f"the sensor curve starts at the distance {start}, but must reach contact; remedies: "
+                f"{recess_advice(recess + low, recess)}, or {other}",
             )
         if scenario.distance > high:
             cause, extending = ", the end of the sensor's valid range", ""
@@ -347,11 +348,11 @@ class _Builder(Reading):
                     f'maximum_distance = "{1e3 * scenario.distance:.4g} mm" to extrapolate the curve (not possible for '
                     "a table). Every result then begins with a warning that no readings support the extrapolated range."
                 )
+            end = f"{1e3 * high:.4g} mm{cause}"
             self.refuse(
                 ("obstacle", "position"),
                 f"the encounter starts at a distance of {1e3 * scenario.distance:.4g} mm, but the sensor "
-                f"curve ends at a distance of {1e3 * high:.4g} mm{cause}; start the encounter at a smaller "
-                f"distance.{extending}",
+                f"curve ends at a distance of {end}; start the encounter at a smaller distance.{extending}",
             )
 
     def check_frequencies(self, scenario: Scenario | None) -> None:
@@ -408,7 +409,7 @@ def _without_content(error: PretouchError, path: Path) -> str:
 
 
 def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
-    """Move a fitted curve by the recess of the sensor, and extend or cut it to the requested distances."""
+    """Shift a fitted sensor curve by the recess of the sensor, and extend or cut it to the requested distances."""
     if recess is None:
         return dataclasses.replace(sensor, **limits)
     low, high = sensor.valid_range
@@ -419,7 +420,7 @@ def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, floa
 
 
 def _terms(values: Mapping[str, Any]) -> Iterator[tuple[KeyPath, KeyPath, dict[str, Any]]]:
-    """Yield the terms of an objective, each with the file keys that define its quantity and its scale."""
+    """Yield the terms of an objective, each with the keys of the scenario file that set its quantity and its scale."""
     for i, term in enumerate(values.get("terms", ())):
         path: KeyPath = ("objective", "terms", i)
         yield (*path, "quantity"), (*path, "scale"), term

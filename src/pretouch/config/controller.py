@@ -80,9 +80,9 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
     if "floor" not in values and not floor > 0:
         file.refuse(
             ("controller", "floor"),
-            "the floor of the controller is missing; it is a sensor output above drift and background "
-            f"reflections. Its default is {_FLOOR:g} standard deviations of the noise, but the section [chain] "
-            "has no noise; add, for example: floor = 30.0",
+            "the floor of the controller is missing; it is the smallest sensor output that counts as an object, and "
+            f"lies above drift and background reflections. Its default is {_FLOOR:g} standard deviations of the noise, "
+            "but the section [chain] has no noise; add, for example: floor = 30.0",
         )
     if chain.period < period * (1 - _SAME) or not floor > 0:
         return None
@@ -117,11 +117,11 @@ def refuse_curve_below_floor(
     log_output = float(sensor.log_output(0.0))  # its exponential may overflow
     if log_output > math.log(conditioning.floor):
         return
-    unit = f" in {part.unit}, which {part.name} reports," if part is not None and part.unit else ""
+    unit = f"{part.unit}, the unit of {part.name}" if part is not None and part.unit else "the same unit"
     key = next(k for k in ("scale", "outputs", "calibration") if k in file.data["sensor"])
     file.refuse(
         ("sensor", key),
         f"the sensor output at contact is {math.exp(log_output):.4g}, which is below the controller's "
         f"floor of {conditioning.floor:.4g}, so the controller would ignore the object; expected "
-        f"outputs{unit} well above the floor; give outputs, noise and floor in the same unit",
+        f"outputs well above the floor; give outputs, noise and floor in {unit}",
     )

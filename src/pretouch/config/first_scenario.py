@@ -173,7 +173,7 @@ class FirstScenario(Value):
         )
 
     def _reading(self) -> str:
-        """Return the keys that select the columns and the curve of the calibration."""
+        """Return the lines of the scenario file that select columns, labels and curve of the calibration."""
         lines = []
         if self.columns:
             lines.append(f"columns = {_table(self.columns)}")
@@ -184,13 +184,13 @@ class FirstScenario(Value):
         return "".join(f"{line}\n" for line in lines)
 
     def _signal(self) -> tuple[float, float]:
-        """Return a distance, and the output of the typical curve at this distance."""
+        """Return a distance, and the sensor output of the typical curve at this distance."""
         signal = None if self.part is None else self.part.signal
         return signal or (3.0 * self.distance, 1.0)
 
     @property
     def _reports_distance(self) -> bool:
-        """Whether the sensor reports a distance, so that the floor must be given."""
+        """Whether the sensor reports a distance, so that the scenario file needs a value for the floor."""
         return self.part is not None and self.part.chain.measures_distance
 
     def _noise(self) -> str:
@@ -213,16 +213,16 @@ class FirstScenario(Value):
 
 
 def _quoted(text: object) -> str:
-    """Return a text as TOML."""
+    """Return a text as a quoted TOML string."""
     return json.dumps(str(text), ensure_ascii=False)
 
 
 def _table(texts: Mapping[str, object]) -> str:
-    """Return a table of texts as TOML."""
+    """Return a dictionary of texts as an inline TOML table."""
     keys = {key: key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _quoted(key) for key in texts}
     return f"{{ {', '.join(f'{keys[key]} = {_quoted(text)}' for key, text in texts.items())} }}"
 
 
 def _as_text(value: float, unit: str) -> str:
-    """Return a quantity as a scenario file writes it, such as 42.2 mm."""
+    """Return a quantity as text for a scenario file, such as 42.2 mm."""
     return format_quantity(value, unit, 4)

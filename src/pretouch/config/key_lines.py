@@ -78,7 +78,7 @@ class _Scan:
         return path
 
     def pair(self, section: KeyPath) -> None:
-        """Parse one entry `key = value`."""
+        """Parse one TOML entry `key = value`, and record the line of its key."""
         start = self.position
         path = section
         for key in self.dotted():
@@ -88,7 +88,7 @@ class _Scan:
         self.value(path)
 
     def dotted(self) -> list[str]:
-        """Parse a key such as `a.b` and return the names between its dots."""
+        """Parse a TOML key such as `a.b` and return the names between its dots."""
         keys = []
         while True:
             self.skip(_BLANK)

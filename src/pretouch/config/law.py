@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def law_fields(
     file: Reading, scenario: Scenario | None, uncertain: Mapping[str, Any], has_loop: bool
 ) -> dict[str, Any]:
-    """Return the task fields that describe the control law; empty for a virtual damper or for a faulty file."""
+    """Return the fields of a task that describe the control law; empty for a virtual damper or a faulty file."""
     values = file.values("law")
     if file.law is None or file.law == DAMPER or values is None:
         return {}
@@ -50,7 +50,7 @@ def law_fields(
 
 
 def sampled_law(file: Reading) -> Law | None:
-    """Build the sampled form of a control law with declared parameters; its gain is 0 if the file has none."""
+    """Build the sampled form of the control law; its gain is 0 if the scenario file gives no gain."""
     values, law = file.values("law"), file.make("law")
     if values is None or law is None:
         return None
@@ -66,7 +66,7 @@ def sampled_law(file: Reading) -> Law | None:
 
 
 def sampled_drag(file: Reading, chain: SensorChain) -> VirtualDrag | None:
-    """Build the sampled virtual drag, with the sensor's noise unless the section [law] of the file sets the noise."""
+    """Build the sampled virtual drag; its noise is that of the sensor, unless the section [law] sets the noise."""
     values = file.values("law")
     if values is None:
         return None

@@ -43,7 +43,7 @@ def loop_fields(
     sensor: SensorModel | None,
     calibration: CalibrationReport | None,
 ) -> dict[str, Any]:
-    """Return the task fields that describe the sampled loop; empty if the scenario file contains mistakes."""
+    """Return the fields of a task that describe the sampled loop; empty if the scenario file contains mistakes."""
     _refuse_missing_sections(file)
     plant, contact = _plant(file), _contact(file)
     settings = file.settings("loop")
@@ -79,8 +79,8 @@ def _refuse_missing_sections(file: Reading) -> None:
         if name not in data and name not in file.misspelled:
             file.refuse(
                 (first,),
-                f"this section also needs the section [{name}] of the scenario file; add [{name}] with {keys}, "
-                "for example",
+                f"this section also needs the section [{name}] of the scenario file; add, for example: "
+                f"[{name}] with {keys}",
             )
 
 

@@ -115,7 +115,7 @@ def _controller(law: ContinuousLaw) -> Section:
 
 
 def _check_drag(values: Mapping[str, Any]) -> None:
-    """Check that a file chooses the virtual drag in only one way: by coefficient, limit, speed ratio or objective."""
+    """Check that a scenario file sets the virtual drag in only one way: by its coefficient or by one desired effect."""
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(
@@ -124,9 +124,10 @@ def _check_drag(values: Mapping[str, Any]) -> None:
             ways[1],
         )
     if "largest_speed" in values and ways[:1] not in [[name] for name in AT_A_SPEED]:
-        context = f"together with {ways[0]}" if ways else "alone"
+        context = f"the key {ways[0]}" if ways else "none of them"
         raise UnfitValueError(
-            f"this key is set {context}, but it is allowed only with one of {', '.join(AT_A_SPEED)}", "largest_speed"
+            f"this key is allowed only with one of the keys {', '.join(AT_A_SPEED)}, but the section has {context}",
+            "largest_speed",
         )
 
 
@@ -142,7 +143,7 @@ AT_A_SPEED: Final = ("acceleration", "contact_speed", "impact_force")
 
 
 def law_section(law: Any) -> Section:
-    """Return the description of the file section [law] for a control law that declares its parameters."""
+    """Describe the section [law] of a scenario file for a control law that declares its parameters."""
     return described_section(law, {law.number.key: Key(gain_of(law))})
 
 

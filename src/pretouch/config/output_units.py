@@ -48,7 +48,7 @@ def _unit_of_sensor(file: Reading, calibration: CalibrationReport | None) -> tup
 
 
 def _loop_outputs(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
-    """Yield key, text and unit of each value in the sampled loop that is given in a unit of the sensor output."""
+    """Yield key, text and unit of each value in [chain], [controller] and [law] that is given in V or counts."""
     for section in ("chain", "controller", "law"):
         keys = file.sections[section][0].keys if section in file.sections else {}
         for key, value in file.data[section].items() if keys else ():

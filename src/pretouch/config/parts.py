@@ -48,8 +48,8 @@ def load_with_parts(path: str | os.PathLike[str]) -> dict[str, Task]:
         )
     if "scale" not in data.get("sensor", {}):
         raise InvalidInputError(
-            f"{path}: [sensor] has no key scale, but the comparison of parts replaces the scale of a curve; readings "
-            "of a calibration belong to one part. Set model and its parameters, such as those that pretouch fit prints"
+            f"{path}: [sensor] has no key scale, but the comparison of sensor parts replaces the scale of the curve "
+            "for each part. Replace a calibration by model and its parameters, such as pretouch fit prints"
         )
     read = partial(load_document, Path(path), text, hashlib.sha256(content).hexdigest())
     base = read(data)
@@ -57,7 +57,7 @@ def load_with_parts(path: str | os.PathLike[str]) -> dict[str, Task]:
 
 
 def _with_part(read: Callable[[Mapping[str, Any]], Task], data: dict[str, Any], base: Task, part: SensorPart) -> Task:
-    """Create a task from the contents of a scenario file, with the sensor chain of a part."""
+    """Create a task from the contents of a scenario file, with the sensor chain of another sensor part."""
     changed = copy.deepcopy(data)
     chain: dict[str, Any] = {"part": part.name}
     rate = 1.0 / base.loop.law.period

@@ -49,7 +49,7 @@ _KEY_OF_NAME: Final[dict[str, KeyPath]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioSource:
-    """The scenario file that describes a task.
+    """Path, text and hash of the scenario file that describes a design task.
 
     Args:
         path: path of the file.
@@ -78,7 +78,7 @@ class ScenarioSource:
         return _lines_of(self.text)
 
     def placed(self, error: InvalidInputError) -> InvalidInputError:
-        """Convert an error to an error whose message names the line of the scenario file."""
+        """Convert an input error to an error whose message also gives the line in the scenario file."""
         if isinstance(error, ScenarioFileError):  # converted already by a nested verb
             return error
         message = self.explained(error)
@@ -225,7 +225,7 @@ class Reading:
         return self.sections[section][1] if section in self.sections else None
 
     def settings(self, section: str) -> dict[str, Any]:
-        """Return the values of an optional section of the scenario file, or the default values."""
+        """Return the values of an optional section of the scenario file, or the default values if it is missing."""
         return dict(self.sections[section][1]) if section in self.sections else variants(section)[""]({})
 
     def options(self, section: str) -> Any:
@@ -270,7 +270,7 @@ def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
 
 
 def _variant(name: str, content: Mapping[str, Any], law: str) -> Section | Mistake:
-    """Choose the variant of a file section by its keys or by the control law; return a mistake if none fits."""
+    """Choose the variant (the set of allowed keys) of a file section; return a mistake if no variant fits."""
     if name == "sensor":
         curves = sensor_variants(foreign=True)
         calibrated = curves.pop(CALIBRATION)
@@ -351,6 +351,9 @@ def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, conte
     if name in _TAGS:
         quoted = " and ".join(f'"{owner}"' for owner in owners)
         tag = _TAGS[name]
-        variant = f'has the kind "{content[tag]}"' if tag in content else f"names a {MODEL}"
-        return f"this key belongs to {quoted}, but this section {variant}; the allowed keys are {takes}"
+        selected = f'{tag} = "{content[tag]}"' if tag in content else f"the key {MODEL}"
+        return (
+            f"this key belongs to the variant {quoted} of this section, but {selected} selects another variant; the "
+            f"allowed keys are {takes}"
+        )
     return f"found together with {', '.join(k for k in content if k != key)}, expected only {takes}"

@@ -1,4 +1,4 @@
-"""Read a robot model that a scenario file names, and compute its projection along the axis of its sensor."""
+"""Read the robot model that a scenario file names, and compute its mass and limits along the axis of its sensor."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class RobotInPosture:
 
 
 def project_robot(file: Reading) -> Projection | None:
-    """Project the robot model of a scenario file; return None without a robot model, or if [robot] has a mistake."""
+    """Compute mass and limits of a robot model along its sensor axis; return None without a valid robot model."""
     values = file.values("robot")
     if values is None or not has_model(file.data):
         return None
@@ -56,7 +56,7 @@ def model_path(source: ScenarioSource, values: Mapping[str, Any]) -> Path:
 
 
 def read_robot(path: Path, values: Mapping[str, Any], sensor: SensorModel | None = None) -> RobotInPosture:
-    """Load the robot model of a section [robot], and set its posture."""
+    """Load the robot model that the section [robot] names, and set the posture of the robot."""
     from pretouch.robots import SensorSite, load_model, make_data  # noqa: PLC0415 - only with a robot model
 
     try:
@@ -66,7 +66,8 @@ def read_robot(path: Path, values: Mapping[str, Any], sensor: SensorModel | None
         if not path.is_file():
             raise
         raise InvalidInputError(
-            f"model: MuJoCo cannot read {path.name}; to see more, run: pretouch project {shlex.quote(str(path))}"
+            f"model: MuJoCo cannot read the robot model {path.name}; for details, run: pretouch project "
+            f"{shlex.quote(str(path))}"
         ) from None
     options = {name: values[name] for name in ("axis", "field_of_view", "hold") if name in values}
     site = SensorSite(values["site"], sensor, **options)

@@ -95,7 +95,7 @@ def _uncertainty(
         if part == "sensor" and sensor is not None and f"sensor.{key}" not in sensor_inputs(sensor):
             inputs = [name.removeprefix("sensor.") for name in sensor_inputs(sensor)]
             parameters = ", ".join(name for name in inputs if name != "scale") or "none"
-            file.refuse(path, f"the {sensor.name} curve has no such parameter; its parameters are {parameters}")
+            file.refuse(path, f"the sensor curve {sensor.name} has no such parameter; its parameters are {parameters}")
             continue
         if "interval" in values and measure != "worst-case":
             file.refuse(

@@ -57,8 +57,8 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
         raise UnfitValueError(f"found {what}, expected exactly one of {', '.join(DISTRIBUTION_KINDS.names())}")
     if "between" in values and "normal" not in values:
         raise UnfitValueError(
-            f"the key between is given together with {kinds[0]}, but belongs only to the key normal, "
-            "because it truncates a normal distribution",
+            f'the key "between" truncates a normal distribution, so it is allowed only with the key "normal", not with '
+            f'the key "{kinds[0]}"',
             "between",
         )
     for key in ("uniform", "interval", "between"):
@@ -77,7 +77,7 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
 
 
 def _distribution_section(unit: str) -> Section:
-    """Return the description of the file section for the distribution of an input with a given unit."""
+    """Return the description of the file keys for the distribution of an uncertain input with a given unit."""
     what = f"quantities in {written_unit(unit)}" if unit else "numbers"
     example = f"[{_EXAMPLES.get(unit, _EXAMPLES[''])}]"
     pair = f"a list of two {what}, the smaller one first"
@@ -104,7 +104,7 @@ def _distribution_section(unit: str) -> Section:
 
 
 def _described_distribution(unit: str, name: str) -> Key | None:
-    """Return the file key for any other type of distribution, such as a type that an installed package adds."""
+    """Return the file key for a further type of distribution, for example one that an installed package adds."""
     described = DISTRIBUTION_KINDS.find(name)
     if described is None:
         return None

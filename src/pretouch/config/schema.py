@@ -46,7 +46,7 @@ _OBSTACLE: Final = ("obstacle speed",)
 
 
 def _check_second_term(values: Mapping[str, Any]) -> None:
-    """Check that the letter's objective L(20) or L(22) weighs contact velocity or impact force, but not both."""
+    """Check that an objective of the published letter, L(20) or L(22), has either contact velocity or impact force."""
     expected = 'expected either velocity_scale = "0.3 m/s" or force_scale = "100 N"'
     if {"velocity_scale", "force_scale"} <= set(values):
         raise UnfitValueError(f"found both velocity_scale and force_scale, {expected}", "force_scale")
@@ -60,7 +60,7 @@ def _check_second_term(values: Mapping[str, Any]) -> None:
 
 
 def _two_term_objective(first: str, unit: str, example: str) -> Section:
-    """Return the description of the file section for an objective with two terms."""
+    """Return the description of the file section [objective] for an objective with two terms."""
     # The second term is contact velocity or impact force.
     return Section(
         {
@@ -294,7 +294,7 @@ def variants(section: str) -> Mapping[str, Section]:
 
 
 def extensions_of(section: str) -> tuple[Extensions, Callable[[Any], Section]] | None:
-    """Return the types that installed packages add to a file section, and the function that describes this section."""
+    """Return the types that installed packages add to a section, and the function that describes the keys of a type."""
     if section == "sensor":
         return CURVE_KINDS, section_of_curve
     if section == "objective":

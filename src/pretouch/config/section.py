@@ -107,7 +107,7 @@ class Section:
 
 
 def _attempt(read: Reader, value: Any, at: str | int, mistakes: list[tuple[KeyPath, str]]) -> Any:
-    """Parse a value and record its mistakes, each with the path of its key."""
+    """Parse a value, and record each mistake in it together with the path of the wrong key."""
     try:
         return read(value)
     except UnfitValueError as unfit:
@@ -133,7 +133,7 @@ def _added_key(find: Callable[[str], Key | None], name: str) -> Key | None:
 
 
 def checked(holds: Callable[[Any], bool], what: str) -> Reader:
-    """Make a function that parses a value and accepts the value only if a condition is met."""
+    """Make a function that returns a value if the value meets a condition, and otherwise raises an error."""
 
     def read(value: Any) -> Any:
         if not holds(value):
@@ -265,7 +265,7 @@ def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] 
 
 
 def described_section(described: Any, keys: Mapping[str, Key] | None = None) -> Section:
-    """Describe the scenario-file section of a class from the declared fields of this class.
+    """Describe the scenario-file section for a class; its keys are the declared fields of the class.
 
     Args:
         described: a class whose declared fields are keys, or a value; the fields of a value have default values.

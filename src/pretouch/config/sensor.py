@@ -201,10 +201,10 @@ class FitRequest:
         if not matches:
             labels = "; ".join(curve.label for curve in curves[:8] if curve.label)
             labels = labels or "none, because the file contains one curve"
-            more = f" and {len(curves) - 8} more" if len(curves) > 8 else ""
+            labels += f" and {len(curves) - 8} more" if len(curves) > 8 else ""
             message = (
-                f"select: the file has no curve with the labels {', '.join(sorted(selected))}; available in "
-                f"{self.path.name}: {labels}{more}"
+                f"select: the file has no curve with the labels {', '.join(sorted(selected))}; labels available "
+                f"in {self.path.name}: {labels}"
             )
             raise CalibrationDataError.without_content(message)  # labels of a valid calibration may be quoted
         if isinstance(self.no_object, tuple):
@@ -295,7 +295,7 @@ def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> floa
 
 
 def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
-    """Fit a sensor curve to the calibration curve that the options select; exactly one curve must match."""
+    """Fit a sensor curve to the calibration curve that the options select; raise an error if several curves match."""
     # several calibration curves, or a curve without a usable fit, raise an error
     curves = request.read()
     if len(curves) > 1:

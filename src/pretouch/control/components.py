@@ -71,17 +71,18 @@ class Conditioning:
         check_declared(self, instead=ONE_ROBOT)
         if self.saturation is not None and not self.offset + self.floor < self.saturation <= _ANY_READING:
             raise InvalidInputError(
-                f"saturation: found {self.saturation:g}, expected more than {self.offset + self.floor:g}, which "
-                f"is offset + floor, and no more than {_ANY_READING:g}"
+                f"saturation: found a level of {self.saturation:g}, expected a level above "
+                f"{self.offset + self.floor:g} (offset + floor) and at most {_ANY_READING:g}"
             )
         if not abs(self.offset) + self.floor < _ANY_READING:
             raise InvalidInputError(
-                f"offset, floor: found an offset of {self.offset:g} and a floor of {self.floor:g}, expected a "
-                "sum of their magnitudes below 1e12"
+                f"offset, floor: found an offset of {self.offset:g} and a floor of {self.floor:g}; the sum of "
+                "|offset| and floor must be below 1e12"
             )
         if not self.floor >= _ANY_FLOOR:
             raise InvalidInputError(
-                f"floor: found {self.floor:g}, expected at least {_ANY_FLOOR:g}; give the readings in a smaller unit"
+                f"floor: found a detection threshold of {self.floor:g}, expected at least {_ANY_FLOOR:g}; give the "
+                "readings in a smaller unit"
             )
         length: object = self.median_window
         if not isinstance(length, int) or isinstance(length, bool) or not 1 <= length <= LONGEST_WINDOW:
@@ -91,7 +92,7 @@ class Conditioning:
             )
 
     def numbers(self, period: float) -> SensingNumbers:
-        """Return the settings for processing the readings as a C structure, for a given control period [s]."""
+        """Return the settings of the signal processing as a C structure, for a controller with a given period [s]."""
         sensor_period = period if self.sensor_period is None else self.sensor_period
         if sensor_period < period * (1 - 1e-9):
             raise InvalidInputError(
@@ -120,8 +121,8 @@ class Conditioning:
         )
 
     def fade_step(self, period: float) -> float:
-        """Return the share by which the virtual force decreases in each control period while a reading is overdue."""
-        # A share of 1 removes the force at once.
+        """Return the fraction of the virtual force that is removed per control period while a reading is overdue."""
+        # A fraction of 1 removes the force at once.
         sensor_period = period if self.sensor_period is None else self.sensor_period
         fade_time = _FADE_PERIODS * sensor_period if self.fade_time is None else self.fade_time
         return min(period / fade_time, 1.0) if fade_time > 0 else 1.0
@@ -155,13 +156,13 @@ def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[F
 
 
 def _first_order(warped: float) -> FilterSection:
-    """Return the first-order filter section with a given real pole, by the bilinear transform."""
+    """Compute a first-order low-pass section from its prewarped cutoff frequency, by the bilinear transform."""
     b = warped / (1 + warped)
     return FilterSection(b, b, 0.0, (warped - 1) / (1 + warped), 0.0)
 
 
 def _second_order(warped: float, damping: float) -> FilterSection:
-    """Return the second-order filter section with a given complex pole pair, by the bilinear transform."""
+    """Compute a second-order low-pass section from prewarped cutoff and damping ratio, by the bilinear transform."""
     square = warped * warped
     size = 1 + 2 * damping * warped + square
     b = square / size
@@ -170,7 +171,9 @@ def _second_order(warped: float, damping: float) -> FilterSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualAdmittance:
-    """Virtual mass M_a, damping D_a and stiffness K_a of the controller's admittance, equation L(1).
+    """Virtual mass M_a, damping D_a and stiffness K_a of the controller's admittance.
+
+    The admittance is equation L(1).
 
     Args:
         mass: M_a > 0 [kg].
@@ -191,11 +194,11 @@ class VirtualAdmittance:
 
 
 def discretize(admittance: VirtualAdmittance, period: float) -> AdmittanceNumbers:
-    """Discretize the admittance, equation L(1), exactly for one control period of constant force.
+    """Discretize the admittance exactly for one control period with constant force.
 
-    Let z_1, z_2 be the roots of the free motion times the period. All six numbers follow from the divided differences
-    G_0 = exp[z_1, z_2] and G_1 = exp[0, z_1, z_2]. Both are entire functions, so critical damping, zero stiffness and
-    zero damping need no special case.
+    The admittance is equation L(1). Let z_1, z_2 be the roots of the free motion times the period. All six numbers
+    follow from the divided differences G_0 = exp[z_1, z_2] and G_1 = exp[0, z_1, z_2]. Both are entire functions, so
+    critical damping, zero stiffness and zero damping need no special case.
 
     Returns:
         Transition matrix and input vector.
@@ -240,7 +243,7 @@ def _differences(p: float, q: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits of the virtual force and of the robot's motion relative to the reference.
+    """Limits of the virtual force, and of speed, acceleration and excursion of the robot from its reference motion.
 
     None means no limit.
 
@@ -271,15 +274,13 @@ class Limits:
             value = getattr(self, name)
             if value is not None and value > NO_LIMIT:
                 raise InvalidInputError(
-                    f"largest {name}: found {value!r}, expected a number of at most {NO_LIMIT:g} {unit}; omit "
-                    "this argument if there is no limit"
+                    f"largest {name}: found a limit of {value!r}, expected at most {NO_LIMIT:g} {unit}; omit the "
+                    "limit if there is none"
                 )
 
 
 def stopping_distance(limits: MotionLimits, speed: float) -> float:
-    """Return the distance [m] that the robot needs to stop from a speed [m/s], if it brakes in whole control periods.
-
-    The deceleration is constant in each period.
+    """Return the stopping distance [m] of the robot from a speed [m/s], with constant deceleration per control period.
 
     All periods but the last brake with the largest deceleration; the last one removes the remaining speed.
     """
@@ -291,5 +292,5 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
 
 
 def format_output(value: float) -> str:
-    """Format a sensor output as text without a unit, which the controller does not know."""
+    """Format a sensor output as text; its unit is that of the readings, which the controller does not know."""
     return f"{value:.6g} (unit of the readings)"

@@ -89,14 +89,14 @@ class Controller:
 
     @property
     def step(self) -> Callable[..., Any]:
-        """The control step as a function, which computes the next state and output from parameters, state and sample.
+        """The function of one control step, which computes next state and output from parameters, state and inputs.
 
         Robots use `begin` instead.
         """
         return as_step(self.law.step)
 
     def begin(self, position: float = 0.0, velocity: float = 0.0) -> Run:
-        """Start a run of this controller.
+        """Start running this controller, from a position and a velocity of the robot relative to its reference.
 
         The run holds parameters and state, and a step takes about a microsecond.
 
@@ -112,7 +112,7 @@ class Controller:
         return run(step, self.parameters(), self.start(position, velocity))
 
     def parameters(self) -> Any:
-        """Return all parameters of the control step, in the form in which the step needs them."""
+        """Return the parameters of the controller and its control law as the structure that the control step reads."""
         # With the letter's law, the parameters are `pretouch_parameters` of pretouch_law.h.
         sensing = self.conditioning.numbers(self.period)
         drive = DriveNumbers(
@@ -127,16 +127,16 @@ class Controller:
         return _join_parts(ControllerNumbers, sensing, drive, self.law.numbers(self))
 
     def start(self, position: float = 0.0, velocity: float = 0.0) -> Any:
-        """Return the state of the controller before its first step, without a detected object and without force."""
+        """Return the initial state of the controller, in which no object is detected and no virtual force acts."""
         x, v = finite(position, "position", "m"), finite(velocity, "velocity", "m/s")
         limits = self._motion_limits()
         ahead = x if v >= 0 else -x
         farthest = max(abs(x), ahead + stopping_distance(limits, abs(v)))
         if abs(v) > limits.speed or farthest > limits.excursion:
             raise InvalidInputError(
-                f"start: relative to the reference, the robot starts at the position {x:g} m with the "
-                f"velocity {v:g} m/s, and cannot stay within the limits ({self.limits}) from there; start "
-                "nearer to the reference or slower, or widen the limits"
+                f"start: found position {x:g} m and velocity {v:g} m/s, both relative to the reference, from "
+                f"which the robot cannot stay within the limits {self.limits}; start nearer to the reference or "
+                "slower, or widen the limits"
             )
         sensing = start_sensing(self.conditioning.numbers(self.period))
         return _join_parts(ControllerState, sensing, start_drive(x, v), self.law.start())
@@ -152,7 +152,7 @@ class Controller:
         return replace(self, law=law.with_gain(gain))
 
     def with_value(self, value: float) -> Controller:
-        """Return a copy of the controller whose control law has another gain D_p, drag phi or other coefficient."""
+        """Return a copy of the controller with another coefficient of its control law, such as gain D_p or drag phi."""
         return replace(self, law=self.law.with_value(value))
 
     def rows(self) -> Iterator[Row]:

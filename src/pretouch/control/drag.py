@@ -1,4 +1,4 @@
-"""Define the sampled virtual drag. With this control law, contact speed is a fixed share of the approach speed."""
+"""Define the sampled virtual drag, a control law that reduces every approach speed by the same fraction."""
 
 from __future__ import annotations
 
@@ -87,13 +87,13 @@ class VirtualDrag:
         check_declared(self, instead=ONE_ROBOT)
         if self.own_advance > 0:
             raise InvalidInputError(
-                f"own_advance: found {self.own_advance:g} N*s, expected 0 or a negative number, because a "
-                "positive number would accelerate the robot"
+                f"own_advance: found {self.own_advance:g} N*s, expected 0 or a negative gain, because a positive "
+                "gain would accelerate the robot"
             )
         if self.known_acceleration > 0:
             raise InvalidInputError(
-                f"known_acceleration: found {self.known_acceleration:g} m/s^2, expected 0 or a negative number, "
-                "because with a positive number the robot would follow an object that slows down"
+                f"known_acceleration: found {self.known_acceleration:g} m/s^2, expected 0 or a negative number "
+                "(toward the robot); a positive number would make the robot follow an object that slows down"
             )
         largest = dict.fromkeys(("drag", "dead_zone", "still_rate", "own_advance", "known_acceleration"), _LARGEST)
         largest |= dict.fromkeys(("noise", "relative_noise", "resolution"), _LARGEST_NOISE)
@@ -109,12 +109,12 @@ class VirtualDrag:
 
     @property
     def value(self) -> float:
-        """The coefficient phi [N s^2] of the virtual drag, which a design chooses."""
+        """The coefficient phi [N s^2] of the virtual drag, which a design computes."""
         return self.drag
 
     @property
     def step(self) -> CompiledStep:
-        """The controller's compiled step for the virtual drag, `pretouch_step_drag` of native/law/pretouch_law.c."""
+        """The compiled control step with the virtual drag: the function `pretouch_step_drag` in pretouch_law.c."""
         return _STEP
 
     def numbers(self, controller: Setting) -> DragNumbers:
@@ -146,7 +146,7 @@ class VirtualDrag:
         )
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
-        """Yield the parameters of the virtual drag except phi as table rows for a report."""
+        """Yield all parameters of the virtual drag except its coefficient phi, as table rows for a report."""
         yield "noise of a reading", format_output(self.noise)
         yield "relative noise of a reading", Measured(self.relative_noise)
         yield "step of the readings", format_output(self.resolution)

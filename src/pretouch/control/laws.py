@@ -59,7 +59,7 @@ class Parts(NamedTuple):
 
 
 class Setting(Protocol):
-    """Interface of the controller settings from which a control law computes its parameters."""
+    """Interface of the controller settings that a control law reads to compute its own parameters."""
 
     @property
     def period(self) -> float:
@@ -71,18 +71,18 @@ class Setting(Protocol):
 
     @property
     def admittance(self) -> VirtualAdmittance:
-        """The virtual mass, damping and stiffness of the controller, as in the admittance equation L(1)."""
+        """The virtual mass, damping and stiffness of the controller's admittance."""
 
 
 class SteppedLaw(Protocol):
-    """Interface of any control law that a controller can run in steps.
+    """Interface of any control law that a controller can run, one control step after another.
 
     Unlike a `Law`, it needs no number that a design chooses.
     """
 
     @property
     def step(self) -> Any:
-        """The function that runs the whole control step with this law once per period, in Python or compiled."""
+        """The function that runs one whole control step with this law, written in Python or compiled."""
 
     def numbers(self, controller: Setting) -> Any:
         """Return the parameters of the control law, as a ctypes structure if the control step is compiled.
@@ -99,7 +99,7 @@ class SteppedLaw(Protocol):
 
 
 class Law(SteppedLaw, Protocol):
-    """Interface of a sampled control law, which computes a force from the log output and the robot's own motion.
+    """Interface of a sampled control law, which computes a force from the sensor output and the robot's own motion.
 
     A custom law is a dataclass with these six members and one function. In Python the function is
     `state, output = step(parameters, state, sample)`: it calls `observe`, computes the force of the law, and calls
@@ -113,27 +113,27 @@ class Law(SteppedLaw, Protocol):
 
     @property
     def continuous(self) -> Any:
-        """The continuous-time law that this sampled law approximates, which predictions use.
+        """The continuous-time control law that this sampled law approximates; predictions use the continuous-time law.
 
         It is a name or a ContinuousLaw.
         """
 
     @property
     def value(self) -> float:
-        """The coefficient of the control law that a design chooses, such as the gain [N s] of a damper.
+        """The coefficient of the control law that a design computes, such as the gain [N s] of a virtual damper.
 
         `continuous` defines its unit.
         """
 
     def with_value(self, value: float) -> Law:
-        """Return a copy of the control law with another value of the coefficient that a design chooses."""
+        """Return a copy of the control law with another coefficient, such as another gain of a virtual damper."""
 
 
 @dataclass(frozen=True, slots=True)
 class CompiledStep:
-    """A control step in machine code, called like the C function `pretouch_law_step`.
+    """A control step in machine code, with the signature of the C function type `pretouch_law_step`.
 
-    The C header native/law/pretouch_law.h declares this function.
+    The C header native/law/pretouch_law.h declares this type.
 
     Args:
         function: the compiled function, such as a scipy.LowLevelCallable; or the name of a step of the compiled core.
@@ -142,7 +142,7 @@ class CompiledStep:
     function: Any
 
     def located(self) -> int:
-        """Return the memory address of the compiled function, and raise an error for a Python function."""
+        """Return the memory address of the compiled function, or raise an error for a Python function."""
         address = entry(self.function) if isinstance(self.function, str) else machine_code(self.function)
         if address is None:
             raise InvalidInputError(f"step: found {self.function!r}, expected a compiled function")
@@ -157,13 +157,13 @@ class CompiledStep:
 
 
 def as_step(step: Any) -> Callable[[Any, Any, Sample], Any]:
-    """Return a control step as a Python function, whether or not the step is compiled."""
+    """Return a control step as a function that Python can call, whether or not the step is compiled."""
     # A step is called as `state, output = step(parameters, state, sample)`.
     return step if isinstance(step, CompiledStep) or machine_code(step) is None else CompiledStep(step)
 
 
 def start_sensing(numbers: SensingNumbers) -> SensingState:
-    """Return the state of the signal processing before the first reading, without a detected object.
+    """Return the state of the signal processing before the first sensor reading, when no object is detected.
 
     `Controller.start` calls this.
 
@@ -176,7 +176,7 @@ def start_sensing(numbers: SensingNumbers) -> SensingState:
 
 
 def start_drive(position: float, velocity: float) -> DriveState:
-    """Return the state of the virtual object at the start of a run, without force.
+    """Return the state of the admittance at the start of a run: position and velocity, without a virtual force.
 
     `Controller.start` calls this.
 
@@ -190,7 +190,7 @@ def start_drive(position: float, velocity: float) -> DriveState:
 
 
 def observe(numbers: SensingNumbers, state: SensingState, sample: Sample) -> tuple[SensingState, Observation]:
-    """Check and filter a sensor reading, and compute the change of the log output since the previous reading.
+    """Check and filter a sensor reading, and compute the change of ln(sensor output) since the previous reading.
 
     Args:
         numbers: `parameters.sensing` of the controller.
@@ -232,7 +232,7 @@ def push_by_drag(
 def drive(
     numbers: DriveNumbers, state: DriveState, observation: Observation, push: Push, sample: Sample
 ) -> tuple[DriveState, Output]:
-    """Apply a force to the admittance L(1), and compute the motion of the virtual object over one control period.
+    """Apply the force of the control law to the admittance, and compute the robot's reference motion for one period.
 
     This is the last block of a step.
 
@@ -269,9 +269,9 @@ _STEP = CompiledStep("step_damper")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualDamper:
-    """Virtual damper F_p = D_p xi'/xi of the published letter, L(2), which applies one impulse for each reading.
+    """Sampled virtual damper, F_p = D_p xi'/xi with the sensor output xi, applied as one impulse per reading.
 
-    The impulses D_p d(ln xi) are exact at any sampling rate.
+    It is equation L(2) of the published letter. The impulses D_p d(ln xi) are exact at any sampling rate.
 
     Args:
         gain: D_p [N s]; negative gains mitigate the impact.
@@ -297,31 +297,31 @@ class VirtualDamper:
 
     @property
     def continuous(self) -> str:
-        """The name of the continuous-time virtual damper, equation L(2), that this sampled law approximates."""
+        """The name of the continuous-time law that this sampled virtual damper approximates."""
         return "virtual-damper"
 
     @property
     def value(self) -> float:
-        """The gain D_p [N s] of the virtual damper, which a design chooses."""
+        """The gain D_p [N s] of the virtual damper, which a design computes."""
         return self.gain
 
     @property
     def step(self) -> CompiledStep:
-        """The compiled control step with the virtual damper, `pretouch_step` of native/law/pretouch_law.c."""
+        """The compiled control step with the virtual damper: the function `pretouch_step_damper` in pretouch_law.c."""
         return _STEP
 
     def numbers(self, controller: Setting) -> DamperNumbers:
-        """Return the parameters of the virtual damper as a C structure for the controller's period."""
+        """Return the parameters of the virtual damper as a C structure, for a controller with a given period."""
         ramp_step = min(controller.period / self.ramp_time, 1.0) if self.ramp_time > 0 else 1.0
         return DamperNumbers(self.gain, self.release, ramp_step, bool(self.approach_only))
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
-        """Yield the parameters of the virtual damper except its gain as table rows for a report."""
+        """Yield all parameters of the virtual damper except its gain, as table rows for a report."""
         if self.approach_only:
             yield (
                 "acts",
-                "the force acts only during approaches; a new approach begins after the log output ln ξ has "
-                f"fallen by {self.release:.4g}",
+                "the force acts only while an object approaches; a new approach begins after ln ξ of the sensor "
+                f"output ξ has fallen by {self.release:.4g}",
             )
         if self.ramp_time:
             yield "ramp of the gain", Measured(self.ramp_time, "s")

@@ -40,7 +40,7 @@ class Status(IntFlag):
 
     @property
     def meaning(self) -> str:
-        """What a single flag reports, in words."""
+        """The meaning of a single status flag, in words."""
         return _MEANINGS[self]
 
 
@@ -196,9 +196,9 @@ class DamperNumbers(Structure):
 
 
 class DamperState(Structure):
-    """State of the virtual damper: the present share of its gain, and the signal level that counts as a new approach.
+    """State of the virtual damper: the active fraction of its gain, and the signal level above which a rise counts.
 
-    ln xi has to exceed this level if the law acts on approaches only.
+    The level is one of ln(xi / floor). It matters only if the law acts on approaches only.
     """
 
     _fields_ = numbers("ramp", "mark")
@@ -218,9 +218,9 @@ class DragNumbers(Structure):
 
 
 class DragState(Structure):
-    """State of the virtual drag: smoothed log output and rate, detection threshold, and remaining hold-off time.
+    """State of the virtual drag: smoothed signal, its rate, threshold for a rise, and time until the approach ends.
 
-    The level of ln xi has to exceed the threshold.
+    The signal is ln(xi / floor). The approach ends unless the signal rises above the threshold within this time [s].
     """
 
     _fields_ = numbers("level", "rate", "mark", "hold")
@@ -238,9 +238,9 @@ class Push(Structure):
 
 
 class AdmittanceNumbers(Structure):
-    """Transition matrix and input vector of the exactly discretized admittance equation L(1).
+    """Transition matrix and input vector of the admittance, discretized exactly for a constant force per period.
 
-    The state is (x~, x~'), and the force is constant over a period.
+    The admittance is equation L(1). The state is (x~, x~'), position and velocity relative to the reference.
     """
 
     _fields_ = numbers(
@@ -263,7 +263,7 @@ class MotionLimits(Structure):
 
 
 class DriveNumbers(Structure):
-    """Parameters for the motion of the virtual object that the robot follows, as a C structure.
+    """Parameters that turn a force into the reference motion of the robot: admittance and limits, as a C structure.
 
     See `Controller`.
     """
@@ -276,7 +276,7 @@ class DriveNumbers(Structure):
 
 
 class Delivery(Structure):
-    """An impulse that acts on the virtual object as a force over several control periods.
+    """An impulse of the control law, which acts on the admittance as a constant force over one sensor period.
 
     The fields are constant force [N], remaining impulse [N s], impulse delivered ahead [N s], and fading.
     """
@@ -285,13 +285,13 @@ class Delivery(Structure):
 
 
 class MotionState(Structure):
-    """Position [m] and velocity [m/s] of the virtual object relative to its reference."""
+    """Position [m] and velocity [m/s] of the admittance, relative to the reference."""
 
     _fields_ = numbers("position", "velocity")
 
 
 class DriveState(Structure):
-    """State of the virtual object that the robot follows: motion, reference position, and undelivered impulses."""
+    """State of the admittance: position and velocity, last reference position, and impulse not yet applied."""
 
     _fields_ = (("delivery", Delivery), ("motion", MotionState), *numbers("reference"))
 

@@ -107,7 +107,7 @@ def design_admittance(task: Task) -> AdmittanceDesign:
 
 
 class _AdmittanceSearch:
-    """Search for the local minima of the objective over the gain and the admittance parameters."""
+    """Search for gains and admittances at which the objective has a local minimum."""
 
     def __init__(self, trials: Trials) -> None:
         self.trials = trials
@@ -119,7 +119,7 @@ class _AdmittanceSearch:
         self.local_minima: list[AdmittanceMinimum] = []
 
     def minima(self) -> list[AdmittanceMinimum]:
-        """Search for local minima, first from the best grid points and then from test points with lower objectives."""
+        """Find local minima by searches from the best grid points, then from test points that are even better."""
         for i in self._starts():
             self.add_start(self.grid[i])
         for _ in range(_ROUNDS):
@@ -136,7 +136,7 @@ class _AdmittanceSearch:
         """Start one more local search at a given point, and return all local minima, best first."""
         trials = self.trials
         descended = descend(trials, start, _ONE)
-        tried = [start] if descended is None else [descended, start]
+        tried = [start] if descended is None else [descended[0], start]
         values = trials.values(np.stack(tried))[:, 0]
         at, value = tried[int(values.argmin())], float(values.min())
         if np.isfinite(value) and not any(
@@ -177,7 +177,7 @@ class _AdmittanceSearch:
         return tuple(len(np.unique(column)) for column in self.grid.T)
 
     def map(self) -> AdmittanceMap:
-        """Return, for each admittance of the grid, the best objective that any gain reaches."""
+        """Return the lowest objective that any gain reaches, for each admittance of a grid."""
         shape = self._shape()
         grid, values = self.grid.reshape(*shape, -1), self.values.reshape(shape)
         best, middle = values.min(axis=0), np.take_along_axis(grid[..., 0], values.argmin(axis=0)[None], axis=0)[0]
@@ -192,14 +192,14 @@ class _AdmittanceSearch:
         return AdmittanceMap(natural_frequency=frequency, damping_ratio=ratio, objective=best)
 
     def best_ratio(self) -> float | None:
-        """Return the ratio |quantity| / limit of the least infeasible grid point; None if a grid point is feasible."""
+        """Return |quantity| / limit at the grid point with the smallest violation; None if a grid point is feasible."""
         worst = self._worst()
         if not self.trials.constraints or not np.isfinite(worst).any():
             return None
         return float(worst.min()) if worst.min() > HELD else None
 
     def answer(self, unchanged: GainDesign, chosen: GainDesign | None) -> AdmittanceDesign:
-        """Combine the gain designs for the unchanged and for the optimal admittance into one result."""
+        """Combine two gain designs into one result: with the given admittance and with the optimal admittance."""
         freedom, certificate = self.trials.freedom, None
         status = DesignStatus.INFEASIBLE if np.isfinite(self.rows).all(axis=1).any() else DesignStatus.NO_CONTACT
         if chosen is not None:

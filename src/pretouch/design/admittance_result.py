@@ -65,7 +65,7 @@ class AdmittanceCertificate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class AdmittanceMap(Value):
-    """The best objective that any gain reaches, for each admittance of a grid.
+    """The lowest objective that any gain reaches, for each admittance of a grid.
 
     Args:
         natural_frequency: natural frequency [rad/s], with the shape of the grid over the free parameters.
@@ -171,7 +171,7 @@ class AdmittanceDesign(Answer):
             excess = (
                 ""
                 if self.best_ratio is None
-                else f"; even the best combination exceeds a limit by {100 * (self.best_ratio - 1):.3g} %"
+                else f"; even the best gain and admittance exceed a limit by {100 * (self.best_ratio - 1):.3g} %"
             )
             return f"Infeasible: within the bounds, no gain and admittance together meet every constraint{excess}."
         text = (
@@ -181,8 +181,10 @@ class AdmittanceDesign(Answer):
         )
         if self.unchanged.objective is not None:
             change = 100 * (self.objective / self.unchanged.objective - 1)
-            than = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than"
-            return f"{text} The objective is {self.objective:.4g}, which is {than} with the admittance of the task."
+            return (
+                f"{text} Compared with the admittance of the task, the objective changes by {change:+.3g} % to "
+                f"{self.objective:.4g}."
+            )
         return (
             f"{text} The objective is {self.objective:.4g}. With the admittance of the task, no gain "
             "meets every constraint."

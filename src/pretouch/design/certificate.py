@@ -80,7 +80,7 @@ class TradeOff(Value):
     state: ContactState
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the evaluated gains and their results as columns of numbers; results without contact are infinite."""
+        """Return the evaluated gains and their results, one column per quantity; infinite values mean no contact."""
         state = {name: getattr(self.state, name) for name in ("time", "displacement", "relative_velocity")}
         columns = {"objective": self.objective, **state}
         finite = {name: np.where(self.reached, values, np.inf) for name, values in columns.items()}

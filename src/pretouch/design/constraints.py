@@ -52,7 +52,7 @@ class Constraint:
 
     @property
     def unit(self) -> str:
-        """The SI unit of the limit."""
+        """The SI unit of the limited quantity."""
         return QUANTITY_UNITS[self.quantity]
 
     def magnitude(self, state: ContactState, impact: ImpactModel | None = None) -> Any:

@@ -60,19 +60,19 @@ class CustomObjective(Objective):
             numbers = np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
-                f"objective: {self.name} failed for contact states of the shape {np.shape(state.time)} "
-                f"({error}). pretouch evaluates the objective for many contacts in one call: use functions that "
+                f"objective: {self.name} failed for contact states of the shape {np.shape(state.time)} with the error "
+                f'"{error}". pretouch evaluates the objective for many contacts in one call: use functions that '
                 "accept arrays, such as those of NumPy"
             ) from error
         if numbers.ndim and numbers.shape != np.shape(state.time):
             raise InvalidInputError(
-                f"objective: {self.name} returned an array of the shape {numbers.shape}, expected the shape "
-                f"{np.shape(state.time)} of the contact states"
+                f"objective: {self.name} returned an array of the shape {numbers.shape}, expected one value for each "
+                f"contact, that is, the shape {np.shape(state.time)}"
             )
         return np.broadcast_to(numbers, np.shape(state.time))
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Return the contributions that a user-defined objective declares; empty if their sum is not the objective."""
+        """Return the terms of a user-defined objective by name; empty unless the terms add up to the objective."""
         if not _declares_parts(self.given):
             return {}
         parts: Mapping[str, Any] = self.given.parts(state, obstacle_speed, impact)
@@ -137,7 +137,7 @@ def appraise(
     obstacle_speed: Any,
     impact: ImpactModel | None,
 ) -> FloatArray:
-    """Return the objective of each encounter, infinite without contact; reject negative or NaN custom objectives."""
+    """Return the objective of each encounter (infinite without contact); reject negative custom objectives."""
     value = objective.value(state, obstacle_speed, impact)
     if type(objective) is CustomObjective:
         wrong = np.asarray(reached) & ~(value >= 0)
@@ -151,7 +151,7 @@ def appraise(
 
 
 def _declares_parts(given: Any) -> bool:
-    """Return True if the class of a user-defined objective defines a method `parts` that returns the terms."""
+    """Return True if a user-defined objective has a method `parts` that splits the objective into its terms."""
     if not callable(getattr(given, "parts", None)):
         return False
     if not isinstance(given, Objective):

@@ -101,7 +101,7 @@ class GainEvidence(Answer):
         return self.problem.landscape(coordinate).merit
 
     def _between_gains(self) -> list[Minimum]:
-        """Find minima in a feasible range of gains that is narrower than the distance between evaluated gains."""
+        """Find minima in a range of feasible gains that is so narrow that it lies between two evaluated gains."""
         near = self._least_excess
         if near is None or near.value > HELD:
             return []
@@ -132,7 +132,7 @@ class GainEvidence(Answer):
 
     @_part
     def nearest(self) -> ContactResult | None:
-        """For an infeasible design, the motion and contact at the gain with the smallest violation; otherwise None."""
+        """The motion and contact at the gain that violates the limits least; None unless the design is infeasible."""
         if self.gain is not None or self.nearest_gain is None:
             return None
         return self.problem.run(self.nearest_gain)
@@ -184,7 +184,7 @@ class GainEvidence(Answer):
 
     @_part
     def place(self) -> str:
-        """The position of the optimum: inside the range of gains, on a bound, or at the edge of contact."""
+        """The location of the optimal gain, such as between its bounds, on a bound, or on the limit of a constraint."""
         if self._is_settled_inside() or not self.minima or not self.minima[0].edge:
             return "interior"
         best = self.minima[0]
@@ -197,7 +197,7 @@ class GainEvidence(Answer):
         return "corner" if reached.all() else "edge of contact"
 
     def _is_settled_inside(self) -> bool:
-        """Return True if a fast search has found a gain between the bounds of a task without limits."""
+        """Return True if the task has no limits and a fast search has found the optimal gain between its bounds."""
         p = self.problem
         free = self.settled is not None and self.gain is not None and not p.task.limits
         return free and not p.axis.is_end(float(p.axis.coordinate(self.gain)))
@@ -219,7 +219,7 @@ class GainEvidence(Answer):
         )
 
     def _at_answer(self, best: Minimum) -> Minimum:
-        """Return the best local minimum, with gain and objective of the fast search if that search was certain."""
+        """Return the best local minimum; take its gain and objective from the fast search if that search succeeded."""
         if self.settled is None:
             return best
         return replace(best, coordinate=float(self.problem.axis.coordinate(self.gain)), value=float(self.objective))
@@ -276,7 +276,7 @@ def _search_one(problem: GainProblem) -> tuple[Any, Any, Any]:
 
 
 def _stationarity(problem: GainProblem, best: Minimum) -> float | None:
-    """Return the relative slope of the objective at an optimum between the bounds, by a five-point difference."""
+    """Return |slope| / value of the objective at an optimum between the bounds, by a five-point finite difference."""
     narrow = min(1e-2, 0.1 * (best.bracket[1] - best.bracket[0]))  # a sharp minimum has a narrow bracket
     step = narrow if problem.task.evaluate is None else 0.05  # wider than the ripples of a sampled loop
     f = problem.landscape(best.coordinate + step * np.array([-2.0, -1.0, 1.0, 2.0])).objective

@@ -76,7 +76,7 @@ def _certificate_rows(design: GainDesign) -> Iterator[Row]:
 
 
 def ideal_in_words(ideal: IdealDesign, number: LawNumber) -> str:
-    """Return text that states the ideal gain and its loss, such as `-0.7463 N s, which here is 24 % worse`."""
+    """Return text on the optimal gain in continuous time, such as `-0.7463 N s, which here is 24 % worse`."""
     text = f"{number.text(ideal.gain)}, which here "
     if not math.isfinite(ideal.objective):
         return text + "ends without contact"
@@ -105,8 +105,8 @@ def sensitivity_section(design: GainDesign) -> PageSection:
     )
     striped = "less negative" if n.sign < 0 else "more positive"
     caption = (
-        f"Each bar shows the relative change of the optimal {n.name} if the magnitude of one input grows by 1 %. "
-        f"Striped bars mean that the {n.name} becomes {striped}."
+        f"Each bar shows by how much the optimal {n.name} changes if the magnitude of one input grows by 1 %. "
+        f"Striped bars show positive changes ({striped})."
     )
     picture = Picture(figure="sensitivity", of=design, name=f"Sensitivity of the optimal {n.name}", caption=caption)
     head = ("input", "value", f"{n.name} change per +1 %", f"d{n.symbol} / d input")

@@ -143,10 +143,7 @@ class GainDesign(GainEvidence):
             task, cause = self.problem.task, ""
             if self.without_margin is not None:
                 rate = format_quantity(task.loop.chain.rate, "Hz")
-                cause = (
-                    f" with the required gain margin of {task.stability_margin:g} at the sensor rate of the loop "
-                    f"({rate})"
-                )
+                cause = f" with a required gain margin of {task.stability_margin:g} and a sensor rate of {rate}"
             return f"Infeasible{cause}: {_conflict(self)}."
         return "No gain within the bounds ends in contact."
 
@@ -174,14 +171,15 @@ class GainDesign(GainEvidence):
 
 
 def _conflict(design: GainDesign) -> str:
-    """Return a sentence on which constraints the nearest gain violates, and which of them no gain meets."""
+    """Return a sentence that names the constraints that no gain can meet, alone or together."""
     exceeded = [o for o in design.constraints if o.margin is None or o.margin < 0]
     gain = design.number.equals(float(design.nearest.gain) if design.nearest else 0.0)
     if len(exceeded) == 1:
         one = exceeded[0]
         value, limit = (format_quantity(x or 0.0, one.unit) for x in (one.value, one.limit))
         return (
-            f"{one.name} cannot be limited to {limit}: the smallest value that any gain reaches is {value}, with {gain}"
+            f"the {one.name} cannot be limited to {limit}: the smallest value that any gain reaches is {value}, "
+            f"with {gain}"
         )
     nearest = " and ".join(
         f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
@@ -192,10 +190,11 @@ def _conflict(design: GainDesign) -> str:
         for o in exceeded
         if not o.achievable
     )
-    return (
+    together = (
         f"the limits of {' and '.join(o.name for o in exceeded)} cannot be met together; the limits "
-        f"are violated least with {gain}, which results in {nearest}{alone}"
+        f"are violated least with {gain}, which results in {nearest}"
     )
+    return together + alone
 
 
 def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
@@ -261,14 +260,14 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
             cause = ", because the object recedes: an approach has a negative velocity"
         elif kind is ContactStatus.LEFT_RANGE and low > 0:
             cause = (
-                f", because the sensor curve starts at {format_quantity(low, 'm')}: mount the sensor this "
-                "distance behind the contact surface, and set its recess to this distance"
+                f", because the sensor curve starts at a distance of {format_quantity(low, 'm')}: mount the sensor "
+                "this far behind the contact surface, and set its recess to this distance"
             )
         nearest = float(np.asarray(scanned.closest_distance)[status == kind].min())
         yield caution(
             "PT307",
             f"for {share}, the encounter ended without contact{cause}. {kind.meaning} The smallest "
-            f"distance was {format_quantity(nearest, 'm')}.",
+            f"distance to the object was {format_quantity(nearest, 'm')}.",
         )
     if design.gain is not None and not design.no_mitigation.reached.all():
         yield caution("PT308", "without mitigation the encounter does not end in contact")

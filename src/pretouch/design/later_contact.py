@@ -25,7 +25,7 @@ def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
 
 
 def premises_hold(scenario: Scenario) -> BoolArray:
-    """Return which encounters meet all premises of the proof, except the premise on the sensor curve."""
+    """Return for which encounters a stronger gain delays contact, if the sensor output falls with the distance."""
     # The premise that ln xi falls with the distance is tested by `falls`.
     if scenario.obstacle.course:
         return np.zeros(scenario.shape, dtype=bool)
@@ -53,5 +53,5 @@ def least_objective(objective: Objective, state: ContactState, obstacle_speed: A
 
 @cache_by_curve(256)
 def falls(sensor: SensorModel, reach: float) -> bool:
-    """Return True if the log output ln xi falls with the distance everywhere from contact to `reach` [m]."""
+    """Return True if the sensor output falls steadily with the distance, from contact up to `reach` [m]."""
     return bool((np.asarray(sensor.log_slope(np.linspace(0.0, reach, _PROBES))) < 0).all())

@@ -105,7 +105,7 @@ class Objective:
         return np.asarray(sum(self.parts(state, obstacle_speed, impact).values()), dtype=np.float64)
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Return the contribution of each quantity to the objective, that is, the sum of its terms."""
+        """Return, for each quantity, the sum of the objective's terms that contain this quantity."""
         parts: dict[str, Any] = {}
         for term in self.terms:
             part = term.value(state, obstacle_speed, impact)

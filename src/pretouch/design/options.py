@@ -25,7 +25,7 @@ class ExplainsNames:
     __slots__ = ()
 
     def __new__(cls, *_: Any, **values: Any) -> Self:
-        """Raise an error if a field name is unknown; the message says where this name belongs."""
+        """Raise an error if a field name is unknown; the message suggests the right place or spelling."""
         for name in values:
             if name not in cls.__dataclass_fields__:  # type: ignore[attr-defined]
                 raise TypeError(f"{cls.__name__}: found an unknown name {name!r}{_hint(cls, name)}")
@@ -33,7 +33,7 @@ class ExplainsNames:
 
 
 def _hint(cls: Any, name: str) -> str:
-    """Return where an unknown name belongs, or else the most similar valid name; an empty text if there is none."""
+    """Return a hint on an unknown field name: where it belongs, or a similar valid name; empty without a hint."""
     places: dict[str, list[str]] = {}
     for f in fields(cls):
         places.setdefault(f.name, []).append(f.name)

@@ -137,8 +137,8 @@ def _next_step(design: GainDesign) -> str:
     if design.without_margin is not None:
         gain = design.without_margin.gain
         return (
-            f"read the sensor faster: without the gain margin, {design.number.equals(gain)} is optimal, "
-            "and `pretouch verify` reports the sensor rate that this value needs"
+            f"read the sensor faster: without the required gain margin, {design.number.equals(gain)} is optimal; "
+            "`pretouch verify` reports the sensor rate that this optimum needs"
         )
     if design.result is None:
         return step_without_gain(design.scenario, contact=design.status is not DesignStatus.NO_CONTACT)
@@ -271,7 +271,7 @@ def traded_quantity(design: GainDesign) -> str:
 
 
 def shows_equals(design: GainDesign) -> bool:
-    """Return True if a plot can show contour lines of the objective over its two quantities."""
+    """Return True if the objective depends on two quantities, so that a plot can show its contour lines."""
     quantities = sorted(t.quantity for t in design.definition.terms if t.weight > 0)
     return design.objective is not None and quantities == sorted((traded_quantity(design), "relative_velocity"))
 
@@ -300,14 +300,14 @@ _FORCE_LAWS: Final = {
 
 
 def _gain_and_sensor(design: GainDesign) -> PageSection | None:
-    """Return a report table of the force law's coefficient at start and contact, such as D_p g for the damper."""
+    """Return a report table of the coefficient of the virtual force, such as D_p g, at the start and at contact."""
     run, n, law = _displayed_result(design), design.number, design.law
     if run is None or law.degree is None:
         return None
     power, exponent = law.degree, "" if law.degree == 1 else f"^{law.degree}"
     general = (
-        f"The virtual force is proportional to {n.symbol} (g(l) l′){exponent}, with the sensor slope g and the "
-        "relative velocity l′.",
+        f"The virtual force is proportional to the {n.label} times (g(l) l′){exponent}, with the sensor slope g and "
+        "the relative velocity l′.",
         f"product {n.symbol} g{exponent}",
         f"{2**power} times",
     )
@@ -321,8 +321,8 @@ def _gain_and_sensor(design: GainDesign) -> PageSection | None:
             rows.append((place, Measured(gain, n.unit), Measured(slope, "1/m"), Measured(gain * slope**power, unit)))
     note = (
         f"{force} The motion depends on the {n.name} only through this product, so do not compare the {n.name} "
-        f"between different sensors. A sensor with half the slope needs about {times} the {n.name} for "
-        "the same motion. An offset that remains in the readings lowers the measured slope g and weakens the "
+        f"between different sensors. For the same motion, a sensor with half the slope needs a {n.name} that is "
+        f"about {times} as large. An offset that remains in the readings lowers the measured slope g and weakens the "
         "force."
     )
     head = ("distance", n.label, "sensor slope g", coefficient)

@@ -40,7 +40,7 @@ _WITH_GRADIENTS: Final = frozenset(
 # contact.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """A number that rates an encounter, such as the objective, and its derivatives by contact quantities."""
+    """A number that rates an encounter, such as the objective, with its gradient in the contact quantities."""
 
     value: Callable[[ContactResult], Any]
     rates: Callable[[ContactState], Rates]
@@ -134,7 +134,7 @@ class GainProblem(Value):
 
     @property
     def is_differentiable(self) -> bool:
-        """True if contacts have exact derivatives: with a built-in law and an obstacle without a course."""
+        """True if exact derivatives exist: the law is built in, and the obstacle's acceleration is constant."""
         is_solved = self.is_continuous and not self.task.scenario.obstacle.course
         return is_solved and self.task.law in {DAMPER, DRAG}
 
@@ -158,7 +158,7 @@ class GainProblem(Value):
         return GainProblem(task=self.task.replace(**changes), axis=self.axis)
 
     def solve(self, scenario: Scenario, gain: Any) -> ContactResult:
-        """Compute encounters with the task's function `evaluate`, or in continuous time if the task has none."""
+        """Compute encounters by the task's function `evaluate`; without this function, in continuous time."""
         task = self.task
         if task.evaluate is not None:
             return task.evaluate(scenario, task.sensor, gain)
@@ -193,7 +193,7 @@ class GainProblem(Value):
         return GainProblem(task=self.task.replace(constraints=others), axis=GainAxis(low=low, high=high))
 
     def column(self, which: IntArray) -> GainProblem:
-        """Return the problem of selected encounters as a column array, which NumPy combines with a row of gains."""
+        """Return the problem of selected encounters, in column arrays that NumPy broadcasts with a row of gains."""
         shape = self.task.scenario.shape
 
         def select(value: Any) -> Any:

@@ -150,5 +150,5 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
 
 
 def size_of(name: str, value: Any) -> Any:
-    """Return the number that is compared with the limit of a quantity: its magnitude, or its signed value."""
+    """Return the value of a quantity that is compared with its limit: the magnitude or the signed value."""
     return np.abs(value) if QUANTITIES[name].is_magnitude else np.asarray(value)

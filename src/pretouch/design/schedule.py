@@ -50,7 +50,7 @@ _SHARES: Final = np.array([0.0, *(1 + _NODES) / 2, 1.0])  # start, Gauss nodes, 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragSchedule(Value):
-    """A virtual drag whose coefficient phi depends on the log output ln xi, with the predicted approaches.
+    """A virtual drag whose coefficient phi depends on the log output ln xi, with its predicted effect.
 
     Every object, bright or dark, is assumed to be detected at the same distance. The assumptions of `DragDesign` hold.
     Noise has the effect of a change of reflectance.
@@ -81,7 +81,7 @@ class DragSchedule(Value):
 
     @property
     def largest_excursion(self) -> float:
-        """The largest excursion over all reflectances [m]."""
+        """The largest excursion of the robot [m] for all evaluated reflectances of the object."""
         return float(self.excursion.max())
 
     @property
@@ -91,7 +91,7 @@ class DragSchedule(Value):
 
     @property
     def verdict(self) -> str:
-        """A sentence that compares the excursions with scheduled and with constant drag."""
+        """A sentence that compares the scheduled virtual drag with a constant virtual drag."""
         whole = self.constant.excursion
         if whole - self.lower_bound <= 2 * _CLOSE * whole:
             return (
@@ -139,7 +139,7 @@ class ScheduledDrag(Value):
     drag: VirtualDrag
 
     def numbers(self, controller: Any) -> Any:
-        """Return the controller parameters of a drag with phi = 1 N s^2; the virtual impulse is proportional to phi."""
+        """Return the controller parameters of a drag with phi = 1 N s^2; `step` multiplies its impulse by phi."""
         return self.drag.with_value(1.0).numbers(controller)
 
     def start(self) -> Any:
@@ -318,7 +318,7 @@ def _split_paths(constant: DragDesign, borders: FloatArray, offsets: FloatArray)
 
 
 def _search(paths: _Paths, rails: DragLimits, constant: DragDesign, *, monotone: bool) -> tuple[FloatArray, float]:
-    """Minimize the largest excursion; return drag over constant drag for each step, and a lower bound [m]."""
+    """Minimize the largest excursion; return each drag relative to the constant drag, and a lower bound [m]."""
     from scipy.optimize import linprog  # noqa: PLC0415 - keeps `import pretouch` fast
 
     rows = paths.rows / math.log(1 / constant.ratio)

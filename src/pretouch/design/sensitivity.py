@@ -184,7 +184,7 @@ def _rank(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sens
 def _samples_at(
     problem: GainProblem, inputs: _Inputs, sides: Mapping[_Side, float], sample: Callable[[GainProblem], FloatArray]
 ) -> dict[_Side, FloatArray]:
-    """Change one input at a time, in both directions, and return the valid samples of each changed problem."""
+    """Evaluate objective and constraint for small changes of one input at a time, in both directions."""
     # Changes of the scenario are solved as one array of encounters. User-defined functions get single encounters.
     task, samples = problem.task, {}
     if task.evaluate is None and type(task.goal) is Objective:
@@ -204,7 +204,7 @@ def _samples_at(
 
 
 def _derivative(above: FloatArray | None, below: FloatArray | None, step: float, middle: FloatArray) -> FloatArray:
-    """Compute a derivative with respect to an input from samples, one-sided if only one side is valid."""
+    """Compute a derivative by finite differences; use a one-sided difference if only one side is valid."""
     sides = (above is not None) + (below is not None)
     if not sides:
         return np.full_like(middle, np.nan)

@@ -212,7 +212,7 @@ def _law_of(loop: Any) -> ContinuousLaw:
     if loop.continuous is None:
         raise InvalidInputError(
             f"loop: the control law {type(getattr(loop.law, 'law', loop.law)).__name__} has no form in "
-            "continuous time, which the prediction needs; set its attribute `continuous`, for example to "
+            "continuous time, which the prediction needs; set the attribute `continuous` of this law, for example to "
             '"virtual-damper" or to a CustomLaw, or set the law of the task'
         )
     return cast("ContinuousLaw", loop.continuous)

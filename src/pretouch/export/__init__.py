@@ -1,4 +1,4 @@
-"""Export a verified control law: C source, parameters as JSON, a ROS 2 package, or co-simulation units (FMI)."""
+"""Export a verified control law as C source, JSON parameters, a ROS 2 package, or co-simulation units (FMI)."""
 
 from .export import Export
 from .targets import TARGETS, export_law

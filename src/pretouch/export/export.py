@@ -1,4 +1,4 @@
-"""Describe the result of an export."""
+"""Define the result of exporting a control law, and the report on it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pretouch.verification import Verdict
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Export(Described, Value):
-    """Result of an export: the files that were written, or the negative verdict that prevented the export.
+    """Result of exporting a control law: the written files, or the negative verdict that prevented the export.
 
     Args:
         kind: name of the format, such as "C".
@@ -38,15 +38,15 @@ class Export(Described, Value):
 
     @property
     def is_written(self) -> bool:
-        """True if the files were written."""
+        """True if the export wrote its files."""
         return bool(self.files)
 
     @property
     def headline(self) -> str:
-        """A sentence that says what was written, or why nothing was written."""
+        """A sentence that says what the export wrote, or why it wrote nothing."""
         if not self.is_written:
             assert self.verdict is not None  # noqa: S101 - only a verdict prevents an export
-            return f"Nothing was exported, because the verdict is negative. {self.verdict.headline}"
+            return f"Nothing was exported, because the gain failed its verification. {self.verdict.headline}"
         verified = "not verified"
         if self.verdict is not None:
             reason = f": {self.verdict.reasons[0]}" if self.verdict.reasons else ""
@@ -55,13 +55,13 @@ class Export(Described, Value):
 
     @property
     def next_step(self) -> str:
-        """What the user should do next."""
+        """Advice on what the user should do after the export."""
         if not self.is_written:
             return "run pretouch verify for the reasons; --unverified exports the law in spite of them"
         return f"read {self.folder / 'README.md'}, and run its test on the target"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as one JSON object."""
+        """Return the result of the export as one JSON object."""
         fields: dict[str, Any] = plain(
             {
                 "status": "exported" if self.is_written else "not-exported",
@@ -80,7 +80,7 @@ class Export(Described, Value):
 
 
 def _warnings(export: Export) -> Iterator[str]:
-    """Yield the warnings of the verdict, after a warning if the law has no limit."""
+    """Yield a warning if the law limits neither force nor motion, then the warnings of the verification."""
     if export.is_written and not export.is_limited:
         yield caution(
             "PT416",
@@ -92,7 +92,7 @@ def _warnings(export: Export) -> Iterator[str]:
 
 
 def export_page(export: Export) -> Page:
-    """Create the report on an export."""
+    """Create the report on the export of a control law."""
     rows: list[tuple[str, Cell]] = [(path.name, str(path)) for path in export.files]
     return Page(
         kind=f"Export as {export.kind}",

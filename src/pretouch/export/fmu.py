@@ -1,4 +1,4 @@
-"""Export a verified control law as co-simulation units of the Functional Mock-up Interface, FMI 2.0 and FMI 3.0."""
+"""Export a verified control law as two functional mock-up units (FMU) for co-simulation: FMI 2.0 and FMI 3.0."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ _DATE: Final = (1980, 1, 1, 0, 0, 0)  # of every file in an archive: the same de
 
 
 def fmu_kind() -> str:
-    """Return what an FMU export contains on this machine: without a C compiler, the units have sources only."""
+    """Return the name of the FMU format; without a C compiler, the name says that the FMU has "sources only"."""
     return "FMU" if _compiler() else "FMU with sources only, because this machine has no C compiler"
 
 
 def fmu_files(design: LawDesign) -> dict[str, str | bytes]:
-    """Return the files of an FMU export as a dictionary from file name to content.
+    """Return the files of an FMU export: a dictionary that maps each file name to its content.
 
     The units have a library for the platform on which pretouch runs, if there is a C compiler. The environment variable
     CC names another compiler.
@@ -70,7 +70,7 @@ def fmu_files(design: LawDesign) -> dict[str, str | bytes]:
 
 
 def _unit(design: LawDesign, standard: int, compiler: tuple[str, ...]) -> dict[str, bytes]:
-    """Return the files of one unit as a dictionary from path in the archive to content."""
+    """Return the files of one FMU: a dictionary that maps each path in the archive to the content of the file."""
     identifier = f"pretouch_{_name(design)}"
     token = _token(design, standard, identifier)
     sources = {
@@ -93,7 +93,7 @@ def _unit(design: LawDesign, standard: int, compiler: tuple[str, ...]) -> dict[s
 
 
 def _instance(design: LawDesign, identifier: str, token: str) -> str:
-    """Return the C header with the variables of a unit."""
+    """Return the C header `unit.h`, which gives access to the variables of an FMU."""
     chosen = variables(design)
     reference = {variable.name: i for i, variable in enumerate(chosen)}
     reals = (f"    case {reference[v.name]}: return &{v.place};" for v in chosen if v.kind == "real")
@@ -111,13 +111,13 @@ def _instance(design: LawDesign, identifier: str, token: str) -> str:
 
 
 def _name(design: LawDesign) -> str:
-    """Return the name of a unit as a part of a C name: that of the scenario file, or "law" without a file."""
+    """Return the name of the scenario file as a valid part of a C name; "law" without a scenario file."""
     stem = "law" if design.digest is None else Path(design.origin).stem
     return re.sub(r"\W", "_", stem, flags=re.ASCII)
 
 
 def _token(design: LawDesign, standard: int, identifier: str) -> str:
-    """Return a token that identifies the sources and the description of a unit, as a hash of both."""
+    """Return a hash that identifies the C sources and the XML description of an FMU."""
     parts = (
         _instance(design, identifier, ""),
         design_header(design),
@@ -130,7 +130,7 @@ def _token(design: LawDesign, standard: int, identifier: str) -> str:
 
 
 def _archive(files: Mapping[str, bytes]) -> bytes:
-    """Return the files as a ZIP archive whose bytes depend only on the files."""
+    """Return files as a reproducible ZIP archive: the same files always result in the same bytes."""
     memory = io.BytesIO()
     with zipfile.ZipFile(memory, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(files):
@@ -142,13 +142,13 @@ def _archive(files: Mapping[str, bytes]) -> bytes:
 
 
 def _platform() -> str:
-    """Return the platform of this machine as FMI 3.0 names it, such as "x86_64-linux"."""
+    """Return the FMI 3.0 name of the platform of this machine, such as "x86_64-linux"."""
     machine, system = platform.machine(), platform.system()
     return f"{_ARCHITECTURES.get(machine, machine)}-{_SYSTEMS.get(system, system.lower())}"
 
 
 def _compiler() -> tuple[str, ...]:
-    """Return the command of the C compiler of this machine, as a tuple of words; empty if there is none."""
+    """Return the command of the C compiler on this machine, as a tuple of words; empty without a compiler."""
     if "CC" in os.environ:
         words = tuple(shlex.split(os.environ["CC"]))
         return words if words and shutil.which(words[0]) else ()
@@ -156,7 +156,7 @@ def _compiler() -> tuple[str, ...]:
 
 
 def _library(compiler: tuple[str, ...], standard: int, sources: Mapping[str, str]) -> bytes:
-    """Compile a unit into a shared library, and return its bytes."""
+    """Compile the C sources of an FMU into a shared library, and return the bytes of the library."""
     options = ["-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden"]
     options += [f"-DFMI{standard}_OVERRIDE_FUNCTION_PREFIX"]
     options += ["-s"] if platform.system() == "Linux" else []  # without names of temporary files
@@ -169,7 +169,7 @@ def _library(compiler: tuple[str, ...], standard: int, sources: Mapping[str, str
         )
         if done.returncode:
             raise InvalidInputError(
-                f"C compiler: {shlex.join(compiler)} cannot build the unit: {done.stderr.strip()[:500]}; set the "
-                "environment variable CC to another compiler"
+                f"C compiler: the command {shlex.join(compiler)} cannot compile the FMU: {done.stderr.strip()[:500]}; "
+                "set the environment variable CC to another compiler"
             )
         return (Path(folder) / "library").read_bytes()

@@ -1,4 +1,4 @@
-"""Describe a control law as a co-simulation unit: its variables, and the XML files of FMI 2.0 and FMI 3.0."""
+"""Write the XML description of a control law as a functional mock-up unit (FMU) for FMI 2.0 and FMI 3.0."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _PLACES: Final = {  # by the causality of a variable: where the C structure of a
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """One variable of a unit.
+    """One variable of a functional mock-up unit (FMU).
 
     Args:
         causality: what FMI calls its role, such as "input".
@@ -64,7 +64,7 @@ class Variable:
 
     @property
     def place(self) -> str:
-        """The C expression that accesses the variable in the structure of an instance."""
+        """The C expression that accesses the variable in the data structure of an FMU instance."""
         return _PLACES[self.causality] + self.name
 
 
@@ -107,18 +107,18 @@ _OUTPUTS: Final = (
 
 
 def variables(design: LawDesign) -> tuple[Variable, ...]:
-    """Return the variables of a unit; the position of a variable is its value reference."""
+    """Return the variables of an FMU; the index of each variable is its FMI value reference."""
     return (_TIME, *_INPUTS, _number(design), *_OUTPUTS)
 
 
 def _number(design: LawDesign) -> Variable:
-    """Return the parameter for the gain or drag of the law, which a user may make weaker than in the design."""
+    """Return the FMU parameter for the gain or drag of the law; users may weaken it, but not strengthen it."""
     name, symbol, unit = ("drag", "phi", "N.s2") if design.is_drag else ("gain", "D_p", "N.s")
     value: float = getattr(design.controller.parameters().law, name)
     return Variable(
         "parameter",
         name,
-        f"{name.capitalize()} {symbol} of the law; values between 0 and that of the design are allowed. "
+        f"Parameter {symbol} ({name}) of the control law; values between 0 and the exported value are allowed. "
         f"{WEAKER_NUMBER.format(name=name)}",
         unit,
         variability="fixed",
@@ -128,7 +128,7 @@ def _number(design: LawDesign) -> Variable:
 
 
 def model_description(design: LawDesign, standard: int, identifier: str, token: str) -> str:
-    """Return the file `modelDescription.xml` of a unit.
+    """Return the text of the file `modelDescription.xml` of an FMU.
 
     Args:
         design: the design.
@@ -173,7 +173,7 @@ def model_description(design: LawDesign, standard: int, identifier: str, token: 
 
 
 def build_description(identifier: str) -> str:
-    """Return the file `buildDescription.xml`, which lists the sources of a unit of FMI 3.0."""
+    """Return the text of `buildDescription.xml`, the file that lists the C sources of an FMU for FMI 3.0."""
     root = Xml.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     configuration = _add(root, "BuildConfiguration", modelIdentifier=identifier)
     sources = _add(configuration, "SourceFileSet", language="C99")
@@ -185,7 +185,7 @@ def build_description(identifier: str) -> str:
 
 
 def as_text(root: Xml.Element) -> str:
-    """Return an XML tree as the text of a file, with one element per line."""
+    """Convert an XML tree to the text of an XML file with one element per line."""
     Xml.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root, encoding="unicode") + "\n"
 
@@ -195,7 +195,7 @@ def _add(parent: Xml.Element, tag: str, **attributes: Any) -> Xml.Element:
 
 
 def _role(variable: Variable, reference: int) -> dict[str, Any]:
-    """Return the attributes of a variable that both versions of FMI have."""
+    """Return the XML attributes of an FMU variable that FMI 2.0 and FMI 3.0 have in common."""
     initial = {"parameter": "exact", "output": "calculated" if variable.follows else "exact"}.get(variable.causality)
     return {
         "name": variable.name,
@@ -208,7 +208,7 @@ def _role(variable: Variable, reference: int) -> dict[str, Any]:
 
 
 def _value(variable: Variable) -> dict[str, Any]:
-    """Return the attributes of a variable that belong to its type in FMI 2.0."""
+    """Return the XML attributes for the unit, the bounds and the start value of an FMU variable."""
     bounds = variable.bounds or ()
     given = {"unit": variable.unit, **dict(zip(("min", "max"), bounds, strict=False)), "start": variable.start}
     return {name: value for name, value in given.items() if value != ""}
@@ -224,7 +224,8 @@ def _add_variable_3(parent: Xml.Element, reference: int, variable: Variable) -> 
 
 
 def _add_structure(parent: Xml.Element, chosen: tuple[Variable, ...], standard: int) -> None:
-    """List the outputs, and which inputs they need before the first step; FMI 2.0 counts variables from 1."""
+    """Add the FMU outputs to the XML tree, with the inputs that determine their values before the first step."""
+    # FMI 2.0 counts variables from 1
     number = {variable.name: i + (standard == 2) for i, variable in enumerate(chosen)}
     key = "index" if standard == 2 else "valueReference"
     outputs = [variable for variable in chosen if variable.causality == "output"]

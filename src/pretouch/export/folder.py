@@ -1,4 +1,4 @@
-"""Write the files of an export as one folder, which is complete or does not exist."""
+"""Write the files of an export into one folder; after an error, no incomplete folder remains."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BUILD: Final = "build"
 def write_folder(
     folder: str | os.PathLike[str], files: Mapping[str, bytes], *, overwrite: bool = False
 ) -> tuple[Path, ...]:
-    """Write files into a new folder, which appears under its name only when all files are complete.
+    """Write files into a temporary folder, and give it its final name when all files are complete.
 
     Args:
         folder: the folder; its parent folder must exist.
@@ -54,36 +54,36 @@ def write_folder(
 
 
 def check_free(folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Return the path of a folder that can be written; raise an error if it exists and may not be replaced."""
+    """Return the path of a folder that an export may write; raise an error if the export may not write it."""
     target = Path(folder)
     if not target.parent.is_dir():
-        raise InvalidInputError(f"{target}: the folder {target.parent} does not exist; create it first")
+        raise InvalidInputError(f"{target}: the parent folder {target.parent} does not exist; create it first")
     if os.path.lexists(target):
         _check_replaceable(target, overwrite=overwrite)
     return target
 
 
 def _check_replaceable(target: Path, *, overwrite: bool) -> None:
-    """Raise an error if an existing path may not be replaced by an export."""
+    """Raise an error if an export may not replace the existing file or folder at a path."""
     if not target.is_dir() or target.is_symlink():
-        raise OutputExistsError(f"{target}: this path exists and is no folder; choose another folder")
+        raise OutputExistsError(f"{target}: a file or link with this name exists; choose another name for the folder")
     if not any(target.iterdir()):
         return
     if not overwrite:
         raise OutputExistsError(
-            f"{target}: this folder already exists, and pretouch does not overwrite it; choose another folder, or "
-            "replace an earlier export with --force (overwrite=True in Python)"
+            f"{target}: this folder already exists; choose another folder, or replace an earlier export with --force "
+            "(in Python: overwrite=True)"
         )
     foreign = _foreign_file(target)
     if foreign is not None:
         raise OutputExistsError(
-            f"{target}: this folder contains {foreign}, so pretouch does not replace the folder; choose another "
-            "folder, or remove this one first"
+            f"{target}: pretouch does not replace this folder, because it contains {foreign}; choose another folder, "
+            "or remove this one first"
         )
 
 
 def _foreign_file(target: Path) -> str | None:
-    """Return text that names a new or changed file in an exported folder; None if there is no such file."""
+    """Return why a folder is not an unchanged export, such as a changed file; None if it is unchanged."""
     try:
         digests = json.loads((target / MANIFEST).read_text(encoding="utf-8"))["files"]
     except (OSError, ValueError, KeyError, TypeError):
@@ -93,12 +93,12 @@ def _foreign_file(target: Path) -> str | None:
         if path.is_dir() or name == MANIFEST or name.startswith(f"{BUILD}/"):
             continue
         if name not in digests or hashlib.sha256(path.read_bytes()).hexdigest() != digests[name]:
-            return f"{name}, which is not an unchanged file of an earlier export"
+            return f"the file {name}, which was added or changed after the export"
     return None
 
 
 def _move(temporary: Path, target: Path) -> None:
-    """Rename a complete temporary folder to its final name, and remove the earlier folder of this name."""
+    """Rename a temporary folder to its final name, and remove the earlier folder that had this name."""
     place = target.resolve()
     if not place.exists():
         temporary.rename(place)

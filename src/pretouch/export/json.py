@@ -1,4 +1,4 @@
-"""Export a verified control law as parameters and difference equations, for MATLAB, Octave, PLCs and others."""
+"""Export a verified control law as JSON parameters and difference equations, for example for MATLAB or PLCs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FORMAT: Final = "pretouch-law-1"
 
 
 def json_files(design: LawDesign) -> dict[str, str]:
-    """Return the files of a JSON export as a dictionary from file name to text."""
+    """Return the files of a JSON export: a dictionary that maps each file name to its text."""
     content = {
         "format": FORMAT,
         "pretouch": version("pretouch"),
@@ -39,7 +39,7 @@ def json_files(design: LawDesign) -> dict[str, str]:
 
 
 def _parameters(values: Any) -> Any:
-    """Convert a C structure of parameters to dictionaries, lists and numbers."""
+    """Convert a C structure of parameters to Python dictionaries, lists and numbers."""
     if isinstance(values, ctypes.Structure):
         return {name: _parameters(getattr(values, name)) for name, *_ in values._fields_}
     if isinstance(values, ctypes.Array):
@@ -48,7 +48,7 @@ def _parameters(values: Any) -> Any:
 
 
 def _meanings(kind: str, before: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the path of every parameter in a C structure, such as `law.gain`, with its meaning and unit."""
+    """Yield the full name of each parameter in a C structure, such as `law.gain`, with its meaning and unit."""
     for field in structures()[kind]:
         path = f"{before}{field.name}"
         if field.comment:

@@ -1,4 +1,4 @@
-"""Collect what an export needs: the controller with its gain, its origin, and the verdict on it."""
+"""Verify the gain of a task, and collect the controller, the test vectors and the verdict for an export."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HOLDS: Final = (VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawDesign(Value):
-    """A controller with the gain that is exported, with its origin and the verdict on it.
+    """A controller for export: its gain, its scenario file, its test vectors, and the verdict on the gain.
 
     Args:
         task: the task, with its loop and sensor curve.
@@ -48,27 +48,27 @@ class LawDesign(Value):
 
     @property
     def is_supported(self) -> bool:
-        """True if the verification found that the gain holds, at least narrowly."""
+        """True if the verification confirmed the gain, even if only narrowly."""
         return self.verdict is not None and self.verdict.status in HOLDS
 
     @property
     def is_drag(self) -> bool:
-        """True for the virtual drag, false for the virtual damper."""
+        """True if the control law is a virtual drag; False if it is a virtual damper."""
         return isinstance(self.controller.law, VirtualDrag)
 
     @property
     def number(self) -> str:
-        """Name of the law's number in C and in parameters of other formats: "gain" or "drag"."""
+        """Name of the law's parameter in exported files: "gain" (virtual damper) or "drag" (virtual drag)."""
         return "drag" if self.is_drag else "gain"
 
     @property
     def suffix(self) -> str:
-        """Suffix of the names of the C structures and functions of the law."""
+        """Suffix of the C names of the law: "_drag" for the virtual drag, empty for the virtual damper."""
         return "_drag" if self.is_drag else ""
 
     @property
     def verdict_text(self) -> str:
-        """A sentence with result and date of the verification, or the note that the law was not verified."""
+        """A sentence with the result and date of the verification, or a note that the law was not verified."""
         if self.verdict is None:
             return "Not verified: this law was exported without a verification."
         when = f" ({self.date})" if self.date else ""
@@ -77,7 +77,7 @@ class LawDesign(Value):
 
 @with_file_location
 def law_design(task: Task, *, verify: bool = True, date: str | None = None) -> LawDesign:
-    """Verify the gain of a task, and collect what an export needs.
+    """Verify the gain of a task, and return the controller with all information for an export.
 
     Args:
         task: the encounter with its sampled loop; the gain as for `verify_gain`.
@@ -98,17 +98,17 @@ def law_design(task: Task, *, verify: bool = True, date: str | None = None) -> L
         )
     if type(loop.law.law) not in {VirtualDamper, VirtualDrag}:
         raise InvalidInputError(
-            f"law: found {type(loop.law.law).__name__}, but only the virtual damper and the virtual drag exist in C; "
-            "write the step of a custom law in C yourself, between pretouch_observe and pretouch_drive "
-            "(docs/how-to/own-law.md)"
+            f"law: found {type(loop.law.law).__name__}, but pretouch exports only the virtual damper and the virtual "
+            "drag. Write the C code of a custom law yourself, between the functions pretouch_observe and "
+            "pretouch_drive (docs/how-to/own-law.md)"
         )
     verdict = verify_gain(task, changes=False) if verify else None
     gain = chosen_gain(task) if verdict is None else verdict.gain
     if gain is None:
         reasons = "" if verdict is None else f": {'; '.join(verdict.reasons)}"
         raise InvalidInputError(
-            f"{task.law.number.name}: there is nothing to export{reasons}. Change the limits or the bounds, or set "
-            f"the {task.law.number.name} with --gain"
+            f"{task.law.number.name}: the design found no {task.law.number.name} to export{reasons}. Change the limits "
+            f"or the bounds of the design, or set the {task.law.number.name} with --gain"
         )
     controller = loop.law.with_value(gain)
     source: Any = task.source

@@ -1,4 +1,4 @@
-"""Read the C source of the control law, and describe the fields of its structures."""
+"""Read the C source of the control law, and list the fields of its C structures."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Field(NamedTuple):
 
 @cache
 def law_text(name: str) -> str:
-    """Return the text of one of the two C files of the control law, exactly as pretouch compiles it.
+    """Return the C source or header file of the control law, exactly as pretouch compiles it.
 
     Args:
         name: `pretouch_law.h` or `pretouch_law.c`.
@@ -54,7 +54,7 @@ def law_text(name: str) -> str:
 
 @cache
 def structures() -> dict[str, tuple[Field, ...]]:
-    """Return the fields of every structure in the C header of the control law, by the name of the structure."""
+    """Return a dictionary that maps the name of each C structure of the control law to its fields."""
     return {match["name"]: tuple(_fields(match["body"])) for match in _STRUCTURE.finditer(law_text(HEADER))}
 
 

@@ -38,7 +38,7 @@ _BELOW_FLOOR: Final = 1.0  # ln xi below the detection threshold at which the ta
 
 
 def ros2_files(design: LawDesign) -> dict[str, str]:
-    """Return the files of a ROS 2 package as a dictionary from path to text."""
+    """Return the files of a ROS 2 package: a dictionary that maps each path to the text of the file."""
     values = {
         "rate": str(round(1 / design.controller.period)),
         **_parameters(design),
@@ -51,7 +51,7 @@ def ros2_files(design: LawDesign) -> dict[str, str]:
 
 
 def _parameters(design: LawDesign) -> dict[str, str]:
-    """Return the default values and ranges of the ROS parameters."""
+    """Return the default values and ranges of the ROS parameters of the exported controller, as text."""
     numbers = design.controller.parameters()
     sensing, drive = numbers.sensing, numbers.drive
     loop: Any = design.task.loop  # law_design checked that the task has one
@@ -80,13 +80,13 @@ def _parameters(design: LawDesign) -> dict[str, str]:
 
 
 def yaml_number(value: float) -> str:
-    """Return a floating-point number as text that YAML 1.1 reads as exactly this number."""
+    """Convert a floating-point number to text that a YAML 1.1 parser reads as exactly the same number."""
     digits, exponent, power = repr(float(value)).partition("e")
     return (digits if "." in digits else f"{digits}.0") + exponent + power
 
 
 def _curve(design: LawDesign) -> dict[str, str]:
-    """Return the table of the sensor curve, from the smallest valid distance to one without detection."""
+    """Return the sensor curve as a table, from the smallest valid distance to a distance without detection."""
     sensor: Any = design.task.sensor
     start, end = _curve_range(sensor, math.log(design.controller.conditioning.floor) - _BELOW_FLOOR)
     step = (end - start) / _CURVE_STEPS
@@ -106,7 +106,7 @@ def _curve(design: LawDesign) -> dict[str, str]:
 
 
 def _curve_range(sensor: Any, lowest: float) -> tuple[float, float]:
-    """Return the first and last distance [m] of the table of a sensor curve, which ends where ln xi is low enough."""
+    """Return the first and last distance [m] for a table of a sensor curve down to the log output `lowest`."""
     start, end = sensor.valid_range
     far = min(start + 1e-3, end)
     if sensor.log_output(start) <= lowest:
@@ -121,14 +121,15 @@ def _curve_range(sensor: Any, lowest: float) -> tuple[float, float]:
 
 
 def _admittance(design: LawDesign) -> dict[str, str]:
-    """Return mass, damping ratio and stiffness of the design for an admittance_controller of ros2_controllers."""
+    """Return virtual mass, damping ratio and stiffness for an admittance_controller of ros2_controllers."""
     a = design.controller.admittance
     critical = 2 * math.sqrt(a.mass * a.stiffness)
     note = (
-        f"The damping ratio is D_a / (2 sqrt(M_a K_a)) for the damping D_a = {format_quantity(a.damping, 'N*s/m')}."
+        "The damping ratio is D_a / (2 sqrt(M_a K_a)), with the virtual mass M_a, the stiffness K_a and the damping "
+        f"D_a = {format_quantity(a.damping, 'N*s/m')}."
         if critical > 0
-        else "An admittance_controller cannot have this design's damping: it computes the damping from the stiffness, "
-        f"which is 0 here. It would move without the damping of {format_quantity(a.damping, 'N*s/m')}."
+        else "An admittance_controller computes its damping from the stiffness, which is 0 in this design. It would "
+        f"therefore move without this design's damping of {format_quantity(a.damping, 'N*s/m')}."
     )
     return {
         "mass": yaml_number(a.mass),

@@ -1,4 +1,4 @@
-"""Verify the control law of a task, and write it for one of several targets."""
+"""Verify the control law of a task, and export it for one target: C, JSON, FMU or ROS 2."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .ros2 import ros2_files
 
 
 class _Target(NamedTuple):
-    """One target of exports.
+    """One target of exports, such as C or ROS 2: the name of the format, and the function that creates the files.
 
     Args:
         kind: returns the name of the format.
@@ -53,7 +53,7 @@ def export_law(
     date: str | None = None,
     overwrite: bool = False,
 ) -> Export:
-    """Verify the gain of a task, and write the control law for a robot if the gain holds.
+    """Verify the gain of a task, and export the control law for a robot if the verification confirms the gain.
 
     Every folder contains the law, the constants of this design, test vectors from a simulation, a test that replays
     them, and instructions.

@@ -1,4 +1,4 @@
-"""Create test vectors for an exported law: samples of a simulated approach with faults, and the expected outputs."""
+"""Create test vectors for an exported law: inputs from a simulated approach with faults, and expected outputs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SAMPLE_COLUMNS: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case(Value):
-    """A test case: samples for a controller that starts without a detected object, and the expected outputs.
+    """A test case: input samples for a newly started controller, and its expected outputs.
 
     Args:
         name: short name, such as "dropouts".
@@ -46,7 +46,7 @@ class Case(Value):
 
 
 def make_cases(loop: ClosedLoop, controller: Controller, encounter: tuple[Any, Any]) -> tuple[Case, ...]:
-    """Simulate an encounter, add faults to its samples, and compute the output of the law for each sample.
+    """Simulate an encounter, add faults to the controller inputs, and compute the expected outputs.
 
     Args:
         loop: the loop, whose sensor chain, robot and contact deliver the samples.
@@ -66,7 +66,7 @@ def make_cases(loop: ClosedLoop, controller: Controller, encounter: tuple[Any, A
 
 @dataclass(frozen=True)
 class _Recorder:
-    """A control law that records its samples while another law runs."""
+    """Wrapper that records every input sample of a controller while the controller runs."""
 
     controller: Controller
     samples: list[Sample] = field(default_factory=list)
@@ -97,7 +97,7 @@ class _Recorder:
 
 
 def _approach(loop: ClosedLoop, controller: Controller, encounter: tuple[Any, Any]) -> tuple[Sample, ...]:
-    """Return the samples that the controller gets in one simulated encounter."""
+    """Return the input samples that a controller receives in one simulated encounter."""
     recorder = _Recorder(controller)
     options = {name: getattr(loop, name) for name in ("chain", "plant", "contact", "seed", "horizon", "follow_time")}
     simulate(*encounter, recorder, **options)
@@ -105,7 +105,7 @@ def _approach(loop: ClosedLoop, controller: Controller, encounter: tuple[Any, An
 
 
 def _outputs(controller: Controller, samples: tuple[Sample, ...]) -> tuple[Output, ...]:
-    """Return the output of the law for each sample, starting from the state without a detected object."""
+    """Return the controller output for each input sample; at the start, no object is detected."""
     run = controller.begin()
     return tuple(run.step(s.reading, s.fresh, s.age, **_inputs(s)) for s in samples)
 
@@ -127,7 +127,7 @@ def _dropouts(samples: tuple[Sample, ...], controller: Controller, rng: np.rando
 
 
 def _gap(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
-    """Remove all readings for one and a half timeouts in the last third of the approach."""
+    """Remove all readings for 1.5 times the sensor timeout, starting after two thirds of the approach."""
     first = 2 * len(samples) // 3
     steps = int(1.5 * controller.conditioning.numbers(controller.period).timeout / controller.period) + 1
     for i, sample in enumerate(samples):
@@ -135,14 +135,14 @@ def _gap(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Gen
 
 
 def _saturation(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
-    """Replace the readings between two thirds and five sixths of the approach by the saturation level."""
+    """Set the readings to the saturation level of the sensor, from two thirds to five sixths of the approach."""
     level = controller.conditioning.saturation or _ANY_READING
     for i, sample in enumerate(samples):
         yield sample._replace(reading=level) if 2 * len(samples) <= 3 * i < 5 * len(samples) // 2 else sample
 
 
 def _contact(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:
-    """Add contact forces around the threshold in the second half of the approach; some forces are NaN."""
+    """Set random contact forces around the contact threshold, some NaN, in the second half of the approach."""
     forces = 3 * controller.contact_threshold * rng.standard_normal(len(samples))
     for i, (sample, force) in enumerate(zip(samples, forces, strict=True)):
         pressed = 2 * i >= len(samples)
@@ -151,7 +151,7 @@ def _contact(samples: tuple[Sample, ...], controller: Controller, rng: np.random
 
 
 def _garbage(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:
-    """Replace one input in every seventh sample by a value that no sensor or robot can deliver."""
+    """Replace one input in every seventh sample by an invalid or extreme value, such as NaN."""
     timeout = controller.conditioning.numbers(controller.period).timeout
     wrong = (
         *(("reading", value) for value in (np.nan, np.inf, -np.inf, -1e30, 0.0)),
@@ -181,7 +181,7 @@ _CASES: Final = (
 
 
 def cases_as_csv(cases: tuple[Case, ...]) -> str:
-    """Return test vectors as a CSV table: one row per step, with case, inputs and expected outputs.
+    """Return test vectors as a CSV table: each row has the case number, inputs and expected outputs of a step.
 
     Numbers have as many digits as needed to restore them exactly. A comment line names each case.
     """

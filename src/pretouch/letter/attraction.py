@@ -1,4 +1,4 @@
-"""Check the claim of the published letter that motions converge toward the uniform motion."""
+"""Check the letter's claim that all motions converge toward a motion with constant relative velocity."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ INPUTS: Final = {p.symbol: p.value for p in (*APPROACH, *SENSORS["exponential-2"
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Check that the energy of deviations from the published letter's uniform motion falls along every motion."""
+    """Check that every motion approaches the letter's uniform motion: the energy of its deviation must decrease."""
     a, b, around, same = (
         float(variables["a"]),
         float(variables["b"]),
@@ -90,10 +90,11 @@ def _attraction_finding(variables: Variables, deviations: FloatArray, remaining:
         9,
         "Motions converge toward the uniform motion, but contact comes first",
         "Section VI-A",
-        "The statement of the published letter is right, because the energy of the deviation falls along every "
-        f"motion. But the convergence is slow: {100 * remaining.min():.0f} to {100 * remaining.max():.0f} % of a "
-        "deviation in distance remain at contact. Therefore the optimal gain for uniform motion L(19) differs from the "
-        "integrated optimum by 10 %.",
+        "The letter rightly states that motions converge toward the uniform motion: along every motion, the energy of "
+        "the deviation from the uniform motion falls. But the convergence is slow: "
+        f"{100 * remaining.min():.0f} to {100 * remaining.max():.0f} % of the initial deviation in distance remain at "
+        "contact. Therefore the optimal gain for the uniform motion L(19) differs by 10 % from the optimal gain for "
+        "the integrated motion.",
         ("the energy falls along every motion, from each of 80 samples to the next", falls),
         ("smallest share of the deviation at contact", remaining.min()),
         ("largest share of the deviation at contact", remaining.max()),

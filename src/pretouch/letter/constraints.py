@@ -42,7 +42,7 @@ CASES: Final[tuple[dict[str, float], ...]] = (
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Minimize the published letter's objective f_1 under limits of excursion and contact speed."""
+    """Minimize the published letter's objective f_1 with limits on excursion and contact speed."""
     designs = [_design(case) for case in CASES]
     return Reproduction(
         summary="The letter states without an example that such limits can be passed to the solver. Here the optimum "

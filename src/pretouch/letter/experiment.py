@@ -1,4 +1,4 @@
-"""Store results of recomputing the published letter: printed next to computed numbers, and checks of findings."""
+"""Recompute the published letter, and store the compared numbers and the checked findings."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Step(Value):
             object.__setattr__(self, "value", self.value.item())
 
     def __str__(self) -> str:
-        """Return the value of this step as text: a number with six digits, or whether a condition holds."""
+        """Return the value of this step as text, such as a number with six digits or `holds` for a condition."""
         if isinstance(self.value, bool):
             return "holds" if self.value else "does NOT hold"
         shown = self.value if isinstance(self.value, str) else short_exponent(f"{self.value:.6g}")

@@ -88,7 +88,7 @@ def _position(curve: SensorModel, method: str = "auto") -> float:
 
 
 def _r_squared(motions: Mapping[str, Any], name: str) -> float:
-    """Return R² between a motion and the numerically integrated motion with the inverse power curve."""
+    """Return R² of a motion compared with the numerically integrated motion for the inverse power curve."""
     # The comparison ends at the earlier of the two contacts.
     reference, motion = motions["inverse-power"], motions[name]
     time = np.linspace(0.0, min(reference.time[-1], motion.time[-1]), 1000)
@@ -104,8 +104,8 @@ def _second_order(ours: float, low: float, high: float) -> Finding:
         "The second-order position at contact is -0.1378 m, not -0.136 m",
         "Section IV-D",
         f"With the parameters of Table I, the uniform motion L(19) gives a position of {ours:.4f} m at contact. "
-        "No parameters that round to those in Table I give the published position of -0.136 m. The general motion "
-        f"L(14), integrated from the start of the published motion, gives {integrated:.4f} m. The first-order "
+        "No parameter values that round to those in Table I give the published position of -0.136 m. The general "
+        f"motion L(14), integrated from the start of the published motion, gives {integrated:.4f} m. The first-order "
         "position on the same page, -0.135 m, is right.",
         ("L(19) at l = 0", ours, "m"),
         ("smallest over the rounding of b_2 and c_2", low, "m"),

@@ -78,9 +78,7 @@ def _reduction_finding(reductions: dict[str, float]) -> Finding:
     for name in MODELS:
         error = 100 * ((100 - printed[name]) / (100 - printed["inverse-power"]) - 1)
         less, true = PRINTED[name], PRINTED["inverse-power"]
-        steps.append(
-            (f"error of the remaining speed if the speed is reduced by {less} % instead of {true} %", error, "%")
-        )
+        steps.append((f"error of the remaining speed if the reduction is {less} % instead of {true} %", error, "%"))
     near = all(abs(part - printed[name]) < 1.0 < abs(100 - part - printed[name]) for name, part in reductions.items())
     remain, less = (
         ", ".join(f"{v:.1f}" for v in values)
@@ -90,10 +88,10 @@ def _reduction_finding(reductions: dict[str, float]) -> Finding:
         3,
         "The ratio l'/v_o of Section IV-D is the reduction 1 - l'/v_o",
         "Section IV-D",
-        f"The section gives {', '.join(PRINTED.values())} % as the remaining share l'/v_o of the obstacle's "
-        f"speed. In the models, {remain} % of the speed remain, and the speed is reduced by {less} %. So the "
-        "published numbers are reductions, and the published errors of 9.74 and 4.62 % are errors of these "
-        "reductions. The remaining speeds, which determine the impact, have errors of 35 and 16 %.",
+        f"According to the letter, {', '.join(PRINTED.values())} % of the obstacle's speed remain at contact (ratio "
+        f"l'/v_o). In the models, {remain} % remain, so the speed is reduced by {less} %. The published numbers are "
+        "therefore reductions, and the published errors of 9.74 and 4.62 % are errors of these reductions. The "
+        "remaining speeds, which determine the impact, have errors of 35 and 16 %.",
         *steps,
         ("the printed numbers are within 1 % of the reductions, but not of the ratios", near),
     )

@@ -82,24 +82,26 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
         rise, always = fixed[-1] / _at(speeds, fixed, 0.05), bool((np.diff(fixed[shown]) > 0).all())
         steps.append(
             (
-                f"{name} curve, typical velocity equal to the obstacle speed: gain |D_p| at 0.05 m/s divided by "
-                "|D_p| at 0.3 m/s",
+                f"{name} curve, typical velocity equal to the obstacle speed: gain |D_p| for 0.05 m/s divided by gain "
+                "|D_p| for 0.3 m/s",
                 slow,
             )
         )
         steps.append(
             (
-                f"{name} curve, typical velocity equal to the obstacle speed: largest divided by smallest gain |D_p| "
-                "for speeds from 0.2 m/s on",
+                f"{name} curve, typical velocity equal to the obstacle speed: largest gain |D_p| divided by the "
+                "smallest, for obstacle speeds from 0.2 to 1 m/s",
                 spread,
             )
         )
         steps.append(("the first of these two ratios is above 2, the second is below 2", bool(slow > 2 and spread < 2)))
-        steps.append((f"{name} curve, fixed typical velocity: gain |D_p| at 1 m/s divided by |D_p| at 0.05 m/s", rise))
+        steps.append(
+            (f"{name} curve, fixed typical velocity: gain |D_p| for 1 m/s divided by gain |D_p| for 0.05 m/s", rise)
+        )
         steps.append(
             (
-                f"{name} curve, fixed typical velocity: the gain |D_p| grows with every step of the obstacle speed "
-                "from 0.05 m/s on",
+                f"{name} curve, fixed typical velocity: from 0.05 m/s on, the gain |D_p| is larger for each higher "
+                "obstacle speed",
                 always,
             )
         )
@@ -109,9 +111,9 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
         5,
         "Fig. 6 holds only if l'_typ follows the obstacle's speed",
         "Fig. 6, Section V-A",
-        "The published letter describes a larger gain |D_p| for slow obstacles, and hardly a change above 0.2 "
-        "m/s. This is true if the typical velocity l'_typ is the obstacle's speed (inverse power curve: "
-        f"{pairs['following']}). If l'_typ is fixed at -0.3 m/s, as in Section V-A, the gain grows with the "
-        f"speed ({pairs['fixed']}). So the typical velocity decides the trend.",
+        "According to the letter, the optimal gain |D_p| is larger for slow obstacles, and hardly changes above 0.2 "
+        "m/s. This is true if the typical velocity l'_typ in the objective is the obstacle's speed (D_p in N s with "
+        f"the inverse power curve: {pairs['following']}). If l'_typ is fixed at -0.3 m/s, as in Section V-A, the gain "
+        f"|D_p| grows with the speed (D_p in N s: {pairs['fixed']}). So the choice of l'_typ decides the trend.",
         *steps,
     )

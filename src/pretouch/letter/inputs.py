@@ -130,7 +130,7 @@ def best_gain(
 
 
 def over_rounding(name: str, evaluate: Callable[[SensorModel], Any]) -> Any:
-    """Return the range of a result over all sensor parameters that round to the published values.
+    """Return the range of a result if the sensor parameters vary within the rounding of the published values.
 
     The scale of the sensor is fixed, because it cancels in the virtual force.
 

@@ -70,7 +70,7 @@ def letter_page(report: LetterReport) -> Page:
 
 
 def _overview(report: LetterReport) -> PageTable:
-    """Return a table with the number of published values that agree with computed ones, for each part of the letter."""
+    """Return a table that counts the published values by degree of agreement, for each part of the letter."""
     rows: list[tuple[Cell, ...]] = [
         (f"[{r.id}: {r.title}](#part-{r.id})", *(str(r.counts[a] or "") for a in Agreement))
         for r in report.reproductions
@@ -95,7 +95,7 @@ def _closing(report: LetterReport) -> str:
 
 
 def _failures(report: LetterReport) -> Iterator[str]:
-    """Yield a warning for each unconfirmed finding and for each unexplained difference from the published letter."""
+    """Yield a warning for each finding that does not hold, and for each unexplained difference from the letter."""
     for f in report.findings:
         if not f.holds:
             steps = "; ".join(f"{step.name}: {step}" for step in f.failed)

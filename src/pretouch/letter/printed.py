@@ -148,7 +148,7 @@ class Printed(Value):
 
     @property
     def span(self) -> str:
-        """The range of the computed number as text, if all published inputs vary within their rounding.
+        """The range of the computed number, as text, if the published inputs vary within their rounding.
 
         It is empty if not computed.
         """

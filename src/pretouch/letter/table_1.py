@@ -105,9 +105,9 @@ def _recovered(fitted: Mapping[str, SensorModel], gains: Mapping[str, tuple[floa
         7,
         "The exponential curves of Table I follow from its inverse power curve",
         "Table I",
-        "Two exponential curves were fitted to the published inverse power curve instead of the readings. Their "
-        f"parameters are {shown[0]}; and {shown[1]}. They agree with the published exponential curves to within "
-        "1 % of the output at contact, so Table I can be checked without the letter's readings. The differences "
-        "change the optimal gain by less than 1 %.",
+        "Two exponential curves were fitted to the published inverse power curve instead of the readings. The "
+        f"first-order curve has {shown[0]}, and the second-order curve has {shown[1]}. Both curves agree with the "
+        "published exponential curves to within 1 % of the output at contact, so Table I can be checked without the "
+        "letter's readings. The differences change the optimal gain by less than 1 %.",
         *steps,
     )

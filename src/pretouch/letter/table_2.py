@@ -1,4 +1,4 @@
-"""Recompute Table II of the published letter: state at contact and objective for several gains."""
+"""Recompute Table II of the published letter: position, velocity and objective at contact for several gains."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ WAYS: Final = {
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Compute contacts and objective f_1 for the gains in Table II of the published letter, and compare numbers."""
+    """Recompute the values at contact for each gain in Table II of the published letter, and compare them."""
     gains = [*map(float, PRINTED), -10.0]
     values = _contacts(sensor("inverse-power"), gains)
     ranges = over_rounding("inverse-power", lambda curve: _contacts(curve, gains))
@@ -106,7 +106,7 @@ def _columns(values: FloatArray, ranges: FloatArray) -> list[Printed]:
 
 
 def _rounded(printed: str) -> tuple[float, float]:
-    """Return the range of magnitudes that round to the same published number."""
+    """Return the smallest and the largest magnitude that round to a published number."""
     return abs(float(printed)) - resolution(printed) / 2, abs(float(printed)) + resolution(printed) / 2
 
 
@@ -121,9 +121,9 @@ def _repetition_finding(values: FloatArray, ranges: FloatArray) -> Finding:
         1,
         "Table II prints l' instead of x at D_p = -0.7",
         "Table II, column -0.7",
-        f"The published position x of the robot is {x} m, the same number as the relative velocity l' below it. "
-        f"The equations give {values[0]:.4f} m. Only a position near this value is consistent with the objective "
-        f"f₁ = {f} in the same column.",
+        f"The published robot position x = {x} m is the same number as the relative velocity l' in the row below. "
+        f"The equations give x = {values[0]:.4f} m. Only a position near this computed value is consistent with the "
+        f"published objective f₁ = {f} in the same column.",
         ("x by L(4)", values[0], "m"),
         ("printed x is the printed l'", x == v),
         ("no sensor parameters that round to the printed ones give the printed x", not reached),
@@ -147,9 +147,10 @@ def _column_finding(values: FloatArray, ranges: FloatArray) -> Finding:
         2,
         "The last column of Table II belongs to D_p = -10, not -1.0",
         "Table II, column -1.0",
-        "Only the gain -10 N s reaches the published position x = -0.611 m, and the other two values of the "
-        "column also belong to -10 N s. Table III ends with -10 N s as well. At -1.0 N s, the equations give a "
-        f"position of {at[0]:.4f} m, a relative velocity of {at[1]:.4f} m/s and an objective of {at[2]:.4f}.",
+        "The published position x = -0.611 m results from the gain -10 N s, not from the printed gain -1.0 N s. The "
+        "other two values of the column also belong to -10 N s. Table III ends with -10 N s as well. At -1.0 N s, the "
+        f"equations give a position of {at[0]:.4f} m, a relative velocity of {at[1]:.4f} m/s and an objective of "
+        f"{at[2]:.4f}.",
         ("lowest gain at which x rounds to -0.611 m", low, "N s"),
         ("highest gain at which x rounds to -0.611 m", high, "N s"),
         ("-10 N s lies between the two gains", low <= -10.0 <= high),

@@ -24,12 +24,10 @@ class _Body(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch(_Body):
-    """A section of the obstacle's motion with constant acceleration, which follows the previous section.
+    """One section of the obstacle's motion, during which its acceleration is constant.
 
-    Position and velocity are continuous between parts.
-
-    Position and velocity are continuous. An abrupt stop is a short stretch with a large acceleration; a thrown object
-    has the acceleration of gravity.
+    Position and velocity are continuous between sections. An abrupt stop is a short stretch with a large acceleration;
+    a thrown object has the acceleration of gravity.
 
     Args:
         until: end time of the stretch [s], from the start of the encounter; positive, and later than the previous one.
@@ -42,9 +40,9 @@ class Stretch(_Body):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Obstacle(_Body):
-    """The object that the robot meets; the object accelerates uniformly as in equation L(9), or in several sections.
+    """The object that the robot meets, with constant acceleration or with a list of sections of constant acceleration.
 
-    Position and velocity are those of the object's contact surface.
+    Without a `course`, the obstacle moves as in L(9). Position and velocity are those of the object's contact surface.
 
     Args:
         position: x_o at t = 0 [m].
@@ -73,8 +71,8 @@ class Obstacle(_Body):
         stretches: Any = self.course
         if not isinstance(stretches, (tuple, list)) or not all(isinstance(s, Stretch) for s in stretches):
             raise InvalidInputError(
-                f"obstacle course: found {stretches!r}, expected a list or tuple of Stretch objects, which "
-                "describe the obstacle's motion"
+                f"obstacle course: found {stretches!r}, expected a list or tuple of Stretch objects, one for "
+                "each section of the obstacle's motion"
             )
         object.__setattr__(self, "course", tuple(stretches))
         for before, after in pairwise(self.course):
@@ -89,7 +87,7 @@ class Obstacle(_Body):
                 )
 
     def velocity_at(self, time: Any) -> Any:
-        """Return the velocity of the obstacle [m/s] at given times [s] since the start; contact is ignored."""
+        """Return the obstacle's velocity [m/s] at given times [s] after the start, as if no contact occurred."""
         t, since, velocity = np.asarray(time, dtype=np.float64), 0.0, self.velocity
         for stretch in self.course:
             velocity = velocity + stretch.acceleration * np.clip(t - since, 0.0, stretch.until - since)
@@ -98,7 +96,7 @@ class Obstacle(_Body):
         return float_or_array(velocity + self.acceleration * remaining)
 
     def position_at(self, time: Any) -> Any:
-        """Return the position of the obstacle [m] at given times [s] since the start; contact is ignored."""
+        """Return the obstacle's position [m] at given times [s] after the start, as if no contact occurred."""
         t, since, position, velocity = np.asarray(time, dtype=np.float64), 0.0, self.position, self.velocity
         for stretch in self.course:
             passed = np.clip(t - since, 0.0, stretch.until - since)
@@ -115,10 +113,9 @@ class Obstacle(_Body):
             InvalidInputError: the obstacle has a course.
         """
         if self.course:
-            words = "stretch" if len(self.course) == 1 else "stretches"
             raise InvalidInputError(
-                "obstacle course: this solver needs an obstacle with uniform acceleration, L(9), but the "
-                f"obstacle's motion has {len(self.course)} {words}; use find_contact, design_gain or simulate instead"
+                "obstacle course: this solver needs an obstacle with constant acceleration and without a course "
+                f"(number of Stretch objects: {len(self.course)}); use find_contact, design_gain or simulate instead"
             )
         return self.acceleration
 

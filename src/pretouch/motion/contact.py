@@ -21,15 +21,15 @@ from .request import Request
 
 
 class Columns(Protocol):
-    """Interface of an object that computes each result quantity, such as the contact time, on first access."""
+    """Interface of an object that computes each result of an encounter, such as the contact time, on first access."""
 
     def column(self, name: str) -> Any:
-        """Return one quantity, such as the contact time, for all encounters, or a float for a single encounter."""
+        """Return one result quantity, such as the contact time: an array for several encounters, a float for one."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownColumns(Value):
-    """Result quantities of encounters, such as the contact time, that were all computed in advance.
+    """Results of encounters, such as the contact time, that were all computed in advance.
 
     Args:
         columns: the quantities of every run by name, of the broadcast shape; made read-only.
@@ -42,20 +42,20 @@ class KnownColumns(Value):
             values.setflags(write=False)
 
     def column(self, name: str) -> Any:
-        """Return one quantity, such as the contact time, for all encounters, or a float for a single encounter."""
+        """Return one result quantity, such as the contact time: an array for several encounters, a float for one."""
         values = self.columns[name]
         return values if values.ndim else values.item()
 
 
 @dataclass(frozen=True, slots=True)
 class _OtherGain(Value):
-    """Results that report another gain than the stored one; the encounters are not solved again."""
+    """Results of solved encounters in which only the reported gain is replaced."""
 
     columns: Columns
     gain: FloatArray
 
     def column(self, name: str) -> Any:
-        """Return one quantity, such as the contact time, for all encounters, or a float for a single encounter."""
+        """Return one result quantity, such as the contact time: an array for several encounters, a float for one."""
         values = self.columns.column(name)
         if name != "gain":
             return values
@@ -64,7 +64,7 @@ class _OtherGain(Value):
 
 
 class _Quantity:
-    """Attribute of a result, such as the contact time, that looks up its value in `columns` on access."""
+    """Descriptor for an attribute of a result, such as the contact time; it reads the value from `columns`."""
 
     __slots__ = ("name",)
 
@@ -77,7 +77,7 @@ class _Quantity:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ContactState(Value):
-    """State of robot and obstacle at the end of an encounter, with peak values of the robot's motion and force.
+    """State of robot and obstacle at the end of an encounter, with peak values of robot motion and virtual force.
 
     Each quantity is computed when it is first read.
 
@@ -118,11 +118,11 @@ class ContactState(Value):
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
-        """Return the names of all quantities of a state at contact, such as `relative_velocity`."""
+        """Return the names of all quantities that describe the state at contact, such as `relative_velocity`."""
         return tuple(name for name, value in vars(cls).items() if isinstance(value, _Quantity))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all quantities of a state at contact as a dictionary by name."""
+        """Return all quantities that describe the state at contact, as a dictionary from name to value."""
         return {name: getattr(self, name) for name in self.names()}
 
     def _compared(self) -> tuple[Any, ...]:
@@ -204,9 +204,9 @@ class ContactResult(InNotebooks, Value):
             which = "the run" if self.reached.size == 1 else f"{count} of {self.reached.size} runs"
             raise ResultUnavailableError(
                 f"contact: the state at contact is not available, because {which} did not end in contact. The "
-                f"status is {status.label}: {status.meaning} The smallest distance was "
-                f"{float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m. Use the attribute "
-                "`end` for the final state"
+                f"status is {status.label}, and the smallest distance was "
+                f"{float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m. Meaning of the status: "
+                f"{status.meaning} The attribute `end` contains the final state"
             )
         return self.end
 
@@ -226,7 +226,7 @@ class ContactResult(InNotebooks, Value):
         return gradients
 
     def with_gain(self, gain: ArrayLike) -> ContactResult:
-        """Return a copy of the result that reports another gain; the encounters are not solved again."""
+        """Return a copy of this result with another reported gain, without solving the encounters again."""
         return ContactResult(_OtherGain(self.columns, np.asarray(gain, dtype=np.float64)), self.method)
 
     def to_dict(self) -> dict[str, Any]:
@@ -281,7 +281,7 @@ def motion_of(
     bodies: Mapping[str, FloatArray],
     course: Mapping[str, FloatArray],
 ) -> Motion:
-    """Assemble the sampled motion of robot and obstacle from computed distances and robot motions.
+    """Create a Motion from distances, velocities, accelerations and forces that were computed at sampled times.
 
     Args:
         result: the result of the encounters.
@@ -311,7 +311,7 @@ def motion_of(
 
 
 def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
-    """Convert the samples from a compiled solver to a motion, and compute the virtual force by equation L(2)."""
+    """Create a Motion from the samples of a compiled solver, and add the force of the virtual damper, L(2)."""
     each, reference = request.relative, request.scenario.reference
     distance, _, speed, acceleration = (trace[..., i] for i in range(len(TRACE_COLUMNS)))
     columns = {"p": each.p, "v": each.v, "a": each.a, "r": reference.position}
@@ -332,6 +332,6 @@ def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, re
 
 
 def _column(values: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return one value for each encounter as a column, or a single value if all encounters share it."""
+    """Return the values of a quantity as a column: one row per encounter, or one row if all encounters share it."""
     array = np.asarray(values, dtype=np.float64)
     return (array if array.size == 1 or array.ndim == 1 else np.broadcast_to(array, shape)).reshape(-1, 1)

@@ -68,7 +68,7 @@ _AT_PROBES: Final = np.vander(_PROBES, _DEGREE + 1, increasing=True)
 
 
 def reach_of(scenario: Scenario) -> float:
-    """Return an upper limit of the distances [m] at which encounters start, rounded up to a power of two.
+    """Return the largest distance [m] at which an encounter starts, rounded up to a power of two.
 
     Encounters that start beyond LARGEST_START are ignored, since they must not change how the others are solved.
     """
@@ -77,7 +77,7 @@ def reach_of(scenario: Scenario) -> float:
 
 
 def reach_to(distance: Any) -> float:
-    """Return the next power of two above the largest distance [m]; distances above LARGEST_START do not count.
+    """Return the next power of two above the largest given distance [m], without distances above LARGEST_START.
 
     If all distances exceed LARGEST_START, the largest of them counts.
     """
@@ -88,19 +88,19 @@ def reach_to(distance: Any) -> float:
 
 
 def _largest_start(distance: Any) -> float:
-    """Return the largest initial distance [m] that the solvers can integrate, or 0 if there is none."""
+    """Return the largest initial distance [m] from which a solver can integrate an encounter, or 0 if there is none."""
     return float(np.max(distance, initial=0.0, where=np.asarray(distance) <= LARGEST_START))
 
 
 def check_curve(sensor: SensorModel, distance: Any) -> None:
-    """Raise an error if a custom sensor curve is invalid at a distance [m] that an encounter passes."""
+    """Raise an error if a custom sensor curve is invalid between contact and the given starting distances [m]."""
     if not is_built_in(sensor):
         near = type(distance) is float and distance <= LARGEST_START
         refuse_invalid_curve(sensor, distance if near else _largest_start(distance))
 
 
 def farthest(scenario: Scenario, sensor: SensorModel) -> float:
-    """Return an upper limit of the distances [m] at which encounters start, within the range of the sensor."""
+    """Return the largest starting distance [m], rounded up to a power of two and limited to the sensor range."""
     return min(reach_of(scenario), sensor.valid_range[1])
 
 
@@ -134,7 +134,7 @@ def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
 
 
 def shared_curve(table: FloatArray) -> Curves:
-    """Return the polynomials of one sensor curve in the form in which all encounters can share it."""
+    """Return the polynomials of one sensor curve in the data format for encounters that all use this curve."""
     return table, np.array([0, len(table)]), np.zeros(1, dtype=np.int64)
 
 
@@ -147,7 +147,7 @@ def line_windows(slope: float, top: float) -> FloatArray:
 
 @cache_by_curve(256)
 def approach_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Return polynomials that describe any sensor curve on distance intervals, for approaches under the virtual drag.
+    """Return polynomials that approximate a sensor curve on distance intervals, for the solver of the virtual drag.
 
     They are those of `curve_windows` if there are any, else those of `curve_pieces`, which may raise a CurveError.
     """
@@ -162,7 +162,7 @@ def approach_windows(sensor: SensorModel, low: float, high: float) -> FloatArray
 
 
 def windows_of_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Approximate any sensor curve by polynomials on adjacent intervals, in the form of `curve_windows`."""
+    """Approximate a sensor curve by polynomials on adjacent intervals, in the table format of `curve_windows`."""
     pieces = curve_pieces(sensor, low, high)
     middle, half = pieces[:, :1], pieces[:, 1:2]
     table = np.zeros((len(pieces), TERMS + HIGH_DEGREE + 1))
@@ -177,7 +177,7 @@ def windows_of_pieces(sensor: SensorModel, low: float, high: float) -> FloatArra
 
 
 def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | None:
-    """Return the coefficients of an inverse power curve for the compiled solvers, or None for another curve."""
+    """Return a table row that describes an inverse power curve to the compiled solvers, or None for other curves."""
     # For the inverse power curve, 1 / g is linear in l.
     if any(low < k < high for k in sensor.knots):
         return None
@@ -241,7 +241,7 @@ def polynomial_windows(
 
 
 def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, degree: int) -> FloatArray | None:
-    """Return polynomial coefficients of ln xi on an interval, or None if the polynomials are not accurate enough."""
+    """Return polynomial coefficients of the log output ln xi on an interval, or None if their error is too large."""
     # The variable of the polynomial is l - (low + high) / 2.
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     middle, half = (low + high) / 2, (high - low) / 2
@@ -260,7 +260,7 @@ def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, deg
 
 
 class CurveError(InvalidInputError):
-    """Raised if polynomials cannot approximate a sensor curve.
+    """Error that is raised if polynomials cannot approximate a sensor curve.
 
     Args:
         message: what was found, what is expected, what to do.
@@ -313,7 +313,7 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
             raise CurveError(
                 f"sensor: the {sensor.name} curve is too rough: between {low:g} m and {high:g} m, approximating "
                 f"its slope needs more than {_MAX_PIECES} polynomials. Smooth the curve, declare its corners, or "
-                "end the curve earlier by maximum_distance"
+                "set a smaller maximum_distance"
             )
     pieces = np.concatenate(done)
     pieces = pieces[np.argsort(pieces[:, 0])]
@@ -332,7 +332,7 @@ def interpolate(
 
 
 def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
-    """Return the sensor slope [1/m] at given distances [m], which are first limited to the valid range."""
+    """Return the sensor slope [1/m] at given distances [m], after limiting the distances to the valid range."""
     distance = np.clip(distance, *sensor.valid_range)
     with np.errstate(all="ignore"):  # values that are not finite are found below
         slope = np.asarray(sensor.log_slope(distance))
@@ -373,7 +373,7 @@ def curve_reach(sensor: SensorModel, low: float, start: float, high: float) -> f
 
 
 def curve_tops(sensor: SensorModel, low: float, start: float, reach: float) -> Iterator[tuple[float, bool]]:
-    """Yield increasing distances [m] up to which a curve is approximated, and whether the curve continues beyond.
+    """Yield increasing end distances [m] of an approximated sensor curve, each with True if the curve continues.
 
     The curve starts at `low`.
 

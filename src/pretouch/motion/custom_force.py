@@ -1,4 +1,4 @@
-"""Evaluate the force of a control law on arrays of states, even if its function takes only single numbers."""
+"""Evaluate the force function of a control law for arrays, even if the function accepts only single numbers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pretouch.sensors import SensorModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceLaw(Value):
-    """The force of a control law along a sensor curve, for arrays of distances and speeds.
+    """The force of a control law for a given sensor curve, as a function of arrays of distances and speeds.
 
     Args:
         kind: name of the law, for messages.
@@ -41,7 +41,7 @@ class ForceLaw(Value):
         return max(low, 0.0), high
 
     def at(self, value: FloatArray, distance: FloatArray, speed: FloatArray, *, trial: bool = False) -> FloatArray:
-        """Return the virtual force [N] at distances [m] and relative velocities [m/s] of one shape.
+        """Return the virtual force [N] for arrays of distances [m] and relative velocities [m/s] of the same shape.
 
         Args:
             value: the law's number at each state; it broadcasts.
@@ -58,20 +58,20 @@ class ForceLaw(Value):
         return force
 
     def _of_arrays(self, states: tuple[FloatArray, ...]) -> FloatArray:
-        """Call the user's function once, and check that it returns one real number for each state."""
+        """Call the user's force function once for all states, and check that it returns one real number per state."""
         shape = states[0].shape
         force = self.force(*(array.ravel() for array in states))
         array = np.asarray(force)
         if array.shape != (math.prod(shape),) or array.dtype.kind not in "iuf":
             raise InvalidInputError(
-                f"force: the custom law {self.kind} is vectorized, but returned {short_repr(force)} for arrays of "
-                f"{math.prod(shape)} elements, expected one force in N per element; without vectorized=True, the "
+                f"force: the vectorized custom law {self.kind} returned {short_repr(force)} for arrays of "
+                f"{math.prod(shape)} elements, expected one force in N per element; with vectorized=False, the "
                 "function is called with single numbers"
             )
         return array.astype(np.float64).reshape(shape)
 
     def _of_numbers(self, states: tuple[FloatArray, ...], distance: FloatArray, *, trial: bool) -> FloatArray:
-        """Call the user's function for each state, and check that it returns single real numbers."""
+        """Call the user's force function separately for each state, and check that it returns a single real number."""
         numbers = [array.ravel().tolist() for array in states]
         try:
             forces = list(map(self.force, *numbers))

@@ -1,4 +1,4 @@
-"""Define custom control laws, whose force depends on the log output ln xi and its rate of change."""
+"""Define custom control laws, whose force depends on the log output ln xi of the sensor and its time derivative."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _unknown_damping(value: Any, slope: Any, relative_velocity: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CustomLaw(Value):
-    """A user-defined control law, whose force depends on the log output, its rate of change and one coefficient.
+    """A user-defined control law, whose force depends on one coefficient, the log output ln xi and its time derivative.
 
     In symbols, the force F depends on s = ln xi, s' = g(l) l' and the number.
 
@@ -115,7 +115,7 @@ class CustomLaw(Value):
         horizon: float = 600.0,
         samples: int = 200,
     ) -> Motion:
-        """Compute the motion of encounters under the custom law at sampled times, by numerical integration."""
+        """Compute sampled motions of robot and obstacle under the custom law by numerical integration."""
         return self._integrated().motion(scenario, sensor, self._checked(value), method, horizon, samples=samples)
 
     def _checked(self, value: ArrayLike) -> Any:

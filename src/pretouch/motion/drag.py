@@ -32,7 +32,7 @@ from .scenario import Scenario
 
 
 class DragColumns(Value):
-    """Results of encounters under the virtual drag, each computed on first access.
+    """Results of encounters under the virtual drag; each result, such as the contact time, is computed on first access.
 
     Two objects are equal if their requests are.
 
@@ -72,7 +72,7 @@ class DragColumns(Value):
         return (r.scenario, r.sensor, r.drag, r.horizon)
 
     def column(self, name: str) -> Any:
-        """Return one quantity, such as the contact time, for all encounters, or a float for a single encounter.
+        """Return one result quantity, such as the contact time: an array for several encounters, a float for one.
 
         Args:
             name: a quantity of ContactState or ContactResult; `quadrature_error`, the estimated relative error of the
@@ -91,7 +91,7 @@ class DragColumns(Value):
         return self._cache[name]
 
     def raw(self, name: str) -> FloatArray:
-        """Return one quantity, such as the contact time, for all encounters as a one-dimensional array."""
+        """Return one result quantity, such as the contact time, as an array with one number per encounter."""
         if name not in self._columns:
             self._columns[name] = np.asarray(_DERIVED[name](self))
         return np.asarray(self._columns[name])
@@ -103,17 +103,17 @@ class DragColumns(Value):
 
     @property
     def settled_acceleration(self) -> FloatArray:
-        """The robot's acceleration relative to its reference at the end of each encounter [m/s^2]."""
+        """The robot's acceleration relative to the reference position [m/s^2], at the end of each encounter."""
         return np.asarray(self.raw("virtual_force") / self.request.mass)
 
     def reference(self, derivative: int) -> FloatArray:
-        """Return the reference's velocity (derivative=1) or acceleration (derivative=2) at the end of each run."""
+        """Return the velocity (derivative=1) or acceleration (2) of the reference position at the end of each run."""
         b = self.request.bodies
         return b["r_a"] if derivative == 2 else np.asarray(b["r_v"] + b["r_a"] * self.raw("time"))
 
     @property
     def gradients(self) -> ContactGradients | ManyGradients:
-        """The exact derivatives of the state at contact under the virtual drag."""
+        """Exact derivatives of the state at contact with respect to the inputs, under the virtual drag."""
         if self.request.many is None:
             return ContactGradients(self, DragRows(self))
         each = [DragColumns(self.request.with_curve(i)) for i in range(len(self.request.many))]
@@ -121,7 +121,7 @@ class DragColumns(Value):
 
 
 def _path_inputs(request: DragRequest, begins: FloatArray, on: IntArray) -> tuple[FloatArray, ...]:
-    """Return the inputs of `drag_approaches` for the encounters with an approach."""
+    """Return the input arrays of the solver `drag_approaches` for all encounters in which the object approaches."""
     b = request.bodies
     square = request.velocity**2
     # next to the speed that a push adds, an initial speed below rounding is none; it would take many tiny intervals
@@ -133,7 +133,7 @@ def _path_inputs(request: DragRequest, begins: FloatArray, on: IntArray) -> tupl
 
 
 def _approach_start(request: DragRequest, high: Any) -> tuple[FloatArray, IntArray]:
-    """Return the time at which each object begins to approach, and how encounters without any approach end."""
+    """Return the time [s] at which the approach begins in each encounter, and the status of encounters without one."""
     # An approach has the status -1.
     a, v, count = request.acceleration, request.velocity, len(request.velocity)
     status = np.where((v < 0) | request.returns, -1, int(ContactStatus.NEVER))
@@ -233,7 +233,7 @@ def solve_drag(
     horizon: float = _HORIZON,
     many: ManyCurves | None = None,
 ) -> ContactResult:
-    """Solve encounters under a virtual drag [N s^2], and return their states at contact.
+    """Solve encounters for given coefficients of the virtual drag [N s^2], and return their states at contact.
 
     Args:
         scenario: the encounters.
@@ -256,7 +256,7 @@ def sample_drag(
     horizon: float = _HORIZON,
     samples: int = 200,
 ) -> Motion:
-    """Compute the whole motion of encounters under the virtual drag at sampled times."""
+    """Compute sampled motions of robot and obstacle under the virtual drag, from start to end of each encounter."""
     columns = DragColumns(make_drag_request(scenario, sensor, drag, horizon))
     r, end = columns.request, columns.raw("time")
     times = end[:, None] * np.linspace(0.0, 1.0, samples)
@@ -276,9 +276,9 @@ def sample_drag(
 
 
 def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
-    """Return the integral G of the squared sensor slope g^2 from contact to a given distance.
+    """Integrate the squared sensor slope over the distance, from contact to a given distance [m].
 
-    The drag phi = M ln(1/rho) / G gives the speed ratio rho.
+    With this integral G, the drag phi = M ln(1/rho) / G gives the speed ratio rho.
 
     Args:
         sensor: the sensor curve.

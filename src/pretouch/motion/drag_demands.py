@@ -1,4 +1,4 @@
-"""Compute the largest force, acceleration, speed and excursion of the robot under the virtual drag."""
+"""Compute the largest force, acceleration, speed and travel (distance from the start) under the virtual drag."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class DragRun(Protocol):
     begins: FloatArray
 
     def raw(self, name: str) -> FloatArray:
-        """Return one quantity, such as the contact time, for all encounters as a one-dimensional array."""
+        """Return one result quantity, such as the contact time, as an array with one number per encounter."""
 
 
 def largest_acceleration(c: DragRun) -> FloatArray:
@@ -49,7 +49,7 @@ def largest_speed(c: DragRun) -> FloatArray:
 
 
 def largest_travel(c: DragRun) -> FloatArray:
-    """Return the largest distance of the robot from its start [m] in each encounter."""
+    """Return the largest distance of the robot from its start position [m] in each encounter."""
     b = c.request.bodies
     turning = np.zeros(len(c.begins))  # turning point of the reference, while the plant moves with it
     np.divide(-(b["u0"] + b["r_v"]), b["r_a"], out=turning, where=b["r_a"] != 0)
@@ -65,14 +65,14 @@ def _largest_magnitude(c: DragRun, name: str) -> FloatArray:
 
 
 def _raised(c: DragRun, on_path: FloatArray, at_ends: FloatArray) -> FloatArray:
-    """Return for each encounter the larger of its peak during the approach and its value at the ends."""
+    """Return the larger of two magnitudes per encounter: the peak in the approach, and the value at start or end."""
     largest = at_ends.copy()
     largest[c.lanes] = np.fmax(largest[c.lanes], np.where(np.isfinite(on_path), on_path, -np.inf))
     return largest
 
 
 def impulse_residual(c: DragRun) -> FloatArray:
-    """Return the relative residual of the impulse balance under the virtual drag, which measures the error."""
+    """Return the relative residual of the impulse balance, which measures the error of a motion under the drag."""
     # The result is the larger residual of M l' = M l'(0) + M a_o t + phi int s' ds and of the moment of this equation.
     r = c.request
     impulse, moment = np.zeros(len(c.begins)), np.zeros(len(c.begins))

@@ -1,4 +1,4 @@
-"""Compute exact derivatives of contact time and contact velocity under the virtual drag."""
+"""Compute exact derivatives of contact time and contact velocity with respect to the inputs, for the virtual drag."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .layout import RELATIVE_INPUTS, ContactStatus
 
 
 class DragRows(Picklable):
-    """Derivatives of contact time and velocity under the virtual drag, the counterpart of `GradientRows`.
+    """Derivatives of contact time and contact velocity with respect to the inputs, for the virtual drag.
 
     They are NaN if an encounter does not end in contact, touches with l' = 0, or does not start with an approach.
 
@@ -74,7 +74,8 @@ class DragRows(Picklable):
         return np.stack([self._at_contact(derivatives[name]) for name in RELATIVE_INPUTS], axis=1)
 
     def _at_contact(self, changes: FloatArray) -> FloatArray:
-        """Convert derivatives of t and l'^2, one column per approach, to those of t and l', one per encounter."""
+        """Convert the derivatives of the squared contact velocity to derivatives of the contact velocity."""
+        # `changes` has one column per approach, and the result one per encounter.
         c = self._columns
         speed = c.raw("relative_velocity")
         rows = np.full((2, len(speed)), np.nan)

@@ -1,4 +1,4 @@
-"""Integrate many approaches under the virtual drag over the distance, with the compiled solver."""
+"""Compute many approaches under the virtual drag by the compiled solver, which integrates over the distance."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class DragPath(Picklable):
     def _solve(
         self, course: tuple[FloatArray, FloatArray] | None = None, **outputs: Any
     ) -> tuple[dict[str, FloatArray], IntArray, IntArray]:
-        """Call the solver for all approaches; `outputs` are optional arguments of `drag_approaches`."""
+        """Call the compiled solver `drag_approaches` for all approaches; `outputs` are its optional output arrays."""
         count = len(self._inputs[0])
         rows, status, cells = np.empty((count, len(DRAG_ROWS))), np.empty(count, np.int64), np.empty(count, np.int64)
         windows, starts, curve_of = self._curves
@@ -69,7 +69,7 @@ class DragPath(Picklable):
 
     @property
     def peaks(self) -> dict[str, FloatArray]:
-        """The largest and smallest acceleration, velocity and travel of the robot, under their names in DRAG_PEAKS."""
+        """The largest and smallest acceleration, velocity and travel of the robot, by the names in DRAG_PEAKS."""
         if self._peaks is None:
             peaks = np.empty((len(self.status), len(DRAG_PEAKS)))
             self._solve(peaks=peaks)
@@ -77,14 +77,14 @@ class DragPath(Picklable):
         return self._peaks
 
     def derivatives(self, change: Callable[[FloatArray, IntArray], FloatArray] | None = None) -> FloatArray:
-        """Return derivatives of the final l'^2 and t: by k, a_o, the initial l and l'^2, and a curve parameter.
+        """Return derivatives of final squared speed and time with respect to solver inputs and a sensor parameter.
 
         Args:
             change: function from distances [m] and the indices of their approaches, shape (m, nodes) and (m,), to the
                 derivative of g by the parameter.
 
         Returns:
-            The derivatives, shape (n, 2, 5).
+            The derivatives of l'^2 and t by k, a_o, the initial l and l'^2, and the parameter, shape (n, 2, 5).
         """
         gradients = np.empty((len(self.status), 2, 5))
         more: dict[str, Any] = {} if change is None else {"at_nodes": self._at_nodes("changes", change)}
@@ -92,13 +92,15 @@ class DragPath(Picklable):
         return gradients
 
     def balance(self, log_output: Callable[[FloatArray, IntArray], FloatArray]) -> FloatArray:
-        """Return k int s' ds and its moment, shape (n, 2); `log_output` has the same arguments as `change` above."""
+        """Return the velocity change [m/s] that the drag causes in each approach, and its moment over time [m]."""
+        # The columns are k int s' ds and its moment, shape (n, 2). `log_output` has the arguments of `change` above.
         balance = np.empty((len(self.status), 2))
         self._solve(balance=balance, at_nodes=self._at_nodes("log_outputs", log_output))
         return balance
 
     def sample(self, times: FloatArray, trace: FloatArray) -> None:
-        """Write l and |l'| to `trace`, shape (n, m, 2), at the ascending `times` [s] that lie within an approach."""
+        """Write distance [m] and approach speed [m/s] to `trace`, at those `times` [s] that lie within an approach."""
+        # The times ascend; `trace` has the shape (n, m, 2).
         self._solve((times, trace))
 
     def _at_nodes(self, name: str, function: Callable[[FloatArray, IntArray], FloatArray]) -> ValuesAtNodes:

@@ -30,9 +30,7 @@ _LEAST: Final = 1e-100  # smaller values count as zero, since their squares unde
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DragRequest(Value):
-    """Checked inputs for solving encounters under the virtual drag: encounters, sensor curve and coefficients phi.
-
-    The drags are values of phi.
+    """Checked inputs for solving encounters under the virtual drag: encounters, sensor curve and drag coefficients.
 
     Args:
         scenario: the encounters.
@@ -57,7 +55,7 @@ class DragRequest(Value):
 
     @cached_property
     def bodies(self) -> dict[str, FloatArray]:
-        """Initial position, velocity and acceleration of obstacle, robot and reference as in equation L(9)."""
+        """The inputs of each encounter by name: admittance, drag, and motions of obstacle, robot and reference."""
         names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "r_v", "r_a")
         columns = (*self.scenario.relative_columns(), self.scenario.reference.position, self.drag)
         flat = np.empty((len(columns), self.size))
@@ -72,13 +70,13 @@ class DragRequest(Value):
 
     @cached_property
     def relative(self) -> Relative:
-        """The inputs of all encounters, with positions and velocities relative to the reference."""
+        """The inputs of all encounters, with positions and velocities relative to the reference position."""
         names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "phi", "r_v", "r_a")
         return Relative(*(self.bodies[name] for name in names))
 
     @cached_property
     def strength(self) -> FloatArray:
-        """The virtual drag phi divided by the virtual mass [m] of each encounter."""
+        """The drag coefficient phi divided by the virtual mass M, in meters, for each encounter."""
         return self.bodies["phi"] / self.mass
 
     @cached_property
@@ -93,17 +91,17 @@ class DragRequest(Value):
 
     @cached_property
     def acceleration(self) -> FloatArray:
-        """The acceleration of the obstacle relative to the reference [m/s^2]."""
+        """The acceleration of the obstacle relative to the reference position [m/s^2]."""
         return _flush_underflow(self.bodies["a"])
 
     @cached_property
     def returns(self) -> Any:
-        """Whether the object first rests or recedes, and later accelerates toward the robot."""
+        """Whether the object of each encounter first rests or recedes, and later approaches the robot."""
         return (self.velocity >= 0) & (self.acceleration < 0)
 
     @cached_property
     def farthest(self) -> FloatArray:
-        """The largest distance [m] between robot and object in each encounter."""
+        """The distance [m] between robot and object at which the approach begins, for each encounter."""
         rise = np.zeros_like(self.distance)
         with np.errstate(over="ignore"):  # infinite: farther than any sensor range
             np.divide(-(self.velocity**2), 2 * self.acceleration, out=rise, where=self.returns)
@@ -111,12 +109,12 @@ class DragRequest(Value):
 
     @cached_property
     def reach(self) -> float:
-        """An upper limit of the distances [m] at which approaches begin; LARGEST_START replaces larger distances."""
+        """The largest distance [m] at which an approach begins, at most LARGEST_START, rounded up to a power of two."""
         return reach_to(np.minimum(self.farthest, LARGEST_START))
 
     @cached_property
     def ends(self) -> tuple[float, Any]:
-        """The smallest distance [m] (0 if the curve includes contact), and the largest distance of each curve."""
+        """The smallest (at least 0) and the largest valid distance [m] of the sensor curves."""
         if self.many is None:
             low, high = self.sensor.valid_range
             return max(low, 0.0), high
@@ -124,7 +122,7 @@ class DragRequest(Value):
         return 0.0, np.broadcast_to(ends, self.shape).reshape(-1)
 
     def curves(self, which: IntArray) -> Curves:
-        """Return the polynomials that approximate the curves of selected encounters."""
+        """Return the polynomials that approximate the sensor curves of selected encounters."""
         if self.many is None:
             low, high = self.sensor.valid_range
             return shared_curve(approach_windows(self.sensor, max(low, 0.0), min(self.reach, high)))
@@ -132,13 +130,13 @@ class DragRequest(Value):
         return windows.table, windows.starts, self.curve_of(which)
 
     def curve_of(self, which: IntArray) -> IntArray:
-        """Return the index of the curve of selected encounters."""
+        """Return the index of the sensor curve that each selected encounter uses."""
         return np.ascontiguousarray(which % (1 if self.many is None else len(self.many)))
 
     def at_curves(
         self, function: Callable[[SensorModel, FloatArray], FloatArray], distance: FloatArray, which: IntArray
     ) -> FloatArray:
-        """Evaluate a function of sensor curve and distances [m] for selected encounters, each with its own curve."""
+        """Evaluate a function of sensor curve and distance [m] for selected encounters and their sensor curves."""
         if self.many is None:
             return function(self.sensor, np.clip(distance, *self.sensor.valid_range))
         values, curve_of = np.empty_like(distance), self.curve_of(which)
@@ -169,7 +167,7 @@ _BEYOND: Final = (
 def make_drag_request(
     scenario: Scenario, sensor: SensorModel, drag: ArrayLike, horizon: float, many: ManyCurves | None = None
 ) -> DragRequest:
-    """Check the inputs for solving encounters under the virtual drag, and flatten arrays of encounters.
+    """Check the inputs for solving encounters under the virtual drag, and return them as a DragRequest.
 
     Args:
         scenario: the encounters.
@@ -221,14 +219,14 @@ def make_drag_request(
 
 @cache_by_curve(256)
 def _falls(sensor: SensorModel, low: float, high: float) -> bool:
-    """Return True if the output of a sensor curve rises at none of the tested points between two distances [m]."""
+    """Return True if the sensor output does not rise with distance at any tested point between two distances [m]."""
     with np.errstate(all="ignore"):
         slope = np.asarray(sensor.log_slope(np.linspace(low, high, _PROBES)))
     return bool((np.isfinite(slope) & (slope <= 0)).all())
 
 
 def _check_plant(request: DragRequest) -> None:
-    """Refuse encounters in which the admittance would pull the robot during the approach."""
+    """Raise an error if the spring or damper of the admittance would act on the robot during an approach."""
     b = request.bodies
     ahead, advance = b["x0"], b["u0"]
     _refuse(
@@ -253,7 +251,7 @@ def _check_plant(request: DragRequest) -> None:
 
 
 def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
-    """Refuse a sensor curve whose output rises with distance, because the drag would then act on receding objects."""
+    """Raise an error if the sensor output rises with distance, because the drag would then act on receding objects."""
     distance = np.linspace(low, high, _PROBES)
     slope = np.asarray(sensor.log_slope(distance))
     # the slope of a table on a level part is zero up to rounding, of either sign
@@ -262,8 +260,8 @@ def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
         wrong = float(distance[~(np.isfinite(slope) & falls)][0])
         raise InvalidInputError(
             f"sensor: the slope of the curve is {float(sensor.log_slope(wrong)):g} 1/m at {wrong:g} m, but must "
-            "not be positive, because the virtual drag interprets a rising output as an approach; end the curve "
-            "by maximum_distance where its output is smallest"
+            "not be positive, because the virtual drag interprets a rising output as an approach; set "
+            "maximum_distance to the distance of the smallest output"
         )
 
 

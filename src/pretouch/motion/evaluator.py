@@ -1,4 +1,4 @@
-"""Define `find_contact` and `solve_motion`, which compute encounters, and the interface of other solvers."""
+"""Define `find_contact` and `solve_motion`, which solve encounters, and the interface of custom solvers."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Evaluator: TypeAlias = Callable[[Scenario, SensorModel, Any], ContactResult]
 
 @runtime_checkable
 class NoisyEvaluator(Protocol):
-    """Interface of a solver with reproducible random noise, which is the same for every gain."""
+    """Interface of a solver with reproducible random noise; every gain is simulated with the same noise."""
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
         """Solve encounters with one sensor curve, for one or several gains."""
 
     def after(self, runs: int) -> NoisyEvaluator:
-        """Return a copy of this solver that uses the random noise of later runs."""
+        """Return a copy of this solver that skips the random noise of the first `runs` runs."""
 
 
 @runtime_checkable
@@ -39,7 +39,7 @@ class ManySensorEvaluator(Protocol):
         """Solve encounters with one sensor curve, for one or several gains."""
 
     def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: Any) -> ContactResult:
-        """Solve encounters with a different sensor curve for each element along the last axis."""
+        """Solve an array of encounters in which each element along the last axis has its own sensor curve."""
 
 
 def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:
@@ -49,7 +49,7 @@ def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:
 
 
 def _law_and_value(value: Any, law: Any) -> tuple[ContinuousLaw, Any]:
-    """Return a control law and the values of its gain or coefficient."""
+    """Return the control law and the value of its coefficient, which a sampled law also contains."""
     if law is DAMPER and hasattr(value, "continuous"):
         return continuous_law(value), value.value
     return continuous_law(law), value
@@ -65,11 +65,11 @@ def find_contact(
     method: str = "auto",
     horizon: float = 600.0,
 ) -> ContactResult:
-    """Solve encounters until their first contact, which is the first time with zero distance, as in L(21) and L(23).
+    """Solve encounters until the first contact, the first moment at which the distance is zero.
 
-    The motion is that of L(1) with the virtual force L(2), of another law, or the uniform motion L(16)-(19). A distance
-    that reaches zero and turns there, within 1e-12 of its terms, is a contact with l' = 0. A distance that only decays
-    to zero is no contact.
+    The contact is that of L(21) and L(23). The motion is that of L(1) with the virtual force L(2), of another law, or
+    the uniform motion L(16)-(19). A distance that reaches zero and turns there, within 1e-12 of its terms, is a
+    contact with l' = 0. A distance that only decays to zero is no contact.
 
     Args:
         scenario: one encounter or an array of encounters.
@@ -117,7 +117,9 @@ def solve_motion(
     horizon: float = 600.0,
     samples: int = 200,
 ) -> Motion:
-    """Compute the motion of encounters by equation L(1), with the virtual force L(2) or another law.
+    """Compute sampled motions of robot and obstacle under the virtual damper or another control law.
+
+    The motion is that of L(1) with the virtual force L(2), or with the force of another law.
 
     Args:
         scenario: one encounter or an array of encounters.

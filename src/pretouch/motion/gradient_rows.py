@@ -1,4 +1,4 @@
-"""Compute exact derivatives of contact time and contact velocity for many encounters.
+"""Compute exact derivatives of contact time and contact velocity with respect to the inputs of many encounters.
 
 Each run uses the fastest applicable method. Over-damped motions with a constant slope have a closed form. Approaches on
 other curves get their derivatives from Taylor steps, with several encounters computed side by side. The module
@@ -89,7 +89,7 @@ class GradientRows(Picklable):
         return self._followed[name]
 
     def _differentiable(self) -> BoolArray:
-        """Return which encounters end in a contact at nonzero speed, because only these have derivatives."""
+        """Return True for encounters that end in contact at nonzero speed; only these have derivatives."""
         reached = self._solution.status == ContactStatus.CONTACT
         return np.asarray(reached & (self._solution.raw("relative_velocity") < 0))
 
@@ -116,7 +116,7 @@ class GradientRows(Picklable):
         return np.asarray(damping / r.mass * self._solution.raw("time"))
 
     def _linear(self, indices: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Compute derivatives by a closed form where one exists, and return which encounters remain unsolved."""
+        """Compute derivatives of encounters with a closed form, and return which encounters remain unsolved."""
         request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
         slope = request.slope
         r = request.relative
@@ -135,7 +135,7 @@ class GradientRows(Picklable):
         return np.asarray(pending & (status != 0))
 
     def _in_lanes(self, indices: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Compute derivatives of many encounters by a Taylor-series solver, and return which remain unsolved."""
+        """Compute derivatives by a Taylor-series solver, and return which encounters remain unsolved."""
         request = self._solution.request
         curves = shared_curve(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
         where = np.flatnonzero(pending)
@@ -154,7 +154,7 @@ class GradientRows(Picklable):
     def _by_guaranteed_path(
         self, where: IntArray, indices: list[int], slope: SlopeSensitivity | None = None
     ) -> FloatArray:
-        """Compute derivatives of selected encounters by the most robust solver, with NaN where there is no contact."""
+        """Compute derivatives of selected encounters by the most robust solver; encounters without contact get NaN."""
         request = self._solution.request
         values, gain = request.part(where)
         sensor = request.sensor
@@ -179,9 +179,9 @@ class GradientRows(Picklable):
 
 
 def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: float) -> tuple[FloatArray, FloatArray]:
-    """Approximate the sensor slope and its derivative with respect to a parameter on the same distance intervals.
+    """Approximate the sensor slope, and its derivative by a sensor parameter, by polynomials on the same intervals.
 
-    They reach from l = 0 up to a distance [m].
+    The intervals reach from l = 0 up to a distance [m].
 
     Returns:
         Pieces as from `curve_pieces`, and the coefficients of the change in the same variable, shape (pieces, 1, 10),
@@ -211,7 +211,7 @@ def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: f
 def _halve(
     pieces: FloatArray, poor: BoolArray, columns: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-    """Halve the distance intervals of polynomials, and express the polynomials on the halves."""
+    """Halve the distance intervals of inaccurate polynomials, and convert the polynomials to the halves."""
     # Both halves of a piece inherit its columns.
     old, parts = pieces[poor], [pieces[~poor]]
     for side in (-0.5, 0.5):
@@ -223,7 +223,7 @@ def _halve(
 
 
 def bend_at_contact(sensor: SensorModel) -> float:
-    """Return the derivative dg/dl [1/m^2] of the sensor slope at contact.
+    """Return the derivative of the sensor slope with respect to the distance, dg/dl [1/m^2], at contact.
 
     It is the derivative of a polynomial that approximates g next to the surface. Its error is about 1e-11 of g over
     the length on which the curve changes.

@@ -63,7 +63,7 @@ _LENGTHS: Final = (
 
 
 class ContactSource(Protocol):
-    """Interface of solved encounters, from whose contacts `ContactGradients` computes derivatives."""
+    """Interface of solved encounters for which `ContactGradients` computes derivatives."""
 
     request: Any
 
@@ -72,14 +72,14 @@ class ContactSource(Protocol):
         """How each encounter ended, as the integer value of ContactStatus."""
 
     def raw(self, name: str) -> FloatArray:
-        """Return one quantity, such as the contact time, for all encounters as a one-dimensional array."""
+        """Return one result quantity, such as the contact time, as an array with one number per encounter."""
 
     @property
     def settled_acceleration(self) -> FloatArray:
-        """The robot's acceleration relative to its reference at the end of each encounter [m/s^2]."""
+        """The robot's acceleration relative to the reference position [m/s^2], at the end of each encounter."""
 
     def reference(self, derivative: int) -> FloatArray:
-        """Return the reference's velocity (derivative=1) or acceleration (derivative=2) at the end of each run."""
+        """Return the velocity (derivative=1) or acceleration (2) of the reference position at the end of each run."""
 
 
 class ContactRows(Protocol):
@@ -94,10 +94,12 @@ class ContactRows(Protocol):
     suspends_admittance: bool
 
     def take(self, which: Sequence[int]) -> FloatArray:
-        """Return the derivatives with respect to selected RELATIVE_INPUTS, shape (2, k, n)."""
+        """Return the derivatives of contact time and contact velocity with respect to selected inputs."""
+        # `which` holds indices of RELATIVE_INPUTS. The result has the shape (2, k, n).
 
     def of_slope(self, name: str, slope: SlopeSensitivity) -> FloatArray:
-        """Return the derivatives with respect to a parameter of the curve, shape (2, n)."""
+        """Return the derivatives of contact time and contact velocity with respect to a sensor parameter."""
+        # `slope` is dg/d(parameter). The result has the shape (2, n).
 
 
 def input_names(sensor: SensorModel) -> tuple[str, ...]:
@@ -106,7 +108,7 @@ def input_names(sensor: SensorModel) -> tuple[str, ...]:
 
 
 def gradients_of(columns: Any) -> Any:
-    """Return the derivatives of the contacts in a result, or None if its solver computes no derivatives.
+    """Return the derivatives of the state at contact for a result, or None if its solver computes no derivatives.
 
     The uniform motion has no derivatives, since it does not start from the given state.
     """
@@ -236,14 +238,15 @@ class ContactGradients(Value):
         return _Change(solution, self._rows, by, time, speed, slope=slope)
 
     def _weighted_sum(self, weights: dict[str, Any]) -> FloatArray:
-        """Return a weighted sum of the derivatives of contact time and contact velocity, shape (2, n)."""
+        """Return a weighted sum of derivatives by several inputs, for contact time and for contact velocity."""
+        # The result has the shape (2, n).
         rows = self._rows.take([RELATIVE_INPUTS.index(name) for name in weights])
         if len(weights) == 1 and all(isinstance(w, float) and w == 1 for w in weights.values()):
             return rows[:, 0]
         return np.asarray(sum(weight * rows[:, i] for i, weight in enumerate(weights.values())))
 
     def _by_factors(self, change: CurveSensitivity) -> FloatArray:
-        """Return how contact time and velocity change if the sensor curve is scaled, shifted or stretched."""
+        """Return how contact time and contact velocity change if the sensor curve is scaled, shifted or stretched."""
         # CurveSensitivity explains the three factors.
         solution, relative = self.solution, self.solution.request.relative
         total = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)
@@ -262,7 +265,7 @@ class ContactGradients(Value):
 
 
 class ManyGradients:
-    """Derivatives of the state at contact if each encounter has its own sensor curve.
+    """Derivatives of the state at contact for encounters that each have their own sensor curve.
 
     The members are those of ContactGradients.
     """
@@ -307,7 +310,7 @@ class _Change:
 
     @property
     def displacement(self) -> Any:
-        """The derivative of the robot's displacement from its reference at contact with respect to the input."""
+        """The derivative of the robot's displacement from its reference, at contact, with respect to the input."""
         # At contact, the displacement equals the obstacle position x_o(t).
         time, r, i = self.solution.raw("time"), self.solution.request.relative, self.inputs
         direct = i.get("p", 0.0) + (i.get("v", 0.0) + i.get("a", 0.0) * time / 2) * time
@@ -315,14 +318,14 @@ class _Change:
 
     @property
     def displacement_velocity(self) -> Any:
-        """The derivative of the robot's velocity relative to its reference at contact with respect to the input."""
+        """The derivative of the robot's velocity relative to its reference, at contact, with respect to the input."""
         # The relative velocity at contact gives x~' = x_o' - l'.
         direct = self.inputs.get("v", 0.0) + self.inputs.get("a", 0.0) * self.solution.raw("time")
         return direct + self.solution.request.relative.a * self.time - self.relative_velocity
 
     @property
     def virtual_force(self) -> Any:
-        """The derivative of the virtual force at contact with respect to the input."""
+        """The derivative of the virtual force, at contact, with respect to the input."""
         # At contact, F_p = D_p g(0) l' for the damper, and F = -phi (g(0) l')^2 for the drag.
         s = self.solution
         slope, number, speed = (
@@ -336,7 +339,7 @@ class _Change:
 
     @property
     def displacement_acceleration(self) -> Any:
-        """The derivative of the robot's acceleration relative to its reference with respect to the input."""
+        """The derivative of the acceleration relative to the reference, at contact, with respect to the input."""
         # The admittance gives x~'' = (F_p - D x~' - K x~) / M.
         s, r = self.solution, self.solution.request.relative
         total = self.virtual_force
@@ -353,20 +356,20 @@ class _Change:
 
     @property
     def position(self) -> Any:
-        """The derivative of the robot's absolute position at contact with respect to the input."""
+        """The derivative of the robot's absolute position, at contact, with respect to the input."""
         time = self.solution.raw("time")
         direct = {"reference.position": 1.0, "reference.velocity": time, "reference.acceleration": time**2 / 2}
         return self.displacement + self.solution.reference(1) * self.time + direct.get(self.by, 0.0)
 
     @property
     def velocity(self) -> Any:
-        """The derivative of the robot's absolute velocity at contact with respect to the input."""
+        """The derivative of the robot's absolute velocity, at contact, with respect to the input."""
         direct = {"reference.velocity": 1.0, "reference.acceleration": self.solution.raw("time")}
         return self.displacement_velocity + self.solution.reference(2) * self.time + direct.get(self.by, 0.0)
 
     @property
     def acceleration(self) -> Any:
-        """The derivative of the robot's absolute acceleration at contact with respect to the input."""
+        """The derivative of the robot's absolute acceleration, at contact, with respect to the input."""
         return self.displacement_acceleration + (1.0 if self.by == "reference.acceleration" else 0.0)
 
 

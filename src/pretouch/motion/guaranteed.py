@@ -55,7 +55,7 @@ def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[F
 
 
 def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
-    """Return empty results for encounters that have not been solved."""
+    """Return result arrays for encounters that are not solved yet, filled with NaN and the status UNRESOLVED."""
     rows, status = np.empty((count, len(COLUMNS))), np.empty(count, dtype=np.int64)
     rows.fill(np.nan)
     status.fill(ContactStatus.UNRESOLVED)
@@ -63,7 +63,7 @@ def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
 
 
 def trace_guaranteed(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    """Compute the motion of encounters at given ascending times, up to the end of each encounter."""
+    """Compute the motions of robot and obstacle at given ascending times, up to the end of each encounter."""
     # `trace` is filled with layout.TRACE_COLUMNS, shape (n, times, 4).
     _SOLVERS[request.method][1](request, times, trace)
 
@@ -96,7 +96,7 @@ _ALWAYS_FINITE: Final = [i for i, name in enumerate(COLUMNS) if name != "settlin
 
 
 def _solve_closed_form(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve encounters by the closed form of the distance, L(10)-(13), whose first zero is the contact."""
+    """Find each contact as the first zero of the distance, which has the closed form L(10)-(13)."""
     values, gain = request.part(which)
     solve_linear(values, request.slope, gain, (request.horizon, *request.sensor.valid_range), rows, status=status)
 
@@ -113,7 +113,7 @@ def _trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve the motion equation L(1) with the virtual force L(2) by numerical integration.
+    """Solve the robot's motion L(1) under the virtual damper L(2) by numerical integration.
 
     Encounters that leave the approximated part of the curve are repeated with a longer part.
 
@@ -144,7 +144,7 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
 
 
 def _is_integrable(values: FloatArray) -> BoolArray:
-    """Return which encounters start close enough to contact for numerical integration."""
+    """Return True for encounters that start close enough to contact for numerical integration."""
     # `values` are those of Scenario.relative, shape (n, 10).
     followed: BoolArray = values[:, 5] - values[:, 3] <= LARGEST_START  # p - x~(0)
     return followed
@@ -168,7 +168,7 @@ def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, bool, bool]]]:
-    """Yield polynomials that approximate the sensor curve up to increasing distances, with limits for the solver."""
+    """Yield polynomials that approximate the sensor curve up to increasing distances, and limits for the solver."""
     r, sensor = request.relative, request.sensor
     low, bottom = sensor.valid_range[0], max(sensor.valid_range[0], 0.0)
     distance = r.p - r.x0
@@ -191,8 +191,8 @@ def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
     bend, intercept = np.polyfit(probe, slope, 1)
     if np.abs(slope - bend * probe - intercept).max() > 1e-9 * np.abs(slope).max():
         raise InvalidInputError(
-            "method: the approximation 'uniform-motion', L(16)-(19), is only for second-order exponential sensor "
-            f"curves, L(6), but the sensor has the {sensor.name} curve; use method='integration' instead"
+            "method: the approximation 'uniform-motion', L(16)-(19), needs a second-order exponential sensor "
+            f"curve, but the sensor has the {sensor.name} curve; use method='integration' instead"
         )
     return float(bend) / 2, float(intercept)
 
@@ -200,7 +200,7 @@ def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
 def uniform_motion(
     values: FloatArray, curvature: float, rate: float, gain: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Solve the motion equation L(15) by the uniform motion l = A t + B of L(16), with A and B from L(17) and L(18).
+    """Compute the uniform motion l = A t + B that solves the motion equation L(15), with A from L(17) and B from L(18).
 
     L(17) requires the root with 0 <= |A| <= |v_o| and the sign of v_o. With s = sqrt(1 + 8 b_2 D_p v_o / K_a) the roots
     are 2 v_o / (1 + s) and 2 v_o / (1 - s). Only the first can satisfy both conditions, and it becomes v_o for

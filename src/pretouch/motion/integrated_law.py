@@ -35,7 +35,7 @@ _TOGETHER: Final = 4096  # encounters that are integrated side by side
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegratedLaw(Value):
-    """A force whose encounters are solved by numerical integration.
+    """A control law, given by its force function, whose encounters are solved by numerical integration.
 
     Args:
         kind: name of the law, for messages.
@@ -59,7 +59,7 @@ class IntegratedLaw(Value):
     def motion(
         self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, method: str, horizon: float, *, samples: int
     ) -> Motion:
-        """Compute the motion of encounters at sampled times until their first contact."""
+        """Compute sampled motions of robot and obstacle until the first contact of each encounter."""
         request = self._request(scenario, sensor, value, method, horizon)
         runs = [(columns_of(run), sample(run, samples)) for run in self._integrate(request)]
         course, shape = [arrays for _, arrays in runs], (*request.shape, samples)
@@ -72,12 +72,12 @@ class IntegratedLaw(Value):
         if method not in {"auto", "integration"}:
             what = "an obstacle with a course" if scenario.obstacle.course else f"the custom law {self.kind}"
             raise InvalidInputError(
-                f"method: found {method!r}, but {what} supports only the methods 'auto' and 'integration'"
+                f"method: found {method!r}, expected 'auto' or 'integration', because only these methods support {what}"
             )
         return make_request(scenario, sensor, value, "integration", horizon, with_course=True)
 
     def _integrate(self, request: Request) -> Iterator[Integration]:
-        """Integrate the encounters of a solver call, in parts that bound the memory."""
+        """Integrate the motions of all encounters, in groups of limited size that limit the required memory."""
         law = ForceLaw(
             kind=self.kind,
             force=self.force,

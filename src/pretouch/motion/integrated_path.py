@@ -1,4 +1,4 @@
-"""Describe encounters for the numerical integration: their parameters and the path of the obstacle, as arrays."""
+"""Store encounters as arrays for the numerical integration: parameters and the obstacle's path."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .scenario import Scenario
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Encounters(Value):
-    """Parameters of n encounters, with positions and velocities relative to the moving reference.
+    """Parameters of n encounters, with positions and velocities relative to the moving reference position.
 
     Args:
         mass: M [kg], shape (n,), as the next ones.
@@ -57,11 +57,11 @@ class Encounters(Value):
 
     @property
     def distance(self) -> FloatArray:
-        """The distances at the start [m]."""
+        """The distance between robot and object at the start of each encounter [m]."""
         return np.asarray(self.position[0] - self.displacement)
 
     def terms(self, section: IntArray, which: IntArray, time: FloatArray) -> FloatArray:
-        """Return the sum of the magnitudes of the terms of the obstacle's position [m], for rounding errors."""
+        """Return the summed magnitudes of all terms of the obstacle's position [m], which scale its rounding error."""
         terms = np.abs(self.position[0, which])
         for k in range(len(self.since)):
             duration = np.maximum(np.minimum(self.until(section * 0 + k, which), time) - self.since[k, which], 0.0)
@@ -72,7 +72,7 @@ class Encounters(Value):
         return np.asarray(terms)
 
     def until(self, section: IntArray, which: IntArray) -> FloatArray:
-        """Return the end times [s] of sections of obstacles' paths; the last section ends at infinity."""
+        """Return the end times [s] of given sections of the obstacle's path; the last section ends at infinity."""
         ends = np.concatenate([self.since, np.full((1, len(self)), np.inf)])
         return np.asarray(ends[section + 1, which])
 
@@ -85,7 +85,7 @@ class Encounters(Value):
 
 
 def encounters_of(request: Request) -> Encounters:
-    """Return the encounters of a solver call as arrays, with the sections of the obstacle's path."""
+    """Convert encounters to arrays for the integration, including the sections of the obstacle's path."""
     columns, value = request.part(slice(None))
     mass, damping, stiffness, x0, u0, p, v, _, r_v, r_a = columns.T.copy()
     sections: tuple[list[FloatArray], ...] = [np.zeros_like(p)], [p], [v], []
@@ -116,7 +116,7 @@ def encounters_of(request: Request) -> Encounters:
 
 
 def _stretches(scenario: Scenario, shape: tuple[int, ...]) -> list[tuple[FloatArray, FloatArray]]:
-    """Return end time [s] and acceleration [m/s^2] of each initial stretch of the obstacle's path, as flat arrays."""
+    """Return end time [s] and acceleration [m/s^2] of each section of the obstacle's path except the last one."""
 
     def flat(values: object) -> FloatArray:
         return np.array(np.broadcast_to(np.asarray(values, dtype=np.float64), shape)).reshape(-1)

@@ -21,7 +21,7 @@ _ROUNDS: Final = 4  # refinements of these points
 def quantities(
     run: Integration, steps: Steps, share: FloatArray, nodes: tuple[FloatArray, ...]
 ) -> dict[str, FloatArray]:
-    """Return all quantities of the motion, such as the velocity, at given points of integration steps.
+    """Return all quantities of the motion, such as the velocity, at given points within integration steps.
 
     Args:
         run: the motions.
@@ -56,7 +56,7 @@ def quantities(
 
 
 def columns_of(run: Integration) -> dict[str, FloatArray]:
-    """Return all quantities at the end of the encounters, such as the contact time, by name."""
+    """Return all results of the encounters, such as the contact time, as a dictionary by name."""
     e, steps = run.encounters, run.steps
     at_nodes = quantities(run, steps, tables().nodes, (steps.distance, steps.speed, steps.force))
     first = np.searchsorted(steps.encounter, np.arange(len(e)))
@@ -75,7 +75,7 @@ def columns_of(run: Integration) -> dict[str, FloatArray]:
 
 
 def _largest(run: Integration, name: str, values: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
-    """Return the largest magnitude of a quantity, such as the virtual force, over each motion."""
+    """Return the largest magnitude of a quantity, such as the virtual force, during each motion."""
     # It lies next to the largest magnitude at the nodes, in the same step or in an adjacent one.
     magnitude, final = np.abs(values), tables().nodes.size - 1
     of_steps = magnitude.max(axis=1)
@@ -92,7 +92,7 @@ def _largest(run: Integration, name: str, values: FloatArray, first: IntArray, l
 
 
 def _near_node(run: Integration, name: str, which: IntArray, node: IntArray) -> FloatArray:
-    """Return the largest magnitude of a quantity near one node of each selected step."""
+    """Return the largest magnitude of a quantity, such as the virtual force, near one node of each selected step."""
     steps, nodes = run.steps.some(which), tables().nodes
     distances, speeds = (apply(tables().to_legendre, values) for values in (steps.distance, steps.speed))
     low, high = nodes[np.maximum(node - 1, 0)], nodes[np.minimum(node + 1, len(nodes) - 1)]
@@ -128,7 +128,8 @@ def _residual(run: Integration, end: dict[str, FloatArray]) -> FloatArray:
 
 
 def sample(run: Integration, samples: int) -> dict[str, FloatArray]:
-    """Return the motions at equally spaced times from start to end, shape (n, samples)."""
+    """Return all quantities of each motion at equally spaced times from its start to its end."""
+    # The arrays have the shape (n, samples).
     steps, n = run.steps, len(run.encounters)
     first = np.searchsorted(steps.encounter, np.arange(n + 1))
     ends = steps.time + steps.duration

@@ -1,4 +1,4 @@
-"""Integrate many encounters under a custom force at once, each with its own step sizes.
+"""Integrate the motions of many encounters under a custom force together, each with its own step sizes.
 
 On a piece of a motion, l' has one sign, there is no knot of the curve, and the obstacle has one acceleration. If the
 admittance's pull is switched off in approaches, l'' jumps between an approach and a recession. If l'' points toward
@@ -111,7 +111,7 @@ class Integration:
         return Start._make((*parameters, *obstacle, *(v[which] for v in (self.distance, self.speed, self.force))))
 
     def _start(self, which: IntArray) -> None:
-        """Set the initial course (approach, recession, constant distance) and first step size of all encounters."""
+        """Set whether each object first approaches, recedes or keeps its distance, and set the first step size."""
         self._set_course(which[self.course == ALONG])
         cells = [np.searchsorted(self.borders, self.distance, side) for side in ("left", "right")]
         self.cell = np.where(self.course == APPROACH, *cells) - 1
@@ -122,7 +122,7 @@ class Integration:
         self.size = self.first.copy()
 
     def _begin(self, which: IntArray) -> None:
-        """Start a new piece of each motion, or end motions that never approach again or leave the sensor's range."""
+        """Start a new piece of each motion; end motions that leave the sensor range or never approach again."""
         self.force[which] = self.law.at(self.encounters.value[which], self.distance[which], self.speed[which])
         self.limit[which] = np.inf
         which = which[~self._end_receding(which)]
@@ -130,7 +130,7 @@ class Integration:
         self._end(which[outside], ContactStatus.LEFT_RANGE)
 
     def _end(self, which: IntArray, status: ContactStatus) -> None:
-        """End encounters in their present state, even if no motion has been integrated yet."""
+        """End encounters in their current state, even before the first integration step."""
         self.status[which] = status
         still = which[self.time[which] == 0]
         self._record(still, np.zeros(len(still)), None)
@@ -149,14 +149,14 @@ class Integration:
         return np.asarray(resting | leaving)
 
     def _keeps_receding(self, state: Start) -> BoolArray:
-        """Return True if the force at l' = 0 is too weak to follow the object, at all tested distances."""
+        """Return True if the virtual force is too weak for the robot to follow the object, at all tested distances."""
         far = np.maximum(np.minimum(self.law.valid_range[1], _AHEAD * state.distance), state.distance)
         probes = state.distance[:, None] * (far / state.distance)[:, None] ** np.linspace(0.0, 1.0, _PROBES)
         force = self.law.at(state.value[:, None], probes, np.zeros(probes.shape))
         return np.asarray((force <= (state.mass * state.push)[:, None]).all(axis=1))
 
     def _set_course(self, which: IntArray) -> None:
-        """Set whether objects approach, recede or keep their distance after a moment of zero relative velocity."""
+        """Set whether each object approaches, recedes or keeps its distance after a moment of zero relative speed."""
         if not len(which):
             return
         self.course[which] = ALONG
@@ -166,7 +166,8 @@ class Integration:
             which = which[(below == 0) & (above == 0)]
 
     def _acceleration_limits(self, which: IntArray, delay: float) -> tuple[FloatArray, FloatArray]:
-        """Return l'' [m/s^2] as l' tends to zero: first from l' < 0 (approach), then from l' > 0 (recession)."""
+        """Return the relative acceleration [m/s^2] at the end of an approach, and at the beginning of a recession."""
+        # These are the limits of l'' as l' tends to zero, from l' < 0 and from l' > 0.
         state = self._state(which)
         zero, later = np.zeros((len(which), 1)), np.full((len(which), 1), delay)
         force = self.law.at(state.value, state.distance, np.zeros(len(which)))
@@ -186,7 +187,7 @@ class Integration:
         return self._records[-1]
 
     def _advance(self, which: IntArray) -> None:
-        """Attempt one step of each encounter that approaches or recedes."""
+        """Attempt one integration step of each encounter in which the object approaches or recedes."""
         if not len(which):
             return
         state, left = self._state(which), self._end_of_section(which) - self.time[which]
@@ -215,7 +216,7 @@ class Integration:
         taken: BoolArray,
         share: FloatArray,
     ) -> None:
-        """Choose the length of the next step from the error of this step, and limit it if this step passed an event."""
+        """Choose the next step size from the error of this step, and end the next step at an event that was passed."""
         self.attempts[which] += 1
         change = np.clip(_MARGIN * trial.error ** (-1 / (POINTS - 1)), _LEAST, _MOST)
         change = np.where(trial.solved, change, _UNSOLVED)
@@ -236,7 +237,7 @@ class Integration:
         self._end(which, ContactStatus.UNRESOLVED)
 
     def _events(self, which: IntArray, state: Start, trial: Trial, border: FloatArray, h: FloatArray) -> _Events:
-        """Find turning points and crossings of a piece border, inside each step and at its end."""
+        """Find events in each integration step: turning points, and distances at which a piece of the motion ends."""
         course = state.course[:, None]
         forward, beyond = trial.speed * course, (trial.distance - border[:, None]) * course
         time, initial = self.time[which], self.encounters.distance[which]
@@ -268,7 +269,7 @@ class Integration:
         )
 
     def _take(self, which: IntArray, h: FloatArray, at_end: BoolArray, trial: Trial, events: _Events) -> None:
-        """Apply accepted steps; if a step ends at an event, start a new piece of the motion or end the encounter."""
+        """Apply accepted steps; after an event such as a turn, start a new piece of the motion or end the encounter."""
         if not len(which):
             return
         trial.distance[events.at_border, -1] = events.border[events.at_border]
@@ -288,7 +289,7 @@ class Integration:
         self._begin(new[self.status[new] == _RUNNING])
 
     def _turn_now(self, which: IntArray) -> None:
-        """Start a new piece of each motion that turns at its present time, up to rounding."""
+        """Start a new piece of each motion whose relative velocity is now zero, up to rounding errors."""
         if not len(which):
             return
         self.speed[which] = 0.0
@@ -296,7 +297,7 @@ class Integration:
         self._begin(which)
 
     def _enter_section(self, which: IntArray) -> None:
-        """Continue with the next section of the obstacle's path, or end the encounter at the horizon."""
+        """Continue with the next section of the obstacle's path, or end the encounter at the longest simulated time."""
         late = self.time[which] >= self.horizon
         self._end(which[late], ContactStatus.HORIZON)
         self.section[which[~late]] += 1
@@ -304,7 +305,7 @@ class Integration:
         self._set_course(still[self.speed[still] == 0])
 
     def _keep_distance(self, which: IntArray) -> None:
-        """Let robots move along with their objects until the admittance makes the object recede."""
+        """Advance encounters with constant distance until the admittance pulls the robot away from the object."""
         if not len(which):
             return
         state, left = self._state(which), self._end_of_section(which) - self.time[which]
@@ -322,7 +323,7 @@ class Integration:
 
 
 class _Events(NamedTuple):
-    """Turning points and border crossings of steps, with one array element per step."""
+    """Events within integration steps, such as turning points of the motion, with one array element per step."""
 
     share: FloatArray  # share of the step before the first event inside it; infinite without one
     at_turn: BoolArray  # whether l' = 0 at the end of the step
@@ -336,7 +337,7 @@ class _Events(NamedTuple):
 
 
 def _turns_before(depth: FloatArray, trial: Trial, h: FloatArray) -> BoolArray:
-    """Return which approaches turn back in their step or soon after it, at most `depth` [m] behind contact."""
+    """Return True for approaches that turn back during this step or soon after, at most `depth` [m] beyond contact."""
     nodes = tables().nodes
     slowing = (trial.speed[:, -1] - trial.speed[:, -2]) / (h * (nodes[-1] - nodes[-2]))
     ahead = np.where(slowing > 0, trial.speed[:, -1] ** 2 / (2 * slowing), np.inf)
@@ -344,7 +345,7 @@ def _turns_before(depth: FloatArray, trial: Trial, h: FloatArray) -> BoolArray:
 
 
 def _time_until(border: FloatArray, state: Start, acceleration: FloatArray) -> FloatArray:
-    """Return the time [s] until a motion of constant acceleration l'' reaches a border; infinity if it never does."""
+    """Return the time [s] until a motion with constant acceleration reaches a given distance, or infinity."""
     ahead = border - state.distance
     root = np.sqrt(state.speed**2 + 2 * acceleration * ahead)
     time = 2 * ahead / (state.speed + state.course * root)
@@ -352,8 +353,8 @@ def _time_until(border: FloatArray, state: Start, acceleration: FloatArray) -> F
 
 
 def _time_until_release(state: Start) -> FloatArray:
-    """Return the time [s] until the admittance pulls the robot away from an object at constant distance, or inf."""
-    # The pull minus F - M a_o is a quadratic of time, which rises through zero at this root.
+    """Return the time [s] after which the admittance pulls the robot away from an object at constant distance."""
+    # The pull minus F - M a_o is a quadratic of time, which rises through zero at this root. Without one: infinity.
     curvature = state.stiffness * state.push / 2
     slope = state.stiffness * state.velocity + state.damping * state.push
     pull = state.stiffness * (state.position - state.distance) + state.damping * state.velocity

@@ -1,4 +1,4 @@
-"""Call the compiled solvers of encounters with checked arguments.
+"""Check the arguments of the compiled solvers of encounters, and call the solvers.
 
 Curves of constant slope use the closed form L(10)-(13): vectorized, or one encounter at a time in a form that is
 accurate for every damping and for K -> 0. Other curves use vectorized Taylor steps, or guaranteed steps on pieces of
@@ -37,7 +37,7 @@ _WIDEST: Final = 12  # middle, half width and ten coefficients of a piece
 
 
 class _CurvesOfCore(Structure):
-    """C structure with the sensor curves of several encounters, for the compiled solvers."""
+    """C structure that passes the sensor curves of several encounters to the compiled solvers."""
 
     _fields_ = (
         ("windows", POINTER),
@@ -50,7 +50,7 @@ class _CurvesOfCore(Structure):
 
 
 class _PiecesOfCore(Structure):
-    """C structure with one sensor curve, approximated by polynomials on adjacent distance intervals."""
+    """C structure that passes one sensor curve, as polynomials on adjacent intervals, to the compiled solvers."""
 
     _fields_ = (
         ("pieces", POINTER),
@@ -62,7 +62,7 @@ class _PiecesOfCore(Structure):
 
 
 class _ApproachesOfCore(Structure):
-    """C structure with the outputs of the kernel for approaches under the virtual drag."""
+    """C structure with the output arrays of the compiled solver for approaches under the virtual drag."""
 
     _fields_ = (
         *numbers("rows", "status", "cells", "peaks", "gradients", "nodes", "balance", kind=POINTER),
@@ -145,7 +145,7 @@ def solve_linear(
     *,
     status: IntArray,
 ) -> None:
-    """Solve the motion equation L(7) and its distance form L(8) for a constant slope, one encounter at a time.
+    """Solve the motion equation L(7) for a constant sensor slope by its closed form, one encounter at a time.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -161,7 +161,7 @@ def solve_linear(
 
 
 def respond_many(rows: FloatArray, times: FloatArray, out: FloatArray) -> None:
-    """Compute the responses y(t) of several oscillators M y'' + D y' + K y = f_0 + f_1 t.
+    """Compute the motions y(t) of several damped oscillators that obey M y'' + D y' + K y = f_0 + f_1 t.
 
     Args:
         rows: M, D, K, y(0), y'(0), f_0, f_1 in SI units, shape (n, 7).
@@ -209,7 +209,7 @@ def contact_times(
     )
     if len(inputs) < INPUTS + (0 if peaks is None else 2):
         raise TypeError(
-            f"the compiled solver needs {INPUTS} input columns, and two additional columns to compute peaks, but "
+            f"the compiled solver needs {INPUTS} input columns, and two additional columns to compute peak values, but "
             f"received {len(inputs)} columns"
         )
     reference = None if peaks is None else columns(inputs[INPUTS:], n)
@@ -217,7 +217,7 @@ def contact_times(
 
 
 class ValuesAtNodes(NamedTuple):
-    """Arrays with one number for each quadrature node of approaches under the virtual drag.
+    """Values at the quadrature nodes of approaches under the virtual drag, in arrays with one number per node.
 
     Args:
         first: index of the first distance interval of each approach, shape (n,).
@@ -281,7 +281,10 @@ def drag_approaches(
         m = course[0].shape[1]
         names |= {"times": shaped(course[0], (n, m)), "m": m, "trace": shaped(course[1], (n, m, 2))}
     if len(inputs) != _DRAG_INPUTS or not len(curves[0]):
-        raise TypeError(f"the compiled solver needs {_DRAG_INPUTS} input columns and windows of every curve")
+        raise TypeError(
+            f"the compiled solver needs {_DRAG_INPUTS} input columns and at least one polynomial of a sensor curve, "
+            f"but received {len(inputs)} columns and {len(curves[0])} polynomials"
+        )
     wanted = _ApproachesOfCore(**names)
     _approaches(columns(inputs, n), n, byref(of_core(curves, n)), horizon, byref(wanted))
 
@@ -294,9 +297,8 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
     shared = len(curve_of) == 1
     if width not in _WIDTHS or not (shared or len(curve_of) == n):
         raise ValueError(
-            f"windows: found a table of polynomials with {width} columns and with curves for "
-            f"{len(curve_of)} encounters; expected one of the widths {sorted(_WIDTHS)}, and curves for "
-            f"all {n} encounters"
+            f"windows: found a table with {width} columns and sensor curves for {len(curve_of)} encounters; "
+            f"expected a number of columns from {sorted(_WIDTHS)}, and sensor curves for all {n} encounters"
         )
     if not (_is_valid(starts, curve_of, rows) if shared else _are_valid(starts, curve_of, rows)):
         raise ValueError("curves: an encounter refers to a curve whose windows are not in the table")
@@ -305,14 +307,14 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
 
 
 def _is_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Return True if a table contains the sensor curve that all encounters share."""
+    """Return True if a table of polynomials contains the one sensor curve that all encounters share."""
     # This check avoids the overhead of NumPy functions.
     which = int(curve_of[0])
     return 0 <= which < len(starts) - 1 and 0 <= int(starts[which]) <= int(starts[which + 1]) <= rows
 
 
 def _are_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Return True if a table contains the sensor curves of all encounters."""
+    """Return True if a table of polynomials contains the sensor curves of all encounters."""
     if len(starts) == 0 or starts[0] < 0 or starts[-1] > rows or (np.diff(starts) < 0).any():
         return False
     return len(curve_of) == 0 or bool(curve_of.min() >= 0 and curve_of.max() < len(starts) - 1)
@@ -327,7 +329,9 @@ def solve_series(
     status: IntArray,
     course: tuple[FloatArray, FloatArray] | None = None,
 ) -> None:
-    """Integrate the motion equation L(1) with the virtual force L(2), which includes L(4), L(7) and L(14).
+    """Integrate the robot's motion L(1) under the virtual damper L(2), for any sensor curve.
+
+    This includes the motion equations L(4), L(7) and L(14).
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -381,13 +385,13 @@ def follow_gradients(
 def _encounters(
     values: FloatArray, gains: FloatArray, pieces: FloatArray, limits: tuple[float, bool, bool]
 ) -> tuple[int, int, int, Any]:
-    """Return the arguments that describe encounters and their sensor curve to a compiled solver."""
+    """Return the arguments that pass encounters and their sensor curve to a compiled solver."""
     n, curve = len(values), byref(pieces_of_core(pieces, *limits[1:]))
     return shaped(values, (n, 10)), n, shaped(gains, (n,)), curve
 
 
 def pieces_of_core(pieces: FloatArray, ends_in_contact: bool, open_ended: bool) -> _PiecesOfCore:
-    """Return the C structure of a piecewise polynomial curve; the array must exist as long as the structure."""
+    """Return a C structure that refers to the array of a piecewise polynomial curve; the array must outlive it."""
     count, width = pieces.shape
     if not (count > 0 and 3 <= width <= _WIDEST):
         raise TypeError(

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class LawNumber(NamedTuple):
-    """Name, symbol and unit of the coefficient of a control law that a design chooses, such as the gain D_p.
+    """Name, symbol and unit of the coefficient that a design chooses for a control law, such as the gain D_p.
 
     Args:
         name: such as "gain".
@@ -66,7 +66,7 @@ class LawNumber(NamedTuple):
 
     @property
     def mitigating(self) -> str:
-        """The sign of coefficients that mitigate impacts, in words: "positive" or "negative"."""
+        """The sign that a coefficient needs to mitigate impacts, in words: "positive" or "negative"."""
         return "positive" if self.sign > 0 else "negative"
 
     @property
@@ -106,7 +106,7 @@ class ContinuousLaw(Protocol):
 
     @property
     def degree(self) -> int | None:
-        """The exponent d if the virtual force is proportional to the d-th power of d(ln xi)/dt, otherwise None."""
+        """The exponent n if the virtual force is proportional to the n-th power of d(ln xi)/dt, otherwise None."""
 
     def contact(
         self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, *, method: str = ..., horizon: float = ...
@@ -126,14 +126,17 @@ class ContinuousLaw(Protocol):
         """Compute the motion of each encounter at equally spaced times, for one or several values of the gain."""
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return the damping [N s/m]: the derivative of the law's force with respect to the relative velocity."""
+        """Return the damping [N s/m]: the derivative of the virtual force with respect to the relative velocity."""
         # An unknown damping is NaN.
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Damper:
-    """The virtual damper of the published letter, with the force F_p = D_p g(l) l' of L(2) in continuous time."""
+    """The virtual damper: its force is the product of gain D_p, sensor slope g(l) and relative velocity l'.
+
+    This is the letter's law F_p = D_p g(l) l', L(2), in continuous time.
+    """
 
     kind: ClassVar[str] = "virtual-damper"
     number: ClassVar[LawNumber] = LawNumber("gain", "D_p", "N*s", -1)
@@ -167,7 +170,7 @@ class Damper:
         horizon: float = 600.0,
         samples: int = 200,
     ) -> Motion:
-        """Compute the motion of encounters under the virtual damper at sampled times."""
+        """Compute sampled motions of robot and obstacle under the virtual damper."""
         if scenario.obstacle.course:
             return _by_integration(self).motion(scenario, sensor, value, method, horizon, samples=samples)
         request = make_request(scenario, sensor, value, method, horizon)
@@ -181,7 +184,7 @@ class Damper:
         return motion_from_trace(request, times, trace, result)
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return the damping of the virtual damper [N s/m], which is gain times slope at every speed."""
+        """Return the damping of the virtual damper [N s/m]: gain times sensor slope, at every speed."""
         return np.asarray(value) * slope + np.zeros_like(relative_velocity)
 
 
@@ -257,7 +260,7 @@ class Drag:
         horizon: float = 600.0,
         samples: int = 200,
     ) -> Motion:
-        """Compute the motion of encounters under the virtual drag at sampled times."""
+        """Compute sampled motions of robot and obstacle under the virtual drag."""
         from .drag import sample_drag  # noqa: PLC0415 - only drags need it
 
         if scenario.obstacle.course:
@@ -291,7 +294,7 @@ def _drag_force(drag: Any, _: Any, rate: Any) -> Any:
 
 
 def _by_integration(law: Damper | Drag) -> IntegratedLaw:
-    """Return the form of a built-in law that also solves obstacles whose acceleration changes (`course`)."""
+    """Return the variant of a built-in law that also solves encounters with changing obstacle acceleration."""
     from .integrated_law import IntegratedLaw  # noqa: PLC0415 - only courses need it
 
     force = _damper_force if isinstance(law, Damper) else _drag_force
@@ -312,7 +315,7 @@ def _law_problem(name: str, law: Any) -> str:
     """Return why an object is not a valid control law, or an empty text if it is valid."""
     if not (isinstance(law, ContinuousLaw) and isinstance(law.number, LawNumber)):
         return (
-            f"found {short_repr(law)}, but a law must be a class or value with the members of "
+            f"found {short_repr(law)}, but a law must be a class or value that has all members of "
             "pretouch.motion.ContinuousLaw"
         )
     return (
@@ -328,7 +331,7 @@ LAW_KINDS: Final = Extensions(group="pretouch.laws", built_in=lambda: LAWS, prob
 
 
 def continuous_law(law: Any) -> ContinuousLaw:
-    """Return the continuous-time form of a control law, which may be an instance or a name.
+    """Return the control law in continuous time for a given law object, sampled law or law name.
 
     Raises:
         InvalidInputError: the argument is no law, and its attribute `continuous` does not name one.
@@ -336,7 +339,7 @@ def continuous_law(law: Any) -> ContinuousLaw:
     result = LAW_KINDS.find(law) if isinstance(law, str) else law
     if isinstance(result, type):
         raise InvalidInputError(
-            f"law: found the class {result.__name__}, but a law is an instance of a class, such as {result.__name__}()"
+            f"law: found the class {result.__name__}, expected an instance of the class, such as {result.__name__}()"
         )
     if isinstance(result, ContinuousLaw):
         return result

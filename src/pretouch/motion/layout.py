@@ -1,4 +1,4 @@
-"""Name the array columns that the compiled solvers read and write, and the possible ends of an encounter."""
+"""Name the input and output columns of the compiled solvers, and the ways in which an encounter can end."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pretouch._core.numbers import FloatArray
 
 
 class Relative(NamedTuple):
-    """Gain and inputs of encounters, with motions relative to the reference as in the letter's equations L(8) and L(9).
+    """Gain and inputs of encounters, with positions, velocities and accelerations relative to the reference position.
 
-    Each column has one number that all encounters share, or one number per encounter. The motion of the reference is
-    needed only for absolute quantities.
+    They are the inputs of L(8) and L(9). Each column has one number that all encounters share, or one number per
+    encounter. The motion of the reference is needed only for absolute quantities.
     """
 
     mass: FloatArray  # M_a [kg]
@@ -94,7 +94,7 @@ RESOLUTION: Final = 1e-12
 
 
 def by_name(rows: FloatArray) -> dict[str, FloatArray]:
-    """Return the columns of a result table by their names, as views without a copy."""
+    """Return the columns of a result table as a dictionary by column name; the columns are views, not copies."""
     return dict(zip(COLUMNS, rows.T, strict=True))
 
 

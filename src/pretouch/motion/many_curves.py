@@ -51,7 +51,7 @@ class ManyCurves:
         return self._windows[reach]
 
     def complete_windows(self, reach: float) -> ManyWindows:
-        """Return as many polynomials as are needed to approximate all sensor curves up to a given distance [m]."""
+        """Return polynomials that approximate all sensor curves up to a given distance [m], however many are needed."""
         windows = self.windows(reach)
         if not (np.diff(windows.starts) > 0).all():
             tops = np.minimum([sensor.valid_range[1] for sensor in self.sensors], reach)
@@ -76,7 +76,7 @@ class ManyCurves:
             )
 
     def falls(self, scenario: Scenario) -> bool:
-        """Return True if every sensor output falls with distance between contact and the start."""
+        """Return True if the output of every sensor curve falls with distance, from contact to the farthest start."""
         return self.windows(reach_of(scenario)).falling
 
     def slope_at_contact(self) -> FloatArray:
@@ -84,7 +84,7 @@ class ManyCurves:
         return np.array([sensor.log_slope(0.0) for sensor in self.sensors])
 
     def log_output(self, distance: FloatArray) -> FloatArray:
-        """Return the log output ln xi of each sensor curve at distances [m], which are limited to its valid range."""
+        """Return the log output ln xi of each sensor curve at given distances [m], limited to the valid range."""
         # Distances have the shape (..., n).
         inside = [np.clip(distance[..., i], *sensor.valid_range) for i, sensor in enumerate(self.sensors)]
         return np.stack([s.log_output(d) for s, d in zip(self.sensors, inside, strict=True)], axis=-1)

@@ -90,7 +90,7 @@ def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images
 
 
 def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> float | None:
-    """Return the exponent k such that the power p^k of a sensor parameter p scales the distance, or None."""
+    """Return the exponent k if a sensor parameter p scales the distance by the factor p^k, otherwise None."""
     # A parameter without effect has the exponent 0. A parameter with another effect gives None.
     nominal = float(getattr(sensor, name))
     powers = []
@@ -169,7 +169,7 @@ def windows_side_by_side(
 
 
 def windows_from_pieces(sensors: Sequence[SensorModel], tops: FloatArray) -> ManyWindows:
-    """Approximate sensor curves from l = 0 up to their upper ends [m] by as many polynomials as they need."""
+    """Approximate each sensor curve from contact to its upper end [m] by as many polynomials as it needs."""
     return _join([windows_of_pieces(sensor, 0.0, float(top)) for sensor, top in zip(sensors, tops, strict=True)])
 
 
@@ -196,12 +196,12 @@ class _Whole:
         return np.asarray(np.polynomial.chebyshev.chebvander(2 * distance / self.top - 1, len(self.nodes) - 1))
 
     def slope(self, distance: FloatArray) -> FloatArray:
-        """Return the slope g [1/m] of selected sensor curves at given distances [m]."""
+        """Return the approximated slope g [1/m] of the sensor curves at given distances [m]."""
         return np.asarray((self.basis(distance) @ self.terms).T)
 
 
 def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
-    """Approximate the slope of each sensor curve by one polynomial, or return None if this fails."""
+    """Approximate the slope of each sensor curve by one polynomial, or return None if the error is too large."""
     # The polynomials are tested between their nodes.
     for count in _COUNTS:
         basis = chebyshev_basis(count)
@@ -215,7 +215,7 @@ def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
 
 
 def _on_frame(sensors: Sequence[SensorModel], whole: _Whole | None, frame: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Approximate sensor curves by polynomials on the same intervals, and return for which curves this succeeds."""
+    """Approximate many sensor curves by polynomials on the same intervals, and return which curves are accurate."""
     # The coefficients are those of ln xi, shape (n, windows, terms).
     degree = frame.shape[1] - TERMS - 1
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)

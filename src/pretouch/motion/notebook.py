@@ -1,4 +1,4 @@
-"""Describe encounters, contacts and motions as tables for notebooks."""
+"""Create notebook reports on encounters, contacts and motions."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def scenario_page(scenario: Scenario) -> Page:
     speed, distance = float(scenario.relative_velocity), format_quantity(float(scenario.distance), "m")
     verb = "approaches" if speed < 0 else "recedes" if speed > 0 else "rests"
     headline = (
-        f"The object {verb} at {format_quantity(abs(speed), 'm/s')}, and starts at a distance of "
-        f"{distance} from the robot"
+        f"The object starts at a distance of {distance} from the robot, and {verb} at a speed of "
+        f"{format_quantity(abs(speed), 'm/s')}"
     )
     return Page(
         kind="Encounter", headline=headline, blocks=(PageTable(rows=tuple(scenario_rows(scenario)), brief=True),)

@@ -60,7 +60,7 @@ def run_in_chunks(run: Callable[[int, int], object], size: int, *, least: int, m
 
 
 def _chunks(size: int, least: int, most: int) -> list[tuple[int, int]]:
-    """Split encounters into chunks, each with the same number of encounters."""
+    """Split the encounters into chunks of equal size; only the last chunk may be smaller."""
     # The number of chunks is a power of two, or larger to respect `most`.
     worth = max(-(-size // least), 1)
     count = max(min(1 << (worth - 1).bit_length(), _MAX_SPLIT), -(-size // most))

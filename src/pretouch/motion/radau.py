@@ -1,4 +1,4 @@
-"""Provide the points, integrals and interpolation of Radau's collocation with ten points, for many steps at once."""
+"""Provide the points and matrices of ten-point Radau collocation, and apply them to many integration steps."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ _ROOT_STEPS: Final = 8
 
 
 class Tables(NamedTuple):
-    """Collocation matrices of a step from 0 to 1; `gauss` contains the points of the impulse balance check."""
+    """Points and matrices of Radau collocation for an integration step from 0 to 1.
+
+    The Gauss points serve to check the impulse balance.
+    """
 
     nodes: FloatArray  # (POINTS + 1,)
     integrals: FloatArray  # (POINTS, POINTS): integrals of the Lagrange polynomials from 0 to each collocation point
@@ -33,7 +36,7 @@ class Tables(NamedTuple):
 
 @lru_cache(maxsize=1)
 def tables() -> Tables:
-    """Return the matrices of Radau collocation at the points that the compiled core uses."""
+    """Return the points and matrices of Radau collocation; the compiled core provides the points."""
     core = np.zeros(POINTS + 4 * POINTS**2)
     kernel("radau_points", POINTER)(address(core))
     integrals = core[POINTS:].reshape(4, POINTS, POINTS)[0].copy()
@@ -60,12 +63,15 @@ def apply(matrix: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def evaluate(coefficients: FloatArray, at: FloatArray) -> FloatArray:
-    """Evaluate the Legendre series in each row, shape (n, k), at the points in [0, 1] of the same row, shape (n, m)."""
+    """Evaluate one Legendre series per row, at the points that the same row of a second array contains."""
+    # The coefficients have the shape (n, k). The points lie in [0, 1] and have the shape (n, m).
     return np.asarray(legendre.legval(2 * at - 1, coefficients.T[:, :, None], tensor=False))
 
 
 def first_root(values: FloatArray, passed: BoolArray) -> FloatArray:
-    """Return for each step the first zero crossing of its interpolated values, in (0, 1]; every step must have one.
+    """Return where interpolated values first cross zero in each step, as a fraction of the step from 0 to 1.
+
+    The values of every step must cross zero.
 
     Args:
         values: values at the nodes, shape (n, POINTS + 1).

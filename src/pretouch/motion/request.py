@@ -27,7 +27,7 @@ METHODS: Final = ("auto", "closed-form", "integration", "uniform-motion")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request(Value):
-    """Checked inputs of a solver call: encounters, sensor, gains, longest time and solution method.
+    """Checked inputs of a solver call: encounters, sensor, gains, longest simulated time and solution method.
 
     Args:
         scenario: the encounters.
@@ -54,7 +54,7 @@ class Request(Value):
 
     @property
     def relative(self) -> Relative:
-        """The inputs of all encounters, with positions and velocities relative to the reference."""
+        """The inputs of all encounters, with positions and velocities relative to the reference position."""
         return Relative._make(self.columns)
 
     @property
@@ -93,13 +93,13 @@ class Request(Value):
 
     @property
     def slope_at_contact(self) -> Any:
-        """The sensor slope g [1/m] at contact, as one number or as one number for each encounter."""
+        """The sensor slope g [1/m] at contact: one number, or an array if each encounter has its own sensor curve."""
         if self.many is None:
             return float(self.sensor.log_slope(0.0))
         return np.broadcast_to(self.many.slope_at_contact(), self.shape).reshape(-1)
 
     def log_output(self, distance: FloatArray) -> FloatArray:
-        """Return the log output ln xi at one distance [m] per encounter, which is limited to the sensor range."""
+        """Return the log output ln xi at one distance [m] per encounter; distances are limited to the sensor range."""
         if self.many is None:
             return np.asarray(self.sensor.log_output(np.clip(distance, *self.sensor.valid_range)))
         return self.many.log_output(distance.reshape(self.shape)).reshape(-1)
@@ -148,7 +148,7 @@ def make_request(
     many: ManyCurves | None = None,
     with_course: bool = False,
 ) -> Request:
-    """Check the inputs of a solver call, choose the solution method, and flatten arrays of encounters."""
+    """Check the inputs of a solver call, choose the solution method, and convert arrays to one dimension."""
     # An obstacle with a course is refused unless `with_course` is set.
     if many is not None:
         many.check(scenario)
@@ -176,7 +176,7 @@ def make_request(
 
 
 def _flatten(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    """Flatten arrays of encounters to one dimension, and keep a number that all encounters share as length 1."""
+    """Convert the inputs to one-dimensional arrays; a number that all encounters share gets the length 1."""
     if shape == ():
         numbers = np.array(columns, dtype=np.float64)
         return tuple(numbers[i : i + 1] for i in range(len(columns)))

@@ -140,11 +140,13 @@ class Scenario(InNotebooks, Value):
 
     @property
     def relative_velocity(self) -> Any:
-        """The relative velocity of the object at the start [m/s]."""
+        """The relative velocity of the object at the start [m/s], negative for an approach."""
         return self.obstacle.velocity - self.plant.velocity
 
     def relative_columns(self, *, with_course: bool = False) -> tuple[Any, ...]:
-        """Return the inputs of the encounter, with positions and velocities relative to the reference as in L(9).
+        """Return the inputs of the encounter, with positions and velocities relative to the reference position.
+
+        The motions are those of L(9).
 
         Args:
             with_course: whether the obstacle may have a course; its acceleration is then the one after the course.
@@ -170,7 +172,7 @@ class Scenario(InNotebooks, Value):
         )
 
     def relative(self) -> FloatArray:
-        """Return the inputs in one array, with positions and velocities as differences from the reference, L(9).
+        """Return the inputs of the encounter in one array, with positions and velocities relative to the reference.
 
         Returns:
             The columns, stacked along a last axis of 10 over the broadcast shape.
@@ -189,7 +191,7 @@ class Scenario(InNotebooks, Value):
 
 
 def _check_rounding(quantity_and_unit: str, obstacle: Any, plant: Any, reference: Any) -> None:
-    """Refuse a reference that is so far or fast that the difference of obstacle and robot is lost to rounding."""
+    """Raise an error if the reference is so far or fast that rounding hides the difference of obstacle and robot."""
     if isinstance(reference, float) and reference == 0:
         return
     difference = np.subtract(obstacle, plant)
@@ -199,8 +201,8 @@ def _check_rounding(quantity_and_unit: str, obstacle: Any, plant: Any, reference
         name, unit = quantity_and_unit.removesuffix("]").split(" [")
         first = float(np.broadcast_to(reference, np.shape(wrong))[wrong].flat[0])
         raise InvalidInputError(
-            f"reference {name}: found {first:g} {unit}, which is so large that the difference between obstacle and "
-            f"robot is lost to rounding; give the {name} of obstacle, robot and reference relative to another origin"
+            f"reference {name}: the value of {first:g} {unit} is so large that rounding hides the difference between "
+            f"obstacle and robot; give the {name} of obstacle, robot and reference relative to another origin"
         )
 
 
@@ -228,12 +230,12 @@ _OF_DAMPING: Final = {"admittance.damping", "admittance.stiffness"}
 
 
 def sensor_inputs(sensor: SensorModel) -> dict[str, str]:
-    """Return the parameters of a sensor curve, named as inputs `sensor.NAME`, with their SI units."""
+    """Return the SI units of the parameters of a sensor curve, by input names such as `sensor.exponent`."""
     return {f"sensor.{name}": unit for name, unit in sensor.parameter_units.items()}
 
 
 def input_units(sensor: SensorModel) -> dict[str, str]:
-    """Return the SI unit of every input of an encounter and its sensor by name."""
+    """Return the SI units of all inputs of an encounter and its sensor, as a dictionary by input name."""
     return {**SCENARIO_INPUTS, **sensor_inputs(sensor)}
 
 

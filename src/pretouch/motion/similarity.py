@@ -32,7 +32,7 @@ _SCALED: Final = tuple(name for name in SCENARIO_INPUTS if not name.startswith("
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EncounterSimilarity(Value):
-    """Scale factors by which encounters with different sensors become encounters with a single reference sensor.
+    """Scale factors that convert encounters with different sensors to encounters with one reference sensor.
 
     Args:
         sensor: the reference sensor.
@@ -59,7 +59,7 @@ class EncounterSimilarity(Value):
         return ContactResult(_Rescaled(result, self, scenario), result.method)
 
     def of_degree(self, degree: int) -> EncounterSimilarity:
-        """Return the scale factors for a law whose force grows with a power of the log output's rate of change."""
+        """Return the scale factors for a law whose force is proportional to a given power of the rate d(ln xi)/dt."""
         # For a force proportional to s'^d, the gain factor is k^d / s^(d - 1).
         if degree == 1:
             return self

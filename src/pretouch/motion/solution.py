@@ -112,7 +112,7 @@ class Solution(Value):
         return (self.request,)
 
     def column(self, name: str) -> Any:
-        """Return one quantity, such as the contact time, for all encounters, or a float for a single encounter."""
+        """Return one result quantity, such as the contact time: an array for several encounters, a float for one."""
         if name not in self._cache:
             values = np.asarray(_DERIVED[name](self) if name in _DERIVED else self.raw(name))
             if self.request.shape == ():
@@ -124,7 +124,7 @@ class Solution(Value):
         return self._cache[name]
 
     def raw(self, name: str) -> FloatArray:
-        """Return one quantity, such as the contact time, for all encounters as a one-dimensional array."""
+        """Return one result quantity, such as the contact time, as an array with one number per encounter."""
         # `name` is one of layout.COLUMNS.
         if self._rows is not None:
             return self._rows[:, _AT[name]]
@@ -137,7 +137,7 @@ class Solution(Value):
         return self._columns[name]
 
     def _compute(self, name: str) -> dict[str, FloatArray]:
-        """Compute a contact quantity together with all others that the same solver call provides."""
+        """Compute one contact quantity, and return it with all other quantities of the same solver call."""
         # The values are meaningless for encounters without a proved contact.
         request = self.request
         if name == "virtual_force":  # by L(2)
@@ -175,7 +175,7 @@ class Solution(Value):
         return peaks
 
     def _proved(self) -> BoolArray:
-        """Return for which encounters a fast solver has proved that it found the first contact."""
+        """Return True for encounters whose first contact was found and proved by a fast solver."""
         proved = np.ones(self.request.size, dtype=np.bool_)
         proved[self._open] = False
         return proved
@@ -187,7 +187,7 @@ class Solution(Value):
                 values[self._open] = self._open_rows[:, _AT[name]]
 
     def _settle(self, name: str) -> None:
-        """Compute a peak demand on the robot by the most robust solver where the fast solvers have failed."""
+        """Compute peak values of the motion by the most robust solver, for encounters where fast solvers failed."""
         which = np.flatnonzero(np.isnan(self._columns[name]))
         if len(which):
             rows, _ = solve_guaranteed(self.request, which)
@@ -197,10 +197,10 @@ class Solution(Value):
 
     @property
     def settled_acceleration(self) -> FloatArray:
-        """The robot's acceleration relative to its reference at the end of every encounter, with full accuracy.
+        """The robot's acceleration relative to the reference position [m/s^2], at the end of each encounter.
 
         After hundreds of time constants it is a difference of much larger numbers. Lanes then have an error of 1e-7,
-        which is too large for derivatives.
+        which is too large for derivatives, so that the most robust solver is used.
         """
         name, request = "settled_acceleration", self.request
         if name not in self._cache:
@@ -215,7 +215,7 @@ class Solution(Value):
         return np.asarray(self._cache[name])
 
     def reference(self, derivative: int) -> FloatArray:
-        """Return position, velocity or acceleration of the reference at the end of every encounter."""
+        """Return the reference position (derivative=0), its velocity (1) or acceleration (2) at the end of each run."""
         reference, time = self.request.scenario.reference, self.raw("time").reshape(self.request.shape)
         if derivative == 2:
             return np.broadcast_to(reference.acceleration, self.request.shape).reshape(-1)
@@ -229,7 +229,7 @@ class Solution(Value):
 def _fill_by_form(
     request: Request, time: FloatArray, status: NDArray[np.int8], *, solved: bool, **outputs: FloatArray
 ) -> None:
-    """Solve encounters with a constant sensor slope by the closed form, or add results to solved encounters."""
+    """Solve encounters with constant sensor slope by the closed form, or compute more results of solved encounters."""
     slope = request.slope
 
     def run(start: int, stop: int) -> None:
@@ -243,7 +243,7 @@ def _fill_by_form(
 def _in_lanes(
     request: Request, which: IntArray | None, names: tuple[str, ...] = STATES
 ) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
-    """Find the first contacts of many encounters at once by a compiled Taylor-series solver, and prove they are first.
+    """Find contacts of many encounters by a compiled Taylor-series solver that proves each contact to be the first.
 
     The sensor curves must be valid down to l = 0.
 
@@ -298,7 +298,7 @@ def fill_by_lanes(
 
 
 def _curves(request: Request, which: IntArray | None) -> Curves:
-    """Return the approximated sensor curves over all distances that the encounters need."""
+    """Return polynomials that approximate the sensor curves over all distances that the encounters need."""
     # Distances are rounded up so that few tables are cached.
     if request.many is not None:
         windows = request.many.windows(reach_of(request.scenario))
@@ -312,7 +312,7 @@ def _curves(request: Request, which: IntArray | None) -> Curves:
 
 
 def _settling(request: Request) -> FloatArray:
-    """Return the distance at which each object would come to rest if contact did not end its motion."""
+    """Return the distance [m] at which each object would come to rest if no contact ended the motion."""
     r = request.relative
     has_spring, is_free = r.stiffness > 0, (r.stiffness == 0) & (r.damping == 0)
     rests = ((r.v == 0) | is_free) & (r.a == 0)

@@ -1,4 +1,4 @@
-"""Write the section [chain] of a scenario file from a recording."""
+"""Write the section [chain] of a scenario file, with sensor properties that were measured in a recording."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def chain_section(
     delay: tuple[float, str] | None,
     name: str,
 ) -> str:
-    """Return the section [chain] of a scenario file with the measured properties of a sensor.
+    """Return the section [chain] of a scenario file, with the measured rate, delay and noise of a sensor.
 
     Properties that the recording does not show are those of the scenario, and a comment says so.
 
@@ -66,7 +66,7 @@ def _delay(declared: SensorChain, delay: tuple[float, str] | None) -> tuple[str,
 def _level_rows(
     noise: Noise, declared: SensorChain, kind: Kind, distance_noise: float | None
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield key, value and remark of the properties of the readings themselves."""
+    """Yield key, value and remark of each property of the sensor values, such as noise and resolution."""
     kept = "not measured; from the scenario"
     if kind == "distance":
         yield "measures_distance", "true", "the topic is a distance"

@@ -1,4 +1,4 @@
-"""Read readings and their times from a CSV file with a time column."""
+"""Read sensor readings and their times from a CSV file with a time column."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FEWEST: Final = 2  # columns
 
 
 def is_table(path: Path) -> bool:
-    """Return True if the name of a file ends like that of a text table, for example with .csv.
+    """Return True if the file name has the ending of a text table: .csv, .tsv or .txt.
 
     Args:
         path: the file.
@@ -67,16 +67,18 @@ def read_columns(path: Path, wanted: str) -> tuple[str, str, FloatArray, FloatAr
         raise InvalidInputError(f"{path}: this file {what}") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if not lines:
-        raise InvalidInputError(f"{path}: this file is empty, but a header and rows with time and reading are needed")
+        raise InvalidInputError(f"{path}: this file is empty; expected a header line, and rows with time and reading")
     delimiter = max("\t;,", key=lines[0].count)
     header = [cell.strip() for cell in next(csv.reader(lines[:1], delimiter=delimiter))]
     rows = list(csv.reader(lines[1:], delimiter=delimiter))
     if len(header) < _FEWEST:
-        raise InvalidInputError(f"{path}: found the header {lines[0]!r}, expected columns such as: time [s],reading")
+        raise InvalidInputError(
+            f"{path}: found the header line {lines[0]!r}, expected two or more columns, such as: time [s],reading"
+        )
     clock = next((i for i, title in enumerate(header) if TIME.fullmatch(title)), None)
     if clock is None:
         raise InvalidInputError(
-            f"{path}: there is no time column; the columns are {', '.join(header)}. Name one of them time [s]"
+            f"{path}: found no time column among {', '.join(header)}; name the column with the times: time [s]"
         )
     index = _index_of(path, header, wanted, clock)
     time, values = (np.array([_number(row, i) for row in rows]) for i in (clock, index))
@@ -85,7 +87,7 @@ def read_columns(path: Path, wanted: str) -> tuple[str, str, FloatArray, FloatAr
 
 
 def _index_of(path: Path, header: list[str], wanted: str, clock: int) -> int:
-    """Return the index of the wanted column."""
+    """Return the index of the column that the user chose, or of the only column besides the time."""
     others = [i for i in range(len(header)) if i != clock]
     if not wanted and len(others) == 1:
         return others[0]
@@ -107,7 +109,7 @@ def _number(row: list[str], index: int) -> float:
 
 
 def _factor(path: Path, title: str, time: FloatArray) -> float:
-    """Return the factor between the unit of the time column and seconds."""
+    """Return the factor that converts the values of the time column to seconds."""
     unit = split_unit(title)[1] or next((u for u in ("ns", "us", "ms") if title.lower().endswith(f"_{u}")), "")
     if not unit:
         return 1e-9 if len(time) and np.nanmax(np.abs(time)) > _EPOCH_NS else 1.0
@@ -116,5 +118,5 @@ def _factor(path: Path, title: str, time: FloatArray) -> float:
     except UnitError:
         parsed = None
     if parsed is None or parsed.exponents != _SECONDS:
-        raise InvalidInputError(f"{path}: found the time column {title!r}, expected a unit of time, such as time [s]")
+        raise InvalidInputError(f"{path}: the time column {title!r} has no unit of time; name it, such as time [s]")
     return parsed.factor

@@ -1,4 +1,4 @@
-"""Read the undecoded messages of MCAP files, sqlite3 files, and ROS 2 bag folders with or without metadata."""
+"""Read raw messages from MCAP files, sqlite3 files and ROS 2 bag folders, without decoding them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _YAML_FILES: Final = re.compile(r"relative_file_paths:\s*\n((?:\s*-\s*.+\n?)*)")
 
 
 def read_contents(path: Path, wanted: Collection[str]) -> Contents:
-    """Read the messages of some topics, and count the messages of all topics.
+    """Read the messages of the wanted topics of a recording, and count the messages of all its topics.
 
     Args:
         path: an MCAP file, a sqlite3 file of a ROS 2 bag, or the folder of a bag.
@@ -57,17 +57,17 @@ def read_contents(path: Path, wanted: Collection[str]) -> Contents:
 
 
 def _files_of(folder: Path, contents: Contents) -> list[Path]:
-    """Return the files of a bag in the order of its metadata or, without metadata, of the numbers in their names."""
+    """Return the files of a ROS 2 bag in the order of its metadata.yaml; without this file, in the order of names."""
     present = sorted((f for f in folder.iterdir() if f.name.endswith(_ENDINGS)), key=_natural)
     if not present:
         raise InvalidInputError(
-            f"{folder}: this folder contains no recording; the files of a recording end with .mcap or .db3"
+            f"{folder}: this folder contains no recording; the name of a recording ends with .mcap or .db3"
         )
     metadata = folder / "metadata.yaml"
     if not metadata.exists():
         contents.notes.append(
-            f"The bag has no metadata.yaml; its {len(present)} file{'s were' if len(present) > 1 else ' was'} read in "
-            "the order of their names."
+            f"The bag has no file metadata.yaml, so pretouch read its files in the order of their names (files: "
+            f"{len(present)})."
         )
         return present
     listed = _YAML_FILES.search(metadata.read_text(encoding="utf-8", errors="replace"))
@@ -79,7 +79,7 @@ def _files_of(folder: Path, contents: Contents) -> list[Path]:
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
-    """Return a sort key by which bag_10 comes after bag_9."""
+    """Return a sort key for file names with numbers, by which bag_10 comes after bag_9."""
     return [(int(part) if part.isdigit() else -1, part) for part in re.split(r"(\d+)", path.name)]
 
 
@@ -101,11 +101,13 @@ def _read_file(path: Path, wanted: Collection[str], contents: Contents) -> None:
                 f"--src {path.name} --dst {path.stem}"
             )
         else:
-            raise InvalidInputError(f"{path}: this is neither an MCAP file nor a ROS 2 bag (sqlite3) nor a CSV file")
+            raise InvalidInputError(
+                f"{path}: found another file format, expected an MCAP file, a ROS 2 bag (sqlite3) or a CSV file"
+            )
 
 
 def _read_compressed(path: Path, stream: Any, wanted: Collection[str], contents: Contents) -> None:
-    """Read a file that the recorder compressed as a whole."""
+    """Decompress a recording that was compressed as a whole file, and read it."""
     zstandard = require("zstandard", extra=EXTRA)
     with tempfile.TemporaryDirectory() as folder:
         plain = Path(folder, path.stem)
@@ -113,12 +115,12 @@ def _read_compressed(path: Path, stream: Any, wanted: Collection[str], contents:
             with plain.open("wb") as out:
                 zstandard.ZstdDecompressor().copy_stream(stream, out)
         except zstandard.ZstdError:
-            contents.notes.append(f"{path.name} is truncated or damaged; only its beginning was read.")
+            contents.notes.append(f"The file {path.name} is truncated or damaged; pretouch read only its beginning.")
         _read_file(plain, wanted, contents)
 
 
 def _read_mcap(name: str, stream: Any, wanted: Collection[str], contents: Contents) -> None:
-    """Read an MCAP file, and keep what was written before a truncation."""
+    """Read an MCAP file; if it is truncated or damaged, keep the messages before the damage."""
     reader = require("mcap.stream_reader", extra=EXTRA)
     records = require("mcap.records", extra=EXTRA)
     state, before = _Channels(wanted, contents), sum(contents.counts.values())
@@ -143,16 +145,18 @@ def _read_mcap(name: str, stream: Any, wanted: Collection[str], contents: Conten
             raise
     if not complete:
         count = sum(contents.counts.values()) - before
-        contents.notes.append(f"{name} is truncated or damaged; only its first {count:,} messages were read.")
+        contents.notes.append(
+            f"The file {name} is truncated or damaged; pretouch read only its first {count:,} messages."
+        )
 
 
 def _fields(data: bytes) -> Any:
-    """Return the content of an MCAP record in the form that the library reads."""
+    """Wrap the bytes of an MCAP record in the data stream type of the library `mcap`."""
     return require("mcap.data_stream", extra=EXTRA).ReadDataStream(io.BytesIO(data))
 
 
 class _Channels:
-    """Channels of one MCAP file, with the messages of the wanted channels."""
+    """Collector for one MCAP file: all its channels, and the messages of the wanted topics."""
 
     def __init__(self, wanted: Collection[str], contents: Contents) -> None:
         self.wanted, self.contents = wanted, contents
@@ -161,7 +165,7 @@ class _Channels:
         self.kept: dict[int, Messages] = {}
 
     def add(self, channel: Any) -> None:
-        """Add a channel, unless an earlier copy of it in the file was already added."""
+        """Add an MCAP channel; ignore repeated records of the same channel."""
         if channel.id in self.topics:
             return
         schema = self.schemas.get(channel.schema_id)
@@ -174,7 +178,7 @@ class _Channels:
 
 
 def _read_records(data: bytes, state: _Channels) -> None:
-    """Read the schemas, channels and messages of an MCAP chunk."""
+    """Read the schemas, channels and messages in the bytes of an MCAP chunk."""
     # This loop runs once per message, so it reads only what is needed.
     records = require("mcap.records", extra=EXTRA)
     counts: dict[int, int] = {}
@@ -200,7 +204,7 @@ def _read_records(data: bytes, state: _Channels) -> None:
 
 
 def is_wanted(name: str, wanted: Collection[str]) -> bool:
-    """Return True if the name is that of a wanted topic; a wanted topic may end with a field.
+    """Return True if a topic is wanted; wanted names may include a field, such as /arm/range.range.
 
     Args:
         name: the topic.
@@ -220,7 +224,7 @@ def _read_sqlite(path: Path, name: str, wanted: Collection[str], contents: Conte
         if not contents.counts:
             raise InvalidInputError(f"{name}: this database is not a ROS 2 bag, or it is damaged ({error})") from None
         contents.notes.append(
-            f"{name} is truncated or damaged ({error}); only the messages before the damage were read."
+            f"The file {name} is truncated or damaged ({error}); pretouch read only the messages before the damage."
         )
     finally:
         connection.close()
@@ -247,5 +251,5 @@ def _read_database(connection: sqlite3.Connection, wanted: Collection[str], cont
 
 
 def _rows(connection: sqlite3.Connection, topic: int) -> Iterator[tuple[int, bytes]]:
-    """Yield receive time and content of the messages of a topic in the order in which they were written."""
+    """Yield the receive time and the content of each message of a topic, in the order of recording."""
     yield from connection.execute("SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id", (topic,))

@@ -1,4 +1,4 @@
-"""Decode one number and the header stamp of each message of a topic, from ROS 2 messages (CDR) or JSON."""
+"""Decode ROS 2 messages (CDR) and JSON messages: one number and the header stamp of each message."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _SHOWN: Final = 16  # fields that a message lists
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decoded:
-    """One number and the header stamp of each message.
+    """Decoded messages of a topic: one number and the header stamp of each message.
 
     Args:
         field: the field that was decoded.
@@ -54,7 +54,7 @@ class Decoded:
 
 
 def decode(messages: Messages, field: str) -> Decoded:
-    """Decode one field of all messages of a topic.
+    """Decode one numeric field in all messages of a topic.
 
     Args:
         messages: the messages, at least one.
@@ -72,8 +72,8 @@ def _contents(messages: Messages) -> list[bytes]:
     topic, data = messages.topic, messages.data
     if topic.encoding not in {"cdr", "json"}:
         raise InvalidInputError(
-            f"{topic.name}: the messages of this topic are encoded as {topic.encoding!r}, but pretouch reads 'cdr' "
-            "(ROS 2) and 'json'; choose another topic, or convert the recording"
+            f"{topic.name}: the messages of this topic have the encoding {topic.encoding!r}, but pretouch reads only "
+            "'cdr' (ROS 2) and 'json'; choose another topic, or convert the recording"
         )
     if any(message[:4] == _ZSTD for message in data[:1]):  # the recorder compressed each message
         unpack = require("zstandard", extra=EXTRA).ZstdDecompressor().decompress
@@ -107,13 +107,13 @@ def decode_names(messages: Messages) -> tuple[str, ...]:
     if len(lists) > 1 or not names:
         found = f"the joints {' or '.join(', '.join(each) or 'none' for each in sorted(lists)[:2])}"
         raise InvalidInputError(
-            f"{topic.name}: found messages with {found}, expected joint states with the same joints in all messages"
+            f"{topic.name}: all messages of this topic must contain the same joints, but they contain {found}"
         )
     return names
 
 
 def _decode_cdr(data: list[bytes], topic: Topic, field: str) -> Decoded:
-    """Decode ROS 2 messages: messages of equal layout together, all others one by one with rosbags."""
+    """Decode ROS 2 messages: those of equal byte layout all at once, the others one by one with rosbags."""
     store = _type_store(topic, data[0])
     values, stamps = empty_columns(len(data))
     name, bounds = field, (float("nan"), float("nan"))
@@ -137,7 +137,7 @@ def _decode_cdr(data: list[bytes], topic: Topic, field: str) -> Decoded:
 
 
 def _stamps(table: Any, layout: MessageLayout) -> Any:
-    """Return the header stamps of messages with the same layout; 0 without a header."""
+    """Return the header stamps [ns] of messages with the same byte layout; 0 for messages without a header."""
     for name in _STAMP:
         pair = [layout.fields.get(f"{name}.{part}") for part in ("sec", "nanosec")]
         if pair[0] is not None and pair[1] is not None:
@@ -154,7 +154,7 @@ def _decode_each(
     store: Any,
     columns: tuple[FloatArray, IntArray],
 ) -> str:
-    """Decode messages one by one, for example if their lists differ in length, and return the name of the field."""
+    """Decode messages one by one into two columns of values and stamps; return the name of the decoded field."""
     values, stamps = columns
     for i in rows:
         message = store.deserialize_cdr(data[i], topic.message_type)
@@ -186,24 +186,24 @@ def _decode_json(data: list[bytes], topic: Topic, field: str) -> Decoded:
 
 
 def _field_of(field: str, fields: list[str], topic: Topic) -> str:
-    """Return the field to decode: the wanted one, or the usual or only number of the message."""
+    """Return the field to decode: the chosen one, or a usual one such as "range", or the only number."""
+    kind = topic.message_type or topic.encoding
     if field:
         if field not in fields and not any(name.partition("[")[0] == field.partition("[")[0] for name in fields):
             raise InvalidInputError(
-                f"{topic.name}: the type {topic.message_type or topic.encoding} has no number {field!r}; its numbers "
-                f"are {_listed(fields)}"
+                f"{topic.name}: the message type {kind} has no numeric field {field!r}; its numeric fields are "
+                f"{_listed(fields)}"
             )
         return field
     own = [name for name in fields if not name.startswith(_STAMP)]
     usual = [name for name in _USUAL if name in own]
     if usual or len(own) == 1:
         return (usual or own)[0]
-    kind = topic.message_type or topic.encoding
     if not own:
-        raise InvalidInputError(f"{topic.name}: the type {kind} has no numbers; choose another topic")
+        raise InvalidInputError(f"{topic.name}: the message type {kind} has no numeric fields; choose another topic")
     raise InvalidInputError(
-        f"{topic.name}: the type {kind} has {len(own)} numbers; name one, such as {topic.name}.{own[0]} (the "
-        f"numbers are {_listed(own)})"
+        f"{topic.name}: the message type {kind} has {len(own)} numeric fields; choose one, for example with "
+        f"{topic.name}.{own[0]} (the fields are {_listed(own)})"
     )
 
 
@@ -213,7 +213,7 @@ def _listed(fields: list[str]) -> str:
 
 
 def _numbers_in(message: Any, path: str = "") -> list[str]:
-    """Return the paths of all numbers of a decoded message."""
+    """Return the names of all numeric fields in a decoded message, such as "position[0]"."""
     if isinstance(message, bool | int | float | np.generic):
         return [path]
     if isinstance(message, str | bytes) or message is None:
@@ -228,7 +228,7 @@ def _numbers_in(message: Any, path: str = "") -> list[str]:
 
 
 def _part_of(message: Any, path: str) -> Any:
-    """Return a part of a decoded message; None if the message does not have it."""
+    """Return a named field of a decoded message; None if the message does not have this field."""
     for token in _TOKEN.findall(path):
         if isinstance(message, Mapping):
             message = message.get(token)
@@ -248,7 +248,7 @@ def _as_number(value: Any) -> float:
 
 
 def _stamp_of(message: Any) -> int:
-    """Return the header stamp of a decoded message [ns]; 0 without one."""
+    """Return the header stamp [ns] of a decoded message; 0 if the message has none."""
     for name in _STAMP:
         stamp = _part_of(message, name)
         seconds = None if stamp is None else _part_of(stamp, "sec")
@@ -259,7 +259,7 @@ def _stamp_of(message: Any) -> int:
 
 
 def _type_store(topic: Topic, message: bytes) -> Any:
-    """Return the message types of the recording or, if it has none, of the ROS version whose type fits the message."""
+    """Return the message definitions in the recording or, if it has none, those of a ROS version that fit."""
     types = require("rosbags.typesys", extra=EXTRA)
     parse = {"ros2msg": types.get_types_from_msg, "ros2idl": None}.get(topic.definition_format)
     if topic.definition and topic.definition_format == "ros2idl":
@@ -277,8 +277,8 @@ def _type_store(topic: Topic, message: bytes) -> Any:
     store = types.get_typestore(types.Stores.LATEST)
     if topic.message_type not in store.fielddefs:
         raise InvalidInputError(
-            f"{topic.name}: the recording has no definition of the type {topic.message_type}, and ROS has no such "
-            "type; record it again with a recent ROS 2 to MCAP, which stores the definitions"
+            f"{topic.name}: neither the recording nor ROS defines the message type {topic.message_type}; record again "
+            "in the format MCAP with a recent ROS 2, which stores the definitions"
         )
     return store
 

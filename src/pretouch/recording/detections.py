@@ -1,4 +1,4 @@
-"""Find what the law detected in a recording, and compare it with the true moments of presence or contact."""
+"""Find the periods in which the control law detected an object, and compare them with the true events."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Judgment: TypeAlias = Literal["right", "false", "unknown"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedDetection(Value):
-    """A period in which the law detected an object.
+    """A period in which the control law detected an object.
 
     Args:
         start: its start after the first reading [s].
@@ -43,7 +43,7 @@ class RecordedDetection(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event(Value):
-    """A true presence of an object, or a contact, with the detection before it.
+    """A true event, that is, a present object or a contact, and how early the law detected it.
 
     Args:
         start: its start after the first reading [s].
@@ -68,7 +68,7 @@ class Event(Value):
 
 
 def detections_in(steps: LawSteps, floor: float) -> list[tuple[float, float, float, float]]:
-    """Return start, end [s], peak xi and largest force [N] of each detection; short pauses do not end a detection.
+    """Return start and end [s], peak output xi and largest force [N] of each detection; short pauses are ignored.
 
     Args:
         steps: the replay.
@@ -85,7 +85,7 @@ def detections_in(steps: LawSteps, floor: float) -> list[tuple[float, float, flo
 
 
 def _spans(flags: BoolArray) -> list[tuple[int, int]]:
-    """Return start and end of each sequence of true values."""
+    """Return the start and end index of each run of consecutive True values."""
     edges = np.diff(np.concatenate([[0], flags.astype(np.int8), [0]]))
     return list(zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True))
 
@@ -101,7 +101,7 @@ def _merged(spans: list[tuple[int, int]], pause: int) -> list[tuple[int, int]]:
 
 
 def events_in(time: FloatArray, values: FloatArray, threshold: float) -> list[tuple[float, float]]:
-    """Return start and end [s] of each period in which a topic of true presence or contact is above a threshold.
+    """Return start and end [s] of each true event: a period in which the values are above a threshold.
 
     Args:
         time: times of its messages [s].
@@ -117,7 +117,7 @@ def events_in(time: FloatArray, values: FloatArray, threshold: float) -> list[tu
 def judge(
     found: list[tuple[float, float, float, float]], events: list[tuple[float, float]] | None, before: float
 ) -> tuple[tuple[RecordedDetection, ...], tuple[Event, ...]]:
-    """Compare detections with true events.
+    """Compare detections with true events: which detections are right, and how early they are.
 
     A detection is right if it overlaps an event, or ends at most `before` ahead of its start.
 

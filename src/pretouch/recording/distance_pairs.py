@@ -1,4 +1,4 @@
-"""Pair recorded readings with distances from another topic, to make a calibration file for `pretouch fit`."""
+"""Pair recorded sensor readings with distances from another topic, as a calibration for `pretouch fit`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NARROW: Final = 1e-3  # m, range of distances below which there is nothing to f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DistancePairs(Value):
-    """Readings with the distance at the time of each reading.
+    """Sensor readings, each with the distance of the object at the time of the reading.
 
     Args:
         distance: distances [m]; infinite without an object.
@@ -34,7 +34,7 @@ class DistancePairs(Value):
     largest_speed: float
 
     def as_csv(self) -> str:
-        """Return the pairs as a calibration table; more than 20,000 rows are reduced to every n-th row."""
+        """Return distances and readings as a calibration table (CSV) of at most 20,000 rows; omit rows evenly."""
         every = -(-len(self.distance) // _MOST_ROWS)
         rows = [
             f"{'inf' if np.isinf(d) else f'{1e3 * d:.6g}'},{y!r}"
@@ -46,7 +46,7 @@ class DistancePairs(Value):
 def pair_distances(
     time: FloatArray, readings: FloatArray, other_time: FloatArray, distance: FloatArray, shift: float
 ) -> DistancePairs:
-    """Interpolate distances at the times of the readings.
+    """Interpolate recorded distances at the times of the sensor readings.
 
     Args:
         time: times of the readings [s].
@@ -84,8 +84,9 @@ def pair_distances(
     if len(finite) < _FEWEST or np.ptp(finite) < _NARROW:
         span = f"from {1e3 * finite.min():.4g} to {1e3 * finite.max():.4g} mm" if len(finite) else "none"
         raise InvalidInputError(
-            f"reference: there are {len(finite)} readings with a distance ({span}), but a calibration needs at least "
-            f"{_FEWEST}, over more than {1e3 * _NARROW:g} mm; move the object toward the sensor while recording"
+            f"reference: the number of readings with a distance is {len(finite)} ({span}); a calibration needs at "
+            f"least {_FEWEST} readings, and distances that differ by more than {1e3 * _NARROW:g} mm. Move the object "
+            "toward the sensor while recording"
         )
     return DistancePairs(
         distance=between[kept],

@@ -1,4 +1,4 @@
-"""Read recorded joint states, and convert them to the distance ahead of a sensor with a model of the robot."""
+"""Compute the distance between sensor and object from recorded joint states and a model of the robot."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ def distances_from_joints(
 
 
 def _joint_names(file: Path, topic: str) -> tuple[str, ...]:
-    """Return the names of the joints in the messages of a topic."""
+    """Return the names of the joints in the joint states of a topic."""
     if is_table(file):
         raise InvalidInputError(
-            f"{file}: joint states are read from ROS 2 bags and MCAP files; for a CSV file, compute the distances, and "
-            "name their column as the reference"
+            f"{file}: pretouch reads joint states only from ROS 2 bags and MCAP files; in a CSV file, add a column "
+            "with the distances, and choose this column as the reference"
         )
     first = f"{topic}.position[0]"
     messages, _ = decode_topic(read_contents(file, [first]), first, file.name)

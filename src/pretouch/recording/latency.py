@@ -1,4 +1,4 @@
-"""Estimate by correlation how much later a motion appears in one topic than in another."""
+"""Estimate the latency between two topics that show the same motion, by correlation and least squares."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LIMIT: Final = 1.959963984540054  # standard deviations of a 95 % interval
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Latency(Value):
-    """Lag of one topic behind another one, or the reason why the lag is unknown.
+    """Latency of one topic relative to another topic, or the reason why the latency is unknown.
 
     Args:
         value: the latency [s]; None if it is unknown.
@@ -43,7 +43,7 @@ class Latency(Value):
 def estimate_latency(  # noqa: PLR0911 - one return for each reason
     time: FloatArray, signal: FloatArray, other_time: FloatArray, other: FloatArray, longest: float = _LONGEST
 ) -> Latency:
-    """Estimate by how much a signal lags another one, from readings at irregular times.
+    """Estimate the latency between two signals that are sampled at irregular times.
 
     The other signal is interpolated, shifted and compared with the readings of the signal. First, a search over all
     shifts finds the largest correlation. Then least squares fit shift, scale and offset. The interval follows from the
@@ -78,14 +78,16 @@ def estimate_latency(  # noqa: PLR0911 - one return for each reason
     best = int(np.argmax(np.abs(correlations)))
     peak = float(abs(correlations[best]))
     if peak < _LEAST:
-        return _unknown(peak, f"the correlation is only {peak:.2f}, but at least {_LEAST} is needed")
+        return _unknown(peak, f"the correlation of the topics is only {peak:.2f}, but at least {_LEAST} is needed")
     if best in {0, len(shifts) - 1}:
-        return _unknown(peak, f"the best shift is at the end of the search, {longest:.3g} s")
+        return _unknown(
+            peak, f"the correlation is largest at the end of the search, at a time shift of {longest:.3g} s"
+        )
     if (rival := _rival(np.abs(correlations), best)) is not None:
         return _unknown(
             peak,
-            f"shifts of {1e3 * shifts[best]:.4g} ms and {1e3 * shifts[rival]:.4g} ms fit almost equally well; move the "
-            "object irregularly",
+            f"time shifts of {1e3 * shifts[best]:.4g} ms and {1e3 * shifts[rival]:.4g} ms fit almost equally well; "
+            "move the object irregularly",
         )
     half_width = _half_width(np.abs(correlations), best) * float(shifts[1] - shifts[0])
     value, error = _refine(time, signal, _smoothed(other_time, other, half_width), float(shifts[best]), half_width)
@@ -97,7 +99,7 @@ def _unknown(correlation: float, reason: str) -> Latency:
 
 
 def _finite(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Remove samples that are not finite, and sort by time; of samples with equal times, keep the first."""
+    """Remove non-finite samples, sort the rest by time, and keep only the first of samples with equal times."""
     kept = np.isfinite(values) & np.isfinite(time)
     unique, index = np.unique(time[kept], return_index=True)
     return unique, values[kept][index]
@@ -110,13 +112,13 @@ def _correlation(a: FloatArray, b: FloatArray) -> float:
 
 
 def _half_width(correlations: FloatArray, best: int) -> int:
-    """Return the number of search steps from the largest correlation to the nearer end of its maximum."""
+    """Return the half-width of the correlation peak at half of its height, as a number of search steps."""
     below = np.flatnonzero(correlations < _DROP * correlations[best])
     return int(np.abs(below - best).min()) if len(below) else max(best, len(correlations) - 1 - best)
 
 
 def _rival(correlations: FloatArray, best: int) -> int | None:
-    """Return the index of another maximum that is almost as large as the largest one; None if there is none."""
+    """Return the index of a second correlation peak that is almost as high as the highest; None without one."""
     below = correlations < _DROP * correlations[best]
     left, right = np.flatnonzero(below[:best]), np.flatnonzero(below[best:])
     outside = np.ones(len(correlations), dtype=bool)
@@ -128,7 +130,7 @@ def _rival(correlations: FloatArray, best: int) -> int | None:
 
 
 def _smoothed(time: FloatArray, values: FloatArray, half_width: float) -> tuple[FloatArray, FloatArray]:
-    """Smooth a signal with a symmetric kernel, which does not shift it and is narrower than the peaks of the motion."""
+    """Smooth a signal with a narrow Gaussian kernel, which does not shift the signal in time."""
     # Without this, the noise of the interpolated signal would make the residual a jagged function of the shift.
     width = _KERNEL * half_width
     step = min(width / 5, float(np.median(np.diff(time))) / 2)
@@ -145,7 +147,7 @@ def _smoothed(time: FloatArray, values: FloatArray, half_width: float) -> tuple[
 def _refine(
     time: FloatArray, signal: FloatArray, other: tuple[FloatArray, FloatArray], shift: float, half_width: float
 ) -> tuple[float, float]:
-    """Return the least-squares shift and its standard error for autocorrelated residuals (Newey and West)."""
+    """Return the least-squares time shift [s] and its standard error [s] (Newey-West, autocorrelated residuals)."""
     from scipy.optimize import minimize_scalar  # noqa: PLC0415 - slow to import
 
     least = minimize_scalar(

@@ -1,4 +1,4 @@
-"""Find where the fields of a ROS 2 message lie in its bytes, so that many messages are decoded at once."""
+"""Find the byte offset of each field in a ROS 2 message, so that many messages can be decoded at once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MOST_ELEMENTS: Final = 4096  # of a list that are listed as fields
 
 
 class Place(NamedTuple):
-    """Where a number lies in a message.
+    """Byte offset and type of a number in a message.
 
     Args:
         offset: bytes from the start of the message.
@@ -33,7 +33,7 @@ class Place(NamedTuple):
 
 
 class MessageLayout(NamedTuple):
-    """Places of all numbers of a message.
+    """Byte layout of a message: the offset and type of each number in it.
 
     Args:
         fields: place of each number, by field, such as "header.stamp.sec" or "position[0]".
@@ -47,11 +47,11 @@ class MessageLayout(NamedTuple):
 
 
 class UnsupportedLayoutError(Exception):
-    """Raised for a message that has to be decoded by the library, such as one with wide characters."""
+    """Raised for a message whose byte layout cannot be determined, such as one with wide characters."""
 
 
 def layout_of(message: bytes, message_type: str, types: Mapping[str, Any]) -> MessageLayout:
-    """Find the places of all numbers of one message.
+    """Find the byte offset and type of each number in one message.
 
     Args:
         message: the bytes of the message, encoded as CDR.
@@ -78,7 +78,7 @@ def layout_of(message: bytes, message_type: str, types: Mapping[str, Any]) -> Me
 
 
 class _Walk:
-    """One pass over the fields of a message."""
+    """Parser that goes through the fields of a message, and collects their byte offsets."""
 
     def __init__(self, message: bytes, order: str, types: Mapping[str, Any]) -> None:
         self.message, self.order, self.types = message, order, types
@@ -128,7 +128,7 @@ class _Walk:
 
 
 def column(table: Any, place: Place) -> Any:
-    """Return one number of each message.
+    """Return one numeric field of each message, for many messages of equal byte layout.
 
     Args:
         table: bytes of messages with the same layout, shape (n, size).
@@ -139,7 +139,7 @@ def column(table: Any, place: Place) -> Any:
 
 
 def same_layout(table: Any, layout: MessageLayout) -> bool:
-    """Return True if all messages of a table have the same encoding and the same lengths of texts and lists.
+    """Return True if all messages have the same encoding and the same lengths of strings and lists.
 
     Args:
         table: bytes of the messages, shape (n, size).
@@ -150,22 +150,22 @@ def same_layout(table: Any, layout: MessageLayout) -> bool:
 
 
 def stamps_of(seconds: Any, nanoseconds: Any) -> IntArray:
-    """Return time stamps [ns] from their seconds and nanoseconds."""
+    """Combine seconds and nanoseconds into time stamps [ns]."""
     return np.asarray(seconds, dtype=np.int64) * 1_000_000_000 + np.asarray(nanoseconds, dtype=np.int64)
 
 
 def group_by_size(data: Sequence[bytes]) -> dict[int, IntArray]:
-    """Return the indices of the messages of each size."""
+    """Group messages by their size in bytes, and return the message indices of each group."""
     sizes = np.fromiter(map(len, data), dtype=np.int64, count=len(data))
     return {int(size): np.flatnonzero(sizes == size) for size in np.unique(sizes)}
 
 
 def table_of(data: Sequence[bytes], rows: IntArray, size: int) -> Any:
-    """Return messages of the same size as one array of bytes, shape (n, size)."""
+    """Return n messages of equal size as one array of bytes with the shape (n, size)."""
     chosen = data if len(rows) == len(data) else [data[i] for i in rows]
     return np.frombuffer(b"".join(chosen), dtype=np.uint8).reshape(len(rows), size)
 
 
 def empty_columns(count: int) -> tuple[FloatArray, IntArray]:
-    """Return columns for values (NaN) and header stamps (0) of messages."""
+    """Create one array for values, filled with NaN, and one for header stamps, filled with 0."""
     return np.full(count, np.nan), np.zeros(count, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Write time series of a replay or a simulation as an MCAP file with JSON messages, and a Foxglove layout for it."""
+"""Write the time series of a replay or simulation to an MCAP file, with a Foxglove layout that plots them."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Series(Value):
 
 
 def series_of_replay(replay: Replay) -> tuple[Series, ...]:
-    """Return inputs and outputs of the law in a replay as time series with the clock of the recording.
+    """Return the inputs and outputs of the law in a replay as time series on the clock of the recording.
 
     Args:
         replay: the replay.
@@ -80,7 +80,7 @@ def series_of_replay(replay: Replay) -> tuple[Series, ...]:
 
 
 def series_of_trace(trace: LoopTrace, floor: float) -> tuple[Series, ...]:
-    """Return the time series of law, robot and obstacle in a simulated run.
+    """Return the time series of the control law, the robot and the obstacle in a simulated run.
 
     Args:
         trace: the run.
@@ -110,7 +110,7 @@ def _law_columns(log_level: FloatArray, status: IntArray, floor: float, columns:
 
 
 def write_mcap(path: str | os.PathLike[str], series: Iterable[Series], *, overwrite: bool = False) -> tuple[Path, Path]:
-    """Write time series as an MCAP file, and a Foxglove layout with their plots next to it.
+    """Write time series to an MCAP file, and write a Foxglove layout that plots them to the same folder.
 
     Both files are written completely or not at all; numbers that are not finite are null.
 
@@ -141,7 +141,7 @@ def layout_path(path: Path) -> Path:
 
 
 def _content(series: tuple[Series, ...]) -> bytes:
-    """Return an MCAP file, whose messages are in the order of time."""
+    """Return the bytes of an MCAP file that contains the messages of all time series, sorted by time."""
     library = require("mcap.writer", extra=EXTRA)
     stream = io.BytesIO()
     writer = library.Writer(stream)
@@ -168,7 +168,7 @@ def _schema(series: Series) -> bytes:
 
 
 def _messages(series: Series) -> Iterable[bytes]:
-    """Yield the messages of a topic as JSON, with as many digits as are needed to restore each float exactly."""
+    """Yield the messages of a topic as JSON, with enough digits to restore each number exactly."""
     names = list(series.columns)
     lists = []
     for column in map(np.asarray, series.columns.values()):
@@ -181,7 +181,7 @@ def _messages(series: Series) -> Iterable[bytes]:
 
 
 def _layout(series: tuple[Series, ...]) -> dict[str, Any]:
-    """Return a Foxglove layout with one plot below the other."""
+    """Return a Foxglove layout that shows the plots one below the other."""
     topics = {each.topic for each in series}
     plots = [(title, path) for title, path in _PLOTS if path[0] in topics]
     panels = {
@@ -206,7 +206,7 @@ def _layout(series: tuple[Series, ...]) -> dict[str, Any]:
 
 
 def _stacked(names: list[str]) -> Any:
-    """Return panels of equal height, one below the other."""
+    """Arrange the panels of a Foxglove layout one below the other, with equal heights."""
     if len(names) == 1:
         return names[0]
     share = 100 / len(names)

@@ -1,4 +1,4 @@
-"""Hold the undecoded messages of a recording by topic, and find a topic by its name."""
+"""Store the raw messages of a recording by topic, and find a topic by its name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SHOWN: Final = 12  # topics that a message lists
 
 
 class Topic(NamedTuple):
-    """A topic of a recording, without its messages.
+    """A topic of a recording: its name, message type and encoding, without the messages.
 
     Args:
         name: name of the topic.
@@ -32,7 +32,7 @@ class Topic(NamedTuple):
 
 @dataclass(slots=True, kw_only=True)
 class Messages:
-    """Messages of one topic, in the order of the file.
+    """Raw messages of one topic, in the order in which the file contains them.
 
     Args:
         topic: the topic.
@@ -47,7 +47,7 @@ class Messages:
 
 @dataclass(slots=True, kw_only=True)
 class Contents:
-    """The wanted messages of a recording, and how many messages each topic has.
+    """Contents of a recording: the messages of the wanted topics, and the number of messages of every topic.
 
     Args:
         counts: number of messages of each topic.
@@ -60,7 +60,7 @@ class Contents:
     notes: list[str] = field(default_factory=list)
 
     def messages_of(self, topic: Topic) -> Messages:
-        """Return the container for the messages of a topic, which is created at the first call.
+        """Return the container for the messages of a topic; create the container at the first call.
 
         Args:
             topic: the topic.
@@ -70,7 +70,7 @@ class Contents:
 
 
 def split_name(wanted: str, names: Sequence[str]) -> tuple[str, str] | None:
-    """Split text such as "/arm/range.range" into a topic that exists and a field of its messages.
+    """Split a name such as "/arm/range.range" into an existing topic and a field of its messages.
 
     Args:
         wanted: topic, or topic and field.
@@ -96,7 +96,7 @@ def split_name(wanted: str, names: Sequence[str]) -> tuple[str, str] | None:
 
 
 def refuse_unknown(wanted: str, counts: Mapping[Topic, int], source: str) -> NoReturn:
-    """Raise an error that a topic does not exist, and list the existing topics and a similar name in the message.
+    """Raise an error for an unknown topic; its message suggests a similar name and lists the existing topics.
 
     Args:
         wanted: the topic.
@@ -110,11 +110,9 @@ def refuse_unknown(wanted: str, counts: Mapping[Topic, int], source: str) -> NoR
     if not names:
         raise InvalidInputError(f"{source}: this recording contains no topics; choose another file")
     near = get_close_matches(wanted, [*names, *(name.lstrip("/") for name in names)], 1, 0.5)
-    hint = f"; did you mean {near[0]}?" if near else ""
+    hint = f" (did you mean {near[0]}?)" if near else ""
     listed = [f"{topic.name} ({topic.message_type or topic.encoding}, {n:,} messages)" for topic, n in counts.items()]
     more = f" and {len(listed) - _SHOWN} more" if len(listed) > _SHOWN else ""
     raise InvalidInputError(
-        f"{source}: there is no topic {wanted!r}{hint} The topics are: {', '.join(listed[:_SHOWN])}{more}"
-        if hint
-        else f"{source}: there is no topic {wanted!r}; the topics are {', '.join(listed[:_SHOWN])}{more}"
+        f"{source}: the recording has no topic {wanted!r}{hint}; its topics are {', '.join(listed[:_SHOWN])}{more}"
     )

@@ -1,4 +1,4 @@
-"""Estimate offset, noise, resolution and saturation of a sensor from readings with a moving object, or with none."""
+"""Estimate the offset, noise, resolution and saturation of a sensor from its recorded readings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WHOLE: Final = 0.02  # of a step: deviation of quantized readings from whole st
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise(Value):
-    """Noise properties estimated from the readings of a recording; None for a property that cannot be estimated.
+    """Noise properties of a sensor, estimated from its recorded readings; None if a property is unknown.
 
     Args:
         offset: median reading without an object, in the unit of the readings.
@@ -48,7 +48,7 @@ class Noise(Value):
 
 
 def noise_of(readings: FloatArray, regular: BoolArray, detecting: BoolArray, near: BoolArray, offset: float) -> Noise:
-    """Estimate the noise of readings.
+    """Estimate the noise properties of a sensor from its readings.
 
     Args:
         readings: the readings in the order of their times.
@@ -86,7 +86,7 @@ def noise_of(readings: FloatArray, regular: BoolArray, detecting: BoolArray, nea
 
 
 def _spread(deviations: FloatArray, resolution: float) -> float:
-    """Return a robust standard deviation, even if the readings have a coarse resolution."""
+    """Return a standard deviation that is robust against outliers, also for readings of coarse resolution."""
     robust = float(ROBUST * np.median(np.abs(deviations - np.median(deviations))))
     if robust > 2 * resolution:
         return robust
@@ -96,7 +96,7 @@ def _spread(deviations: FloatArray, resolution: float) -> float:
 
 
 def spread_of_course(values: FloatArray, regular: BoolArray) -> float | None:
-    """Return the noise of a time series: its robust deviation around a smooth trend; None for too few values.
+    """Return the noise of a time series: its standard deviation around a smooth trend; None for too few values.
 
     Args:
         values: the values in the order of their times; those that are not finite are left out.
@@ -109,7 +109,7 @@ def spread_of_course(values: FloatArray, regular: BoolArray) -> float | None:
 def _rest_of_course(
     values: FloatArray, used: BoolArray, regular: BoolArray
 ) -> tuple[FloatArray | None, FloatArray | None]:
-    """Return scaled fourth differences, whose spread is the noise of regularly sampled values, and local means."""
+    """Return fourth differences of a time series, scaled so that their spread is its noise, and local means."""
     width, windows = len(_FOURTH), np.lib.stride_tricks.sliding_window_view
     if len(values) < width:
         return None, None
@@ -121,7 +121,7 @@ def _rest_of_course(
 
 
 def _relative(readings: FloatArray, used: BoolArray, regular: BoolArray, offset: float, noise: float) -> float | None:
-    """Return the noise relative to xi, from fourth differences of readings with an object at several levels."""
+    """Return the part of the noise that is proportional to the sensor output xi; None if it is unknown."""
     rest, means = _rest_of_course(readings, used, regular)
     if rest is None or means is None:
         return None
@@ -139,7 +139,7 @@ def _relative(readings: FloatArray, used: BoolArray, regular: BoolArray, offset:
 
 
 def _resolution(values: FloatArray) -> float:
-    """Return the step of quantized readings; 0 if there is none."""
+    """Return the quantization step of readings; 0 if the readings are not quantized."""
     levels = np.unique(values)
     if len(levels) < _FEWEST_LEVELS:
         return 0.0
@@ -151,7 +151,7 @@ def _resolution(values: FloatArray) -> float:
 
 
 def _is_clipped(values: FloatArray) -> bool:
-    """Return True if the largest value occurs several times in a row, although the readings vary otherwise."""
+    """Return True if readings look clipped: they vary, but the largest value occurs several times in a row."""
     if len(values) < _CLIPPED or values.min() == values.max():
         return False
     at_top = np.concatenate([[0], (values == values.max()).astype(np.int8), [0]])

@@ -1,4 +1,4 @@
-"""Read the readings of one topic or column from a recording, with the clock and the unit that the user chooses."""
+"""Read sensor readings from a topic or column of a recording, with the clock and unit that the user chooses."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def read_recording(path: str | os.PathLike[str], topic: str = "", *, clock: str 
 def read_recordings(
     path: str | os.PathLike[str], topics: tuple[str, ...], *, clock: str | None = None
 ) -> tuple[Recording, ...]:
-    """Read several topics of one recording, all with the same clock, in one pass over the file.
+    """Read several topics of one recording, with all time stamps from the same clock.
 
     Args:
         path: see `read_recording`.
@@ -64,7 +64,9 @@ def read_recordings(
     file, wanted = Path(path), [_split_unit(topic) for topic in topics]
     if is_table(file):
         if clock is not None:
-            raise InvalidInputError(f"clock: {file.name} has only the times of its time column; leave the clock out")
+            raise InvalidInputError(
+                f"clock: the file {file.name} has only one clock, its time column; do not choose another clock"
+            )
         return tuple(_from_table(file, name, unit) for name, unit in wanted)
     if not all(name for name, _ in wanted):
         names = ", ".join(topic.name for topic in read_contents(file, ()).counts)
@@ -75,8 +77,11 @@ def read_recordings(
     if chosen == "header":
         for (name, _), (_, each) in zip(wanted, decoded, strict=True):
             if not each.stamps.all():
-                missing = "no header stamp" if not each.stamps.any() else "messages without a header stamp"
-                raise InvalidInputError(f"{name}: this topic has {missing}; use the receive times with --clock receive")
+                share = "some" if each.stamps.any() else "all"
+                raise InvalidInputError(
+                    f"{name}: {share} messages of this topic lack a header stamp; use the receive times with --clock "
+                    "receive"
+                )
     used: Clock = "header" if chosen == "header" else "receive"
     return tuple(
         _recording(file, used, unit, messages=messages, decoded=each, notes=tuple(contents.notes))
@@ -90,7 +95,7 @@ def _split_unit(text: str) -> tuple[str, str | None]:
 
 
 def decode_topic(contents: Contents, name: str, source: str) -> tuple[Messages, Decoded]:
-    """Return the messages of a topic and one number of each; raise an error if there is no such topic or no message.
+    """Return the messages of a topic, and one decoded number per message; raise an error if there are none.
 
     Args:
         contents: the contents of the recording.
@@ -107,8 +112,8 @@ def decode_topic(contents: Contents, name: str, source: str) -> tuple[Messages, 
     if not messages.data:
         why = "; ".join(note.rstrip(".") for note in contents.notes)
         raise InvalidInputError(
-            f"{source}: there is no message on the topic {found[0]}{f' ({why})' if why else ''}; was the sensor "
-            "running while the bag was recorded?"
+            f"{source}: the topic {found[0]} has no messages{f' ({why})' if why else ''}; was the sensor running "
+            "while the bag was recorded?"
         )
     return messages, decode(messages, found[1])
 
@@ -139,7 +144,7 @@ def _recording(
 
 
 def _valid_ranges(values: FloatArray, bounds: tuple[float, float]) -> tuple[FloatArray, tuple[str, ...]]:
-    """Replace ranges beyond the limits of the message by infinity, as REP 117 defines their meaning."""
+    """Replace distances below the valid range by minus infinity, and above it by infinity (ROS REP 117)."""
     low, high = bounds
     if not low < high:
         return values, ()
@@ -148,13 +153,13 @@ def _valid_ranges(values: FloatArray, bounds: tuple[float, float]) -> tuple[Floa
         return values, ()
     changed = np.where(near, -np.inf, np.where(far, np.inf, values))
     return changed, (
-        f"{near.sum():,} ranges are below min_range ({1e3 * low:.4g} mm) and {far.sum():,} above max_range "
-        f"({1e3 * high:.4g} mm); they count as too near and as no object.",
+        f"{near.sum():,} distances are below min_range ({1e3 * low:.4g} mm) and count as too near; {far.sum():,} "
+        f"distances are above max_range ({1e3 * high:.4g} mm) and count as no object.",
     )
 
 
 def _in_unit(values: FloatArray, unit: str | None) -> tuple[Kind, FloatArray, tuple[str, ...]]:
-    """Return kind and values of readings: distances in m if the unit is a length, otherwise unchanged readings."""
+    """Return the kind and values of readings; if their unit is a length, they are distances, converted to m."""
     if not unit:
         return "reading", values, ()
     try:
@@ -163,14 +168,14 @@ def _in_unit(values: FloatArray, unit: str | None) -> tuple[Kind, FloatArray, tu
         raise InvalidInputError(f"--topic: {error}") from None
     if parsed.exponents == _LENGTH:
         return "distance", values * parsed.factor, ()
-    return "reading", values, (f"The readings are in {unit}; they are used as they are.",)
+    return "reading", values, (f"The readings have the unit {unit}; pretouch does not convert them.",)
 
 
 def _from_table(file: Path, name: str, unit: str | None) -> Recording:
     column, own_unit, time, values = read_columns(file, name)
     usable = np.isfinite(time)
     if not usable.any():
-        raise InvalidInputError(f"{file}: there is no row with a time; the time column must contain numbers")
+        raise InvalidInputError(f"{file}: no row has a valid time; the time column must contain numbers")
     kind, values, notes = _in_unit(values, own_unit if unit is None else unit)
     if not usable.all():
         notes = (*notes, f"{(~usable).sum():,} rows without a time were ignored.")

@@ -1,4 +1,4 @@
-"""Draw a sensor curve as text."""
+"""Draw a sensor curve as a text plot for the terminal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _HEIGHT: Final = 10
 
 
 def text_curve(distances: Sequence[float], outputs: Sequence[float], *, unit: str = "") -> list[str]:
-    """Draw outputs over distances as lines of text.
+    """Draw sensor output versus distance as lines of a text plot.
 
     Args:
         distances: the distances, shape (N,).

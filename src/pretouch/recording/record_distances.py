@@ -1,4 +1,4 @@
-"""Set the distances of a recording: typed by a person, from a list, or by a linear stage."""
+"""Choose the object distances of a calibration: a person types them, or they come from a list."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ class RecordDisplay(Protocol):
     """Interface of a display that shows the recording to a person and asks for the next step."""
 
     def ask(self, question: str) -> str | None:
-        """Return the answer to a question; None if nobody answers any more."""
+        """Ask the person a question, and return the answer; None at the end of the input."""
 
     def say(self, text: str) -> None:
-        """Show a sentence."""
+        """Show a sentence to the person."""
 
     def show(self, distance: float, outputs: Sequence[float], counted: int, wanted: int, settling: bool) -> None:
-        """Show the latest outputs at a distance [m], which is infinite without an object."""
+        """Show the latest sensor outputs at a distance [m]; the distance is infinite without an object."""
 
     def show_distance(self, distance: float, outputs: Sequence[float]) -> None:
-        """Show the counted readings of a distance that is complete."""
+        """Show the calibration readings of a distance when its recording is complete."""
 
 
 class DistancePlan(Protocol):
-    """Interface of a plan that chooses the next distance of the object, and waits until the object is there.
+    """Interface of a plan that chooses the next object distance, and waits until the object is there.
 
     `suggests` is True if a person chooses the distances, and so wants to know which are missing.
     """
@@ -40,20 +40,20 @@ class DistancePlan(Protocol):
     suggests: bool
 
     def move(self, judgment: Judgment, display: RecordDisplay) -> float | None:
-        """Return the next distance [m] when the object is there; None after the last one."""
+        """Wait until the object is at the next distance [m], and return this distance; None after the last one."""
 
 
 class TypedDistances:
-    """Distances that a person types after setting the object."""
+    """Distances that a person types after placing the object."""
 
     suggests = True
 
     def move(self, judgment: Judgment, display: RecordDisplay) -> float | None:
-        """Ask for the next distance, and suggest the first missing one."""
+        """Ask the person for the next object distance, and suggest the first missing distance."""
         suggested = judgment.missing.all[0] if judgment.missing.all else None
         offer = "" if suggested is None else f", Enter for {format_quantity(suggested, 'm')}"
         while True:
-            answer = display.ask(f"Set the object, then type its distance in mm{offer}, or q to end: ")
+            answer = display.ask(f"Place the object, then type its distance in mm{offer}, or q to end: ")
             if answer is None or answer.strip().lower() in {"q", "quit", "end", "done"}:
                 return None
             if not answer.strip():
@@ -67,7 +67,7 @@ class TypedDistances:
 
 
 class ListedDistances:
-    """Distances from a list, at which a person or a stage sets the object.
+    """Distances from a list; a person or a linear stage moves the object to each distance.
 
     Args:
         distances: the distances in their order [m].
@@ -82,18 +82,18 @@ class ListedDistances:
         self._stage = stage
         if stage is not None and "{mm}" not in stage and "{m}" not in stage:
             raise InvalidInputError(
-                f"--stage: found {stage!r}, expected a command with {{mm}} or {{m}} for the distance, such as "
+                f"--stage: found {stage!r}, expected a command with {{mm}} or {{m}} in place of the distance, such as "
                 "'move-stage {mm}'"
             )
 
     def move(self, judgment: Judgment, display: RecordDisplay) -> float | None:  # noqa: ARG002 - of the interface
-        """Move to the next distance of the list."""
+        """Move the object to the next distance of the list, and return this distance [m]."""
         if not self._rest:
             return None
         distance = self._rest.pop(0)
         if self._stage is not None:
             _run_stage(self._stage, distance)
-        elif display.ask(f"Set the object to {format_quantity(distance, 'm')}, then press Enter: ") is None:
+        elif display.ask(f"Place the object at {format_quantity(distance, 'm')}, then press Enter: ") is None:
             return None
         return distance
 
@@ -123,7 +123,7 @@ def read_distance(text: str) -> float:
 
 
 def read_distances(text: str) -> tuple[float, ...]:
-    """Read a list of distances such as `0 mm, 5 mm, 10 mm`, or `0, 5, 10 mm` with the last unit for all.
+    """Read a list of distances such as `0 mm, 5 mm, 10 mm`; in `0, 5, 10 mm`, the last unit applies to all.
 
     Args:
         text: the list.
@@ -149,7 +149,7 @@ def read_distances(text: str) -> tuple[float, ...]:
 
 
 def _run_stage(command: str, distance: float) -> None:
-    """Run the user's command that moves the stage, and wait for its end."""
+    """Run the user's command that moves the linear stage, and wait until the command has ended."""
     words = shlex.split(command)
     values = {"{mm}": f"{1000 * distance:.9g}", "{m}": f"{distance:.12g}"}
     for mark, value in values.items():
@@ -162,9 +162,10 @@ def _run_stage(command: str, distance: float) -> None:
     except FileNotFoundError:
         raise InvalidInputError(f"--stage: the command {words[0]!r} was not found; check its name and path") from None
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise SourceError(f"--stage: the stage did not reach {place} ({error}); check the stage") from None
+        raise SourceError(f"--stage: the stage did not reach the distance {place} ({error}); check the stage") from None
     if done.returncode:
         said = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()[-1]
         raise SourceError(
-            f"--stage: {shlex.join(words)} failed with status {done.returncode} ({said}); check the stage"
+            f"--stage: the command {shlex.join(words)} failed with exit status {done.returncode} ({said}); check the "
+            "stage"
         )

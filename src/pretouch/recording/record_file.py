@@ -1,4 +1,4 @@
-"""Write readings to a calibration file and a raw file as they arrive, and continue an interrupted recording."""
+"""Write arriving sensor readings to a calibration file and a raw file, and continue interrupted recordings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PICOMETERS: Final = 12  # decimal digits of a distance in m that are compared
 
 
 def raw_path(path: Path) -> Path:
-    """Return the path of the file with all readings, next to the calibration file."""
+    """Return the path of the raw file, which has all readings and is in the folder of the calibration file."""
     return path.with_name(f"{path.stem}-raw.csv")
 
 
@@ -36,7 +36,7 @@ def check_free(path: Path) -> None:
 
 
 class RecordFile:
-    """The calibration file of a recording, and the file with all readings, `STEM-raw.csv`.
+    """The two files of a recording: the calibration file, and the file with all readings, `STEM-raw.csv`.
 
     Every reading is handed to the operating system at once, so that nothing is lost if the program ends.
 
@@ -75,27 +75,27 @@ class RecordFile:
         self._write(self._all, f"{made}time [s],distance [mm],{title}\n" if is_new else made)
 
     def add(self, distance: float, output: float) -> None:
-        """Write a reading that counts, with its distance [m], which is infinite without an object."""
+        """Write a reading and its distance [m] to the calibration file; the distance is infinite without an object."""
         self._write(self._file, f"{_mm(distance)},{output:.15g}\n")
         self._rows.append((distance, output))
         self._count[round(distance, _PICOMETERS)] += 1
 
     def add_raw(self, time: float, distance: float | None, output: float) -> None:
-        """Write any reading with its time since the start [s] and its distance [m], None while the object moves."""
+        """Write a reading to the raw file, with its time [s] and its distance [m]; None while the object moves."""
         self._received += 1
         self._write(self._all, f"{time:.6f},{'' if distance is None else _mm(distance)},{output:.15g}\n")
 
     def count(self, distance: float) -> int:
-        """Return the number of readings at a distance [m]."""
+        """Return the number of calibration readings at a distance [m]."""
         return self._count[round(distance, _PICOMETERS)]
 
     def complete(self, wanted: int) -> tuple[float, ...]:
-        """Return the distances [m] that have at least the wanted number of readings."""
+        """Return the distances [m] at which there are at least as many readings as wanted."""
         return tuple(distance for distance in self.distances if self.count(distance) >= wanted)
 
     @property
     def outputs(self) -> dict[float, list[float]]:
-        """The readings by distance [m]; the distance is infinite for readings without an object."""
+        """A dictionary that maps each distance [m] to its readings; the distance is infinite without an object."""
         outputs: dict[float, list[float]] = {}
         for distance, output in self._rows:
             outputs.setdefault(distance, []).append(output)
@@ -103,17 +103,17 @@ class RecordFile:
 
     @property
     def readings(self) -> int:
-        """The number of readings with an object."""
+        """The number of calibration readings with an object."""
         return len(self._rows) - self.count(math.inf)
 
     @property
     def distances(self) -> tuple[float, ...]:
-        """The different distances with an object [m], in increasing order."""
+        """The recorded distances of the object [m], each once, in increasing order."""
         return tuple(sorted(d for d in self._count if math.isfinite(d)))
 
     @property
     def calibration(self) -> Calibration | None:
-        """The readings that count, as a calibration; None before the first reading with an object."""
+        """The calibration from the readings so far; None before the first reading with an object."""
         rows = np.array(self._rows).reshape(-1, 2)
         is_near = np.isfinite(rows[:, 0])
         if not is_near.any():
@@ -123,7 +123,7 @@ class RecordFile:
         )
 
     def close(self) -> None:
-        """Close both files, and remove new files without any reading."""
+        """Close both files; if no reading arrived, remove the files that this recording created."""
         for descriptor in (self._file, self._all):
             if descriptor >= 0:
                 os.close(descriptor)
@@ -133,7 +133,7 @@ class RecordFile:
                 path.unlink(missing_ok=True)
 
     def _load(self, unit: str | None) -> None:
-        """Read the file that is continued, and remove an incomplete last line."""
+        """Read an existing calibration file to continue it, and remove an incomplete last line."""
         text = self.path.read_text(encoding="utf-8", errors="replace")
         if not text.endswith("\n"):
             text = text[: text.rfind("\n") + 1]
@@ -149,7 +149,8 @@ class RecordFile:
         self.unit = header["unit"] or ""
         if unit is not None and unit != self.unit:
             raise InvalidInputError(
-                f"--unit: found {unit}, but the readings in {self.path} are in {self.unit or 'no unit'}"
+                f"--unit: found the unit {unit}, but the unit of the readings in the file {self.path} is "
+                f"{self.unit or 'not given'}"
             )
         for i, line in lines[1:]:
             cells = line.split(",")
@@ -157,7 +158,8 @@ class RecordFile:
                 millimeters, output = map(float, cells)
             except ValueError:
                 raise InvalidInputError(
-                    f"{self.path}, line {i}: found {line[:40]!r}, expected a distance and an output; correct the line"
+                    f"{self.path}, line {i}: found {line[:40]!r}, expected a distance and a sensor output; correct the "
+                    "line"
                 ) from None
             distance = millimeters / 1000
             self._rows.append((distance, output))
@@ -172,12 +174,14 @@ class RecordFile:
 
 
 def _append(path: Path) -> int:
-    """Open a file to append, and create it if necessary."""
+    """Open a file for appending, and create it if it does not exist."""
     binary = getattr(os, "O_BINARY", 0)  # exists on Windows only
     try:
         return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | binary, 0o666)
     except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be written ({error.strerror}); choose another folder") from None
+        raise InvalidInputError(
+            f"{path}: this file cannot be written ({error.strerror}); choose another folder"
+        ) from None
 
 
 def _mm(distance: float) -> str:

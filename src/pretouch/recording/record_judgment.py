@@ -1,4 +1,4 @@
-"""Judge during a recording whether the sensor slope is known well enough."""
+"""Judge during a recording whether the slope of the sensor curve is known accurately enough."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _FLOOR: Final = 3.0  # standard deviations of the noise above the offset, as in 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordGoal(Value):
-    """Requirements of a recording, such as the accuracy of the slope and the range of distances.
+    """Requirements for a calibration recording, such as the accuracy of the slope and the range of distances.
 
     Args:
         accuracy: largest allowed relative uncertainty of the slope g (95 %).
@@ -49,7 +49,7 @@ class RecordGoal(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgment(Value):
-    """Whether the readings of a recording are sufficient, and which distances are missing.
+    """Judgment of a calibration recording: whether its readings are sufficient, and which distances are missing.
 
     Args:
         is_enough: whether the slope g is known well enough.
@@ -67,7 +67,7 @@ class Judgment(Value):
 
 
 def judge_recording(calibration: Calibration | None, goal: RecordGoal, *, final: bool = True) -> Judgment:
-    """Judge whether the slope g = d ln xi / dl, on which L(2) depends, is known well enough.
+    """Judge whether a calibration determines the sensor slope g = d ln xi / dl accurately enough.
 
     Args:
         calibration: the readings so far; None without any.
@@ -85,7 +85,7 @@ def judge_recording(calibration: Calibration | None, goal: RecordGoal, *, final:
         return Judgment(is_enough=False, reason="No distance is recorded yet.", missing=missing)
     count = len(calibration.distinct_distances)
     if count < _FEWEST:
-        reason = f"{count} of at least {_FEWEST} distances for a fit are recorded."
+        reason = f"The number of recorded distances is {count}, but a fit needs at least {_FEWEST}."
         return Judgment(is_enough=False, reason=reason, missing=_missing(calibration, None, goal))
     if not final and len(calibration.no_object):  # with an unknown offset, a fit must find out what the signal is
         missing = _missing(calibration, None, goal)
@@ -97,13 +97,13 @@ def judge_recording(calibration: Calibration | None, goal: RecordGoal, *, final:
     reason = _objection(report, slope, missing, goal)
     if not reason and goal.load is not None:
         reason = _objection_of_scenario(goal.load)
-    done = "" if slope is None else f"The slope g is known to {100 * slope:.2g} % (95 %)"
+    done = "" if slope is None else f"The slope g is known to {100 * slope:.2g} % (95 % confidence)"
     good = f"{done}{', which is good enough for the scenario' if goal.load is not None else ''}."
     return Judgment(is_enough=not reason, reason=reason or good, missing=missing, uncertainty=slope, report=report)
 
 
 def _missing(calibration: Calibration, report: CalibrationReport | None, goal: RecordGoal) -> MissingDistances:
-    """Return the missing distances, including the distance at which g is most uncertain."""
+    """Estimate the offset and noise, and return the distances at which a calibration still needs readings."""
     curve = average(calibration)
     empty: FloatArray = calibration.no_object
     offset = 0.0
@@ -123,7 +123,7 @@ def _missing(calibration: Calibration, report: CalibrationReport | None, goal: R
 
 
 def _objection(report: CalibrationReport, slope: float | None, missing: MissingDistances, goal: RecordGoal) -> str:
-    """Return why the fit is not good enough, in one sentence, or an empty text."""
+    """Return a sentence on why the fit of the sensor curve is not good enough; empty if it is good enough."""
     if report.verdict != "usable":
         return report.reasons[0]
     if slope is None or report.slope is None:
@@ -131,8 +131,8 @@ def _objection(report: CalibrationReport, slope: float | None, missing: MissingD
     if slope > goal.accuracy:
         place = format_quantity(report.slope.worst_at, "m", 3)
         return (
-            f"The slope g is known to {100 * slope:.2g} % (95 %), but {100 * goal.accuracy:g} % is required: record "
-            f"more readings around {place}."
+            f"The slope g is known to {100 * slope:.2g} % (95 % confidence), but {100 * goal.accuracy:g} % is "
+            f"required: record more readings at distances around {place}."
         )
     if missing.ends:
         return _ENDS
@@ -140,7 +140,7 @@ def _objection(report: CalibrationReport, slope: float | None, missing: MissingD
 
 
 def _objection_of_scenario(load: Callable[[], Task]) -> str:
-    """Return why the calibration is not good enough for a scenario, in one sentence, or an empty text."""
+    """Return a sentence on why a calibration is not good enough for a scenario; empty if it is good enough."""
     try:
         task = load()
         report = task.calibration

@@ -1,4 +1,4 @@
-"""Name the distances that are missing for a good calibration.
+"""Find the distances at which a good calibration still needs readings.
 
 The rule is the recipe of docs/how-to/good-calibration.md: from contact outward, the signal falls by about a fifth
 from one distance to the next, until it is a twentieth of the signal at the nearest distance.
@@ -25,7 +25,7 @@ _SAME: Final = 1e-6  # m, distances that differ by less are equal
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingDistances(Value):
-    """Distances that are missing for a good calibration.
+    """Distances at which a good calibration still needs readings.
 
     Args:
         ends: missing distances nearer or farther than all readings [m].
@@ -50,7 +50,7 @@ def missing_distances(
     farthest: float | None = None,
     limit: float = math.inf,
 ) -> MissingDistances:
-    """Return the distances that are missing for a good calibration.
+    """Return the distances at which a good calibration still needs readings.
 
     Args:
         distances: l of the averaged readings [m], increasing, shape (N,).
@@ -88,7 +88,7 @@ def missing_distances(
 
 
 def _outward(last: float, level: float, steepness: float, lowest: float, end: float) -> list[float]:
-    """Return distances beyond the last one [m], at which ln xi falls from `level` to `lowest` with -g = `steepness`."""
+    """Return the next larger distances [m] that a calibration still needs, from an extrapolated sensor signal."""
     places: list[float] = []
     while steepness > 0 and len(places) < _MOST and last < end - _SAME and level > lowest:
         step = _STEP / steepness

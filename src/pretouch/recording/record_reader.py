@@ -1,4 +1,4 @@
-"""Read a source in a separate thread, so that no reading is lost while the program computes or waits for a person."""
+"""Read a sensor in a separate thread, so that no reading is lost while the program computes or waits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _POLL: Final = 0.02  # s between two looks for the first reading
 
 
 class TimedReading(NamedTuple):
-    """A reading with the time of its arrival since the start of the recording [s].
+    """A sensor reading with its arrival time, in seconds since the start of the recording.
 
     `place` is the distance at which the object was when the reading arrived, None while it moved.
     """
@@ -26,7 +26,7 @@ class TimedReading(NamedTuple):
 
 
 class RecordReader:
-    """Thread that reads a source, and writes every reading to the raw file as it arrives.
+    """Thread that reads a sensor, and writes every reading to the raw file as it arrives.
 
     Args:
         source: where the readings come from.
@@ -64,7 +64,7 @@ class RecordReader:
         return readings
 
     def wait_for_first(self, timeout: float) -> bool:
-        """Wait for the first reading without taking it.
+        """Wait for the first reading, and leave it in the queue.
 
         Args:
             timeout: longest waiting time [s].
@@ -80,7 +80,7 @@ class RecordReader:
         return bool(self.count) or self.has_ended
 
     def move_to(self, place: float | None) -> None:
-        """Set the distance of the object [m], which is None while it moves, and discard all waiting readings.
+        """Set the distance [m] of the object (None while it moves), and discard all readings in the queue.
 
         Args:
             place: the distance; infinite without an object.
@@ -89,7 +89,7 @@ class RecordReader:
         self._queue.clear()
 
     def close(self) -> None:
-        """End the thread."""
+        """Stop the thread that reads the sensor."""
         self._stop.set()
         self._thread.join(timeout=2.0)
 

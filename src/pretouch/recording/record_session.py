@@ -1,4 +1,4 @@
-"""Record a calibration: the empty scene first, then distance after distance, until the slope is known well enough."""
+"""Record a calibration: first without an object, then at one distance after another, until it is good enough."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _JUDGED: Final = 2.0  # s between two judgments if the distances come from the s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordOptions(Value):
-    """Options of a recording, such as the number of readings at each distance.
+    """Options of a calibration recording, such as the number of readings at each distance.
 
     Args:
         readings: number of readings at each distance, and of the empty scene.
@@ -48,7 +48,7 @@ class RecordOptions(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RecordedCalibration(Described, Value):
-    """Result of a recording: the files, the number of readings, and what is missing.
+    """Result of a calibration recording: the files, the number of readings, and the missing distances.
 
     Args:
         path: the calibration file.
@@ -76,12 +76,12 @@ class RecordedCalibration(Described, Value):
 
     @property
     def headline(self) -> str:
-        """The result in one or two sentences."""
+        """Summary of the recording: the number of readings, and whether they are sufficient."""
         start = "Interrupted. " if self.interrupted else ""
         return f"{start}{kept(self.readings, len(self.distances), self.empty, self.path)}. {self.judgment.reason}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as one JSON object, in SI units."""
+        """Return the result of the recording as one JSON object, in SI units."""
         judgment, slope = self.judgment, None if self.judgment.report is None else self.judgment.report.best
         result: dict[str, Any] = plain(
             {
@@ -107,13 +107,13 @@ class RecordedCalibration(Described, Value):
 
 
 def kept(readings: int, distances: int, empty: int, path: object) -> str:
-    """Return a clause that says how many readings a calibration file has."""
+    """Return part of a sentence: how many readings a calibration file has."""
     where = f"{distances} distance{'' if distances == 1 else 's'}"
-    return f"{path} has {readings} readings at {where} and {empty} of the empty scene"
+    return f"{path} has {readings} readings at {where} and {empty} readings without an object"
 
 
 def recording_page(recording: RecordedCalibration) -> Page:
-    """Create the summary of a recording."""
+    """Create the report page on a calibration recording."""
     judgment = recording.judgment
     figures: list[tuple[str, Cell]] = []
     if judgment.report is not None and judgment.report.best is not None:
@@ -147,7 +147,7 @@ def record_calibration(
     options: RecordOptions,
     goal: RecordGoal,
 ) -> RecordedCalibration:
-    """Record a calibration from a source of readings.
+    """Record a sensor calibration from a source of readings, such as a serial port.
 
     Args:
         source: where the readings come from.
@@ -187,7 +187,7 @@ def record_calibration(
 
 
 class _Session:
-    """A recording in progress."""
+    """A calibration recording in progress."""
 
     def __init__(
         self, source: ReadingSource, file: RecordFile, display: RecordDisplay, options: RecordOptions, goal: RecordGoal
@@ -198,7 +198,7 @@ class _Session:
         self.notes: list[str] = []
 
     def run(self, plan: DistancePlan | None) -> None:
-        """Record the empty scene, then all distances."""
+        """Record readings without an object, then readings at all distances."""
         self._wait_for_first()
         for place, outputs in self._file.outputs.items():  # of a recording that is continued
             self._display.show_distance(place, outputs)
@@ -222,14 +222,14 @@ class _Session:
             judgment = self._judge(plan.suggests)
 
     def close(self) -> None:
-        """End the thread and close the source and the files."""
+        """Stop the thread that reads the sensor, and close the sensor and the files."""
         self.reader.close()
         self._source.close()
         self._file.close()
 
     @contextmanager
     def explain_what_is_kept(self) -> Iterator[None]:
-        """Add to an error of the source which readings are kept, and how to continue."""
+        """Extend the message of a sensor error: which readings are saved, and how to continue the recording."""
         try:
             yield
         except SourceError as error:
@@ -249,7 +249,7 @@ class _Session:
         return judgment
 
     def _stay(self, distance: float) -> None:
-        """Record the readings at one distance, infinite without an object."""
+        """Record the readings at one distance [m] of the object; the distance is infinite without an object."""
         self.judgment = None
         wanted = self._options.readings - self._file.count(distance)
         stay = Stay(max(wanted, 1), self._options.dwell)
@@ -267,11 +267,11 @@ class _Session:
         self._display.show_distance(distance, stay.counted)
         place = "the empty scene" if math.isinf(distance) else format_quantity(distance, "m")
         if not stay.has_settled or stay.has_drifted:
-            self.notes.append(f"{place}: the output drifted while it was recorded; check sensor and object.")
+            self.notes.append(f"{place}: the sensor output drifted during the recording; check sensor and object.")
             self._display.say(self.notes[-1])
 
     def _follow(self) -> None:
-        """Record readings whose distance the source reports, until the slope is known or the source ends."""
+        """Record readings with distances from the source until the slope is known accurately or the source ends."""
         last = time.monotonic()
         judged: float | None = None
         while True:
@@ -300,12 +300,12 @@ class _Session:
                 judged = arrived[-1].time
 
     def _wait_for_first(self) -> None:
-        """Wait for the first reading, so that a wrong connection is reported before a person sets an object."""
+        """Wait for the first reading, so that a wrong connection is reported before a person places an object."""
         if not self.reader.wait_for_first(self._options.timeout):
             raise self._silence()
 
     def _check_silence(self, last: float, now: float, has_arrived: bool) -> float:
-        """Return the time of the last reading; raise an error if the source ended or is silent for too long."""
+        """Return the time of the last reading; raise an error if the readings have ended or are overdue."""
         if has_arrived:
             return now
         if self.reader.has_ended:

@@ -1,4 +1,4 @@
-"""Decide whether a sensor output has settled, and choose the readings that count."""
+"""Decide whether a sensor output has settled, and select the readings for the calibration."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def drifts(values: FloatArray) -> bool:
 
 
 class Stay:
-    """The readings while the object stays at one distance: those until the output has settled, then those that count.
+    """The readings at one distance of the object; the calibration uses only readings after settling.
 
     Args:
         wanted: number of readings that count.
@@ -83,7 +83,7 @@ class Stay:
         self.has_settled = True
 
     def add(self, time: float, output: float) -> bool:
-        """Add a reading, and return True if it counts.
+        """Add a reading, and return True if the calibration uses it.
 
         Args:
             time: when the reading arrived [s].
@@ -108,26 +108,26 @@ class Stay:
 
     @property
     def is_done(self) -> bool:
-        """Whether enough readings were counted."""
+        """Whether the calibration has enough readings at this distance."""
         return len(self.counted) >= self._wanted
 
     @property
     def is_settling(self) -> bool:
-        """Whether the output still changes, so that no reading counts yet."""
+        """Whether the sensor output is still settling, so that the calibration does not use its readings yet."""
         return self._counted_from is None
 
     @property
     def has_drifted(self) -> bool:
-        """Whether the counted readings rise or fall."""
+        """Whether the readings that the calibration uses drift, that is, rise or fall."""
         return drifts(np.array(self.counted))
 
     @property
     def recent(self) -> FloatArray:
-        """The counted readings, or the latest readings while the output settles."""
+        """The readings that the calibration uses; while the output still settles, the latest readings."""
         return np.array(self.counted or [output for _, output in self._recent])
 
     def _is_steady(self, now: float) -> bool:
-        """Return True if the latest readings do not drift, or if the output had enough time to settle."""
+        """Return True if the latest readings do not drift, or if the longest settling time is over."""
         if len(self._recent) < _FEWEST or now - self._recent[0][0] < 0.4 * self._dwell:
             return False
         if now - self._judged < self._dwell / _JUDGMENTS:  # so that fast sensors need little computing time

@@ -1,4 +1,4 @@
-"""Define a recording: the readings of one topic, with their times and their kind."""
+"""Define a recording: the readings of one topic with their time stamps, as distances or sensor outputs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CLOCKS: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Recording(Value):
-    """Readings of one topic of a recording, in the order of arrival.
+    """Readings of one recorded topic, in the order of arrival.
 
     Args:
         source: name of the file or folder.
@@ -61,17 +61,17 @@ class Recording(Value):
             object.__setattr__(self, name, column)
         if self.stamps.ndim != 1 or self.stamps.shape != self.values.shape:
             raise InvalidInputError(
-                f"stamps, values: found the shapes {self.stamps.shape} and {self.values.shape}, expected two columns "
-                "of the same length"
+                f"stamps, values: found arrays of the shapes {self.stamps.shape} and {self.values.shape}, expected two "
+                "columns of the same length"
             )
 
     @property
     def time(self) -> FloatArray:
-        """Time of each reading after the first one [s]."""
+        """Time of each reading [s], counted from the first reading."""
         return self.seconds_after(int(self.stamps[0]) if len(self.stamps) else 0)
 
     def seconds_after(self, stamp: int) -> FloatArray:
-        """Return the time of each reading after a stamp [s].
+        """Return the time of each reading [s], counted from a given time stamp.
 
         Args:
             stamp: nanoseconds of the same clock.

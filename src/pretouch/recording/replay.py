@@ -1,4 +1,4 @@
-"""Replay a recording: run the sampled law over the readings, and describe the sensor that recorded them."""
+"""Replay a recording: run the sampled control law with its readings, and measure the sensor properties."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def replay(
     start: float = 0.0,
     end: float = np.inf,
 ) -> Replay:
-    """Run the sampled law of a task over recorded readings, and compare the sensor with its description in the task.
+    """Run the sampled law of a task with recorded readings, and compare the sensor with its model in the task.
 
     The replay is open loop: the recorded readings do not respond to the motion that the law commands. The law is the
     compiled one that simulations run and exports contain.
@@ -122,7 +122,7 @@ def _positive(value: float) -> float:
 
 
 def _controller(task: Task) -> tuple[Controller, ClosedLoop, str]:
-    """Return the controller with its gain, the loop, and the law in words."""
+    """Return the controller with its gain, the sampled loop of the task, and a description of the control law."""
     loop = task.loop
     if not isinstance(loop, ClosedLoop) or not isinstance(loop.law, Controller):
         raise InvalidInputError(
@@ -135,7 +135,7 @@ def _controller(task: Task) -> tuple[Controller, ClosedLoop, str]:
 
 
 def _one_clock(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
-    """Return a recording or, if its clock was set back, its longest part with one clock."""
+    """Return the recording; if its clock was set back, only the longest part with an increasing clock."""
     if not len(recording.stamps):
         raise InvalidInputError(f"{recording.source}: the topic {recording.topic} has no messages")
     parts = stretches(recording.time)
@@ -147,14 +147,13 @@ def _one_clock(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     other = {"header": "receive", "receive": "header" if len(recording.transport) else ""}.get(recording.clock)
     advice = f" Try --clock {other}." if other else ""
     return recording.part(longest), (
-        f"The clock of the recording was set back {len(parts) - 1} time{'s' if len(parts) > 2 else ''}; only the "
-        f"longest part with an increasing clock was replayed, and {lost:,} of {total:,} readings were left out."
-        f"{advice}",
+        f"The clock of the recording was set back (jumps: {len(parts) - 1}), so only the longest part with an "
+        f"increasing clock was replayed. {lost:,} of {total:,} readings were left out.{advice}",
     )
 
 
 def _part_between(recording: Recording, start: float, end: float) -> Recording:
-    """Return the readings between two times after the first one [s]."""
+    """Return the readings between two times [s], which are counted from the first reading."""
     if start <= 0 and end == np.inf:
         return recording
     time = recording.time
@@ -167,7 +166,7 @@ def _part_between(recording: Recording, start: float, end: float) -> Recording:
 
 
 def _detecting_at(steps: LawSteps, time: FloatArray) -> BoolArray:
-    """Return for each reading whether the law detected an object in the control step that uses it or next to it."""
+    """Return, for each reading, whether the law detected an object within one control step of using the reading."""
     flags = (steps.status & Status.DETECTING) != 0
     period = float(steps.time[1] - steps.time[0])
     index = np.minimum(np.ceil(np.maximum.accumulate(time) / period - 1e-9).astype(int), len(flags) - 1)
@@ -184,7 +183,7 @@ def _events(
     first: float,
     last: float,
 ) -> list[tuple[float, float]] | None:
-    """Return start and end of the true events after the first replayed reading [s]; None if they are unknown."""
+    """Return start and end [s] of each true event, counted from the first replayed reading; None if unknown."""
     if truth is not None and contacts is not None:
         raise InvalidInputError("truth, contacts: found both, expected only one: a topic (truth) or times (contacts)")
     if truth is not None:
@@ -195,7 +194,7 @@ def _events(
     times = [float(t) - first for t in contacts]
     if outside := [t for t in times if not 0 <= t <= last]:
         raise InvalidInputError(
-            f"contacts: found {outside[0] + first:g} s, which is outside of the replayed part, from {first:.4g} s to "
+            f"contacts: found a contact at {outside[0] + first:g} s, but the replayed part is from {first:.4g} s to "
             f"{first + last:.4g} s after the first reading"
         )
     return [(t, t) for t in sorted(times)]
@@ -204,7 +203,7 @@ def _events(
 def _latency(
     task: Task, used: Recording, readings: FloatArray, reference: Recording, controller: Controller
 ) -> Latency:
-    """Return by how much the log output of the sensor lags the reference."""
+    """Return the latency of the log output of the sensor relative to the reference topic."""
     conditioning = controller.conditioning
     saturation = np.inf if conditioning.saturation is None else conditioning.saturation
 
@@ -224,10 +223,13 @@ def _latency(
 def _delay(
     used: Recording, latency: Latency | None, reference: Recording | None, exposure: float
 ) -> tuple[float, str] | None:
-    """Return the delay of the sensor chain and how it was measured; None if it is unknown."""
+    """Return the delay of the sensor chain [s] and how it was measured; None if the delay is unknown."""
     if latency is not None and latency.value is not None and reference is not None and latency.value > 0:
         # a latency counts from the middle of an exposure, and a delay from its end
-        return latency.value - exposure / 2, f"lag behind {reference.topic}, which is assumed to have no latency"
+        return (
+            latency.value - exposure / 2,
+            f"lag behind the topic {reference.topic}, which is assumed to have no latency",
+        )
     if used.clock == "header" and len(used.transport):
         transport = float(np.median(used.transport))
         if 0 <= transport <= _PLAUSIBLE:

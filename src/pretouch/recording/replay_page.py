@@ -1,4 +1,4 @@
-"""Describe a replay for the terminal and the report."""
+"""Describe the replay of a recording, for the terminal and the report."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _OPEN_LOOP: Final = (
 
 
 def replay_page(replay: Replay) -> Page:
-    """Return the report on a replay.
+    """Return the report on the replay of a recording.
 
     Args:
         replay: the replay.
@@ -112,7 +112,7 @@ def _findings(replay: Replay) -> Iterator[str]:
 
 
 def _warnings(replay: Replay) -> Iterator[str]:
-    """Yield the warnings, the most important ones first."""
+    """Yield the warnings about a replay, the most important warnings first."""
     timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
     yield from (caution("PT601", note) for note in replay.notes)
     yield from _fault_warnings(replay)
@@ -120,7 +120,7 @@ def _warnings(replay: Replay) -> Iterator[str]:
     if not replay.detections and replay.usable and xi is not None:
         yield caution(
             "PT605",
-            f"No reading was above the floor: the largest sensor output was {xi:.4g}, and the floor is "
+            f"No reading was above the noise floor: the largest sensor output was {xi:.4g}, and the noise floor is "
             f"{format_output(floor)}. Check that the topic has the unit of the scenario, and that an object came near.",
         )
     if timing.rate > 0 and timing.mean_rate / timing.held < _SLOWER * chain.rate:
@@ -133,26 +133,27 @@ def _warnings(replay: Replay) -> Iterator[str]:
         if noise.noise > _NOISIER * chain.noise and chain.noise > 0:
             yield caution(
                 "PT607",
-                f"The noise of {noise.noise:.3g} is {noise.noise / chain.noise:.2g} times that of the scenario, so the "
-                "verification is too optimistic.",
+                f"The recorded noise of {noise.noise:.3g} is {noise.noise / chain.noise:.2g} times the noise in the "
+                "scenario, so the verification is too optimistic.",
             )
         needed = _quiet_floor(replay, noise.noise)
         if floor < needed:
             yield caution(
                 "PT607",
-                f"The floor of {floor:.4g} is only {floor / noise.noise:.2g} standard deviations of the noise, so "
-                f"noise alone can be detected as an object more than once per hour. Raise it to at least {needed:.3g}.",
+                f"The noise floor of {floor:.4g} is only {floor / noise.noise:.2g} standard deviations of the noise, "
+                "so noise alone can be detected as an object more than once per hour. Raise the noise floor to at "
+                f"least {needed:.3g}.",
             )
         if noise.offset is not None and abs(noise.offset - replay.controller.conditioning.offset) > floor / 2:
             yield caution(
                 "PT608",
-                f"Without an object, the median reading is {noise.offset:.5g}, but the controller subtracts "
+                f"Without an object, the median reading is {noise.offset:.5g}, but the controller subtracts the offset "
                 f"{replay.controller.conditioning.offset:.5g}; set offset in [controller] to the median.",
             )
 
 
 def _quiet_floor(replay: Replay, noise: float) -> float:
-    """Return the floor above which normal noise is detected less than once per hour; 0 if a low-pass reduces it."""
+    """Return the noise floor that Gaussian noise exceeds less than once per hour; 0 with a low-pass filter."""
     conditioning, rate = replay.controller.conditioning, replay.timing.rate
     if conditioning.low_pass_order or not rate > 0 or not noise > 0:
         return 0.0
@@ -163,7 +164,7 @@ def _quiet_floor(replay: Replay, noise: float) -> float:
 
 
 def _fault_warnings(replay: Replay) -> Iterator[str]:
-    """Yield sentences on readings that the law cannot use, and on stamps that are wrong."""
+    """Yield warnings about readings that the law cannot use, and about wrong time stamps."""
     counts, timing, total = replay.counts, replay.timing, len(replay.readings)
     texts = {
         "saturated": "are saturated, and the law ignores them; reduce the amplification",
@@ -176,23 +177,26 @@ def _fault_warnings(replay: Replay) -> Iterator[str]:
     if replay.noise.clipped and not counts["saturated"] and replay.recording.kind == "reading":
         yield caution(
             "PT603",
-            f"The readings stay at their largest value, {replay.noise.largest:.6g}, several times in a row, which "
-            "looks like saturation; set saturation in [controller] to this value.",
+            f"The largest reading, {replay.noise.largest:.6g}, occurs several times in a row, which looks like "
+            "saturation; set saturation in [controller] to this value.",
         )
     if timing.late:
         yield caution(
             "PT604",
-            f"{timing.late:,} readings have earlier times than readings before them; the law ignores them as too old.",
+            f"{timing.late:,} readings arrived after readings with a later time stamp; the law ignores them as too "
+            "old.",
         )
     if timing.repeated_stamps:
         yield caution(
             "PT604",
-            f"{timing.repeated_stamps:,} readings have the same time as the reading before; the law uses only the last "
-            "reading of each time.",
+            f"{timing.repeated_stamps:,} readings have the same time stamp as the reading before; the law uses only "
+            "the last reading of each time stamp.",
         )
     replaced = counts["replaced"] - timing.repeated_stamps - timing.late
     if replaced > _FEW * total:
-        yield caution("PT604", f"{replaced:,} readings were replaced by a newer one before the controller's next step.")
+        yield caution(
+            "PT604", f"{replaced:,} readings were not used, because a newer one arrived before the next control step."
+        )
 
 
 def _largest_output(replay: Replay) -> float | None:
@@ -246,7 +250,7 @@ def _events(replay: Replay) -> PageSection | None:
 
 
 def _sensor_rows(replay: Replay) -> Iterator[Row]:
-    """Yield the measured properties of the sensor, next to those of the scenario."""
+    """Yield table rows that compare the recorded sensor properties with those of the scenario."""
     timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
     yield "topic", f"{replay.recording.topic} ({replay.recording.message_type})", ""
     yield "times", CLOCKS[replay.recording.clock], ""

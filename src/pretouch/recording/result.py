@@ -1,4 +1,4 @@
-"""Define the result of a replay, with the sentences that summarize it."""
+"""Define the result of replaying a recording, and the sentences that summarize this result."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SAME_RATE: Final = 0.01  # relative difference of two rates that are called equ
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Replay(Described, Value):
-    """Result of `replay`: detections and outputs of the law, and the measured properties of the sensor.
+    """Result of replaying a recording: detections and outputs of the law, and measured sensor properties.
 
     Args:
         recording: the part of the recording that was replayed.
@@ -71,12 +71,12 @@ class Replay(Described, Value):
 
     @property
     def false_triggers(self) -> tuple[RecordedDetection, ...]:
-        """The detections without a true event; empty if the true events are unknown."""
+        """The false detections, which have no true event; empty if the true events are unknown."""
         return tuple(d for d in self.detections if d.judgment == "false")
 
     @property
     def missed(self) -> tuple[Event, ...]:
-        """The true events that the law did not detect, or not before they began."""
+        """The true events that the law did not detect, or detected only after they had begun."""
         return tuple(e for e in self.events or () if e.is_missed or e.is_late)
 
     @property
@@ -86,16 +86,16 @@ class Replay(Described, Value):
 
     @property
     def is_good(self) -> bool:
-        """True if the law could use readings, and if no known event contradicts its detections."""
+        """True if the law had usable readings, no false detection, and no missed or late event."""
         return self.usable > 0 and not self.false_triggers and not self.missed
 
     @property
     def headline(self) -> str:
-        """Summary: the detections of the law, their comparison with the true events, and the rate of the sensor."""
+        """Summary of the replay: the detections, their comparison with the true events, and the sensor rate."""
         return _headline(self)
 
     def pairs(self) -> DistancePairs:
-        """Return the readings with the distances of the reference, for a calibration.
+        """Return the readings for a calibration, each with the distance from the reference topic.
 
         A known latency of the sensor is removed.
 
@@ -108,7 +108,7 @@ class Replay(Described, Value):
             )
         if self.recording.kind == "distance":
             raise InvalidInputError(
-                f"topic: {self.recording.topic} is a distance already; a calibration needs the raw output of a sensor"
+                f"topic: {self.recording.topic} contains distances, but a calibration needs the raw output of a sensor"
             )
         origin = int(self.recording.stamps[0])
         shift = 0.0 if self.latency is None else self.latency.value or 0.0
@@ -118,7 +118,7 @@ class Replay(Described, Value):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as one JSON object."""
+        """Return the result of the replay as one JSON object."""
         fields: dict[str, Any] = plain(
             {
                 "status": "replayed" if self.is_good else "contradicted" if self.usable else "no-usable-reading",
@@ -183,24 +183,24 @@ def _why_unusable(replay: Replay) -> str:
 
 
 def _describe_rates(replay: Replay) -> Iterator[str]:
-    """Yield one or two sentences that compare the rate of the recording with the rate of the scenario."""
+    """Yield one or two sentences that compare the recorded sensor rate with the rate in the scenario."""
     timing, declared = replay.timing, replay.loop.chain.rate
     if not timing.rate > 0:
-        yield f"All readings ({timing.count}) have the same time, so the rate is unknown."
+        yield f"All readings ({timing.count}) have the same time stamp, so the sensor rate is unknown."
         return
     gaps = ""
     if timing.gaps:
         several = f"{timing.gaps:,} gaps of up to" if timing.gaps > 1 else "one gap of"
-        gaps = f" with {several} {format_quantity(timing.longest_gap, 's', 3)}"
+        gaps = f", with {several} {format_quantity(timing.longest_gap, 's', 3)}"
     if not gaps and abs(timing.mean_rate / declared - 1) < _SAME_RATE:
         yield f"The sensor read at {format_quantity(timing.mean_rate, 'Hz', 4)}, as the scenario says."
         return
     yield (
-        f"The scenario says that the sensor reads at {format_quantity(declared, 'Hz', 4)}; it read at "
-        f"{format_quantity(timing.mean_rate, 'Hz', 4)}{gaps}."
+        f"The sensor rate is {format_quantity(declared, 'Hz', 4)} in the scenario and "
+        f"{format_quantity(timing.mean_rate, 'Hz', 4)} in the recording{gaps}."
     )
     if timing.held > 1:
         yield (
-            f"Each value is repeated {timing.held} times, so the sensor itself delivers only about "
+            f"Each value occurs {timing.held} times in a row, so the sensor delivers new values only at about "
             f"{format_quantity(timing.rate / timing.held, 'Hz', 3)}."
         )

@@ -1,4 +1,4 @@
-"""Run the sampled control law over recorded readings, in the same compiled steps as in simulations and on a robot."""
+"""Run the sampled control law with recorded readings, with the same compiled code as in simulations."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class LawSteps(Value):
 
 
 def readings_of(recording: Recording, sensor: SensorModel, offset: float) -> FloatArray:
-    """Return the readings that the law gets: distances are converted by the sensor curve, as on the robot.
+    """Return the readings for the law; the sensor curve converts distances to sensor outputs, as on the robot.
 
     Args:
         recording: the recording.
@@ -78,7 +78,7 @@ def readings_of(recording: Recording, sensor: SensorModel, offset: float) -> Flo
 
 
 def run_steps(controller: Controller, time: FloatArray, readings: FloatArray) -> LawSteps:
-    """Run the law over readings, open loop: the recorded readings do not respond to its motion.
+    """Run the law with recorded readings in open loop: the readings do not respond to the commanded motion.
 
     The first step is at the first reading. A reading is used in the first step after its arrival, with its age; if
     several arrive between two steps, only the newest is used. A reading whose time is earlier than that of an earlier
@@ -99,8 +99,8 @@ def run_steps(controller: Controller, time: FloatArray, readings: FloatArray) ->
     count = int(np.floor((arrival[-1] + _INSTANT) / controller.period)) + 2  # the last reading is used, too
     if count > _MOST_STEPS:
         raise InvalidInputError(
-            f"recording: found {arrival[-1]:,.0f} s, which are {count:,} control periods; at most {_MOST_STEPS:,} are "
-            "allowed. Replay a part of it with --from and --to"
+            f"recording: found a duration of {arrival[-1]:,.0f} s, which is {count:,} control periods; at most "
+            f"{_MOST_STEPS:,} periods are allowed. Replay a part of the recording with --from and --to"
         )
     clock: FloatArray = controller.period * np.arange(count, dtype=np.float64)
     newest = np.searchsorted(arrival, clock + _INSTANT, side="right") - 1
@@ -120,7 +120,7 @@ def run_steps(controller: Controller, time: FloatArray, readings: FloatArray) ->
 
 
 def run_samples(controller: Controller, samples: Any) -> Any:
-    """Run a controller from its start over samples, and return its outputs.
+    """Start a controller, run it with a series of input samples, and return its outputs.
 
     Args:
         controller: the controller.

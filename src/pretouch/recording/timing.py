@@ -21,7 +21,7 @@ _FEWEST_RUNS: Final = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing(Value):
-    """Timing of the readings of a recording.
+    """Timing of the readings of a recording, such as their rate, jitter and gaps.
 
     Args:
         count: number of readings.
@@ -53,7 +53,7 @@ class Timing(Value):
 
 
 def timing_of(time: FloatArray, values: FloatArray) -> Timing:
-    """Compute the timing of readings from their times and values.
+    """Compute the timing of readings, such as rate, jitter and gaps, from their times and values.
 
     Args:
         time: time of each reading [s], in the order of arrival.
@@ -102,14 +102,14 @@ def timing_of(time: FloatArray, values: FloatArray) -> Timing:
 
 
 def _jitter(intervals: FloatArray) -> float:
-    """Return the robust standard deviation of the time of a reading [s]; 0 below the resolution of stamps."""
+    """Return the jitter of the reading times [s] as a robust standard deviation; 0 if it is below 1 ns."""
     # the interval between two readings has the jitter of both
     jitter = float(ROBUST * np.median(np.abs(intervals - np.median(intervals))) / np.sqrt(2))
     return jitter if jitter >= _RESOLUTION else 0.0
 
 
 def _held(values: FloatArray) -> int:
-    """Return how often each value is published until it changes; 1 if there is no such constant number."""
+    """Return how many times in a row a sensor repeats each value; 1 if this number is not constant."""
     finite = values[np.isfinite(values)]
     changes = np.flatnonzero(np.diff(finite) != 0)
     runs = np.diff(changes)
@@ -121,7 +121,7 @@ def _held(values: FloatArray) -> int:
 
 
 def stretches(time: FloatArray) -> list[slice]:
-    """Split a recording where its clock was set back, so that time increases within each part.
+    """Split a recording at the moments at which its clock was set back.
 
     A single reading that is late does not split a recording.
 

@@ -38,7 +38,7 @@ QUIET: Final = ' class="note"'
 
 
 def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
-    """Return the HTML excerpt of a report page for notebooks: headline, warnings, lead figure and first brief table.
+    """Return a short HTML version of a report page for notebooks: headline, warnings, main plot and one short table.
 
     Args:
         page: the page.
@@ -56,7 +56,7 @@ def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
 
 
 def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
-    """Return a report page as HTML: the result with figure, key figures and warnings, then collapsible sections.
+    """Return a report page as HTML: result, plot, key numbers and warnings at the top, then collapsible sections.
 
     Args:
         page: the page.
@@ -81,12 +81,12 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
 
 
 def lead_picture(page: Page) -> Picture | None:
-    """Return the lead figure of a report page, or else the first figure of the page; None if there is no figure."""
+    """Return the main plot of a report page, or the first plot if no main plot exists; None without plots."""
     return _without_lead(page.blocks, page.lead)[0] or next(_pictures(page.blocks), None)
 
 
 def _pictures(blocks: Iterable[Block]) -> Iterator[Picture]:
-    """Yield the figures among blocks, including those inside sections."""
+    """Yield all plots of a report page, including the plots inside its sections."""
     for block in blocks:
         if isinstance(block, Picture):
             yield block
@@ -95,7 +95,7 @@ def _pictures(blocks: Iterable[Block]) -> Iterator[Picture]:
 
 
 def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, list[Block]]:
-    """Return the figure with a given name, and the blocks of the page without this figure."""
+    """Find a plot of a report page by its name; return this plot and all other blocks of the page."""
     # Sections that the figure leaves empty are removed as well.
     lead: Picture | None = None
     others: list[Block] = []
@@ -112,7 +112,7 @@ def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, l
 
 
 def page_top(page: Page, figure: str = "") -> str:
-    """Return the top of a report page as HTML: status, result, figure, key figures and warnings."""
+    """Return the top of a report page as HTML: status, result, plot, key numbers and warnings."""
     parts = [f'<p class="state{"" if page.good else " bad"}">{escape(page.status)}</p>'] if page.status else []
     parts += [f'<p class="warning">{_with_links(text)}</p>' for text in page.reservations]
     parts.append(f'<p class="answer">{escape(page.headline)}</p>')
@@ -133,7 +133,7 @@ def page_top(page: Page, figure: str = "") -> str:
 
 
 def explained(page: Page) -> Page:
-    """Return a page with a section that explains the codes of its warnings."""
+    """Return the report page with an additional section that explains its warning codes, such as PT201."""
     codes = codes_in((*page.reservations, *page.warnings))
     if not codes:
         return page
@@ -153,7 +153,7 @@ def _explanation(code: str) -> PageSection:
 
 
 def _with_links(text: str) -> str:
-    """Return a warning as HTML, in which codes are links to their explanations on the page."""
+    """Return a warning as HTML; each warning code in it is a link to the explanation of this code."""
     return re.sub(r"\b(PT\d{3}): ", lambda m: f'<a href="#{m[1].lower()}">{m[1]}:</a> ', _inline(text))
 
 
@@ -236,6 +236,6 @@ def _id(anchor: str) -> str:
 
 
 def _inline(text: str) -> str:
-    """Escape a sentence for HTML, and convert backticks and links to HTML elements."""
+    """Convert a sentence with backticks and links to HTML, and escape its special characters."""
     linked = LINK.sub(r'<a href="#\2">\1</a>', escape(text))
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", linked)

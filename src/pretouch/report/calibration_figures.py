@@ -1,4 +1,4 @@
-"""Plot a calibration: readings, fitted curves, slopes and residuals."""
+"""Plot a sensor calibration: readings, fitted curves, slopes and residuals."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LEAST: Final = 1.6  # inch, least height of a panel
 
 
 class _Points(NamedTuple):
-    """Averaged readings of a calibration: distances, log outputs and their standard deviations."""
+    """Averaged calibration readings: distance, log output (ln xi), and standard deviation of the log output."""
 
     distance: FloatArray
     log_output: FloatArray
@@ -69,7 +69,7 @@ def calibration(report: CalibrationReport) -> Figure:
 
 
 def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
-    """Draw all calibration readings with offset, detection floor, clipping level, usable range and fitted curves."""
+    """Draw all calibration readings and fitted curves; mark offset, noise floor, clipping level and usable range."""
     scale = _set_up(axes, report, "Readings and their use" if report.fits else f"Readings: {report.verdict}")
     outputs = report.calibration.outputs
     axes.set_ylabel(f"output [{_unit(report)}]", parse_math=False)
@@ -87,7 +87,7 @@ def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the sensor output minus its offset versus the distance, on a logarithmic axis."""
+    """Draw the sensor readings minus their offset versus the distance, on a logarithmic axis."""
     scale = _set_up(axes, report, "Signal, logarithmic", zoom=True)
     points = _points(report)
     axes.set_ylabel(f"output \u2212 offset [{_unit(report)}], log. axis", parse_math=False)
@@ -100,7 +100,7 @@ def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the slope g of the fitted curves, and difference quotients between neighboring readings."""
+    """Draw the slope of the log output versus the distance, from fitted curves and from neighboring readings."""
     scale = _set_up(axes, report, "Slope g: the damping force is D\u209a g l\u2032", zoom=True)
     points = _points(report)
     axes.set_ylabel("slope g = d ln \u03be / dl [1/m]")
@@ -119,7 +119,7 @@ def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the residuals of the log output for each fitted curve, with the range that noise explains."""
+    """Draw the residuals of each fitted sensor curve, and a band of two standard deviations of the noise."""
     scale = _set_up(axes, report, "Residuals of the models", zoom=True)
     points = _points(report)
     axes.set_ylabel("residual of ln \u03be [1]")
@@ -147,7 +147,7 @@ def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _set_up(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = False) -> Scale:
-    """Set the title and the distance axis of a plot; with `zoom`, show only the usable distance range."""
+    """Set title and distance axis of a calibration plot; `zoom` restricts the axis to the usable distance range."""
     distances = report.calibration.distances
     scale = scale_for("m", float(distances.max()))
     axes.locator_params(nbins=6)
@@ -162,19 +162,19 @@ def _set_up(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = F
 
 
 def _unit(report: CalibrationReport) -> str:
-    """Return the unit of the sensor output for a plot, with question marks for characters that the font lacks."""
+    """Return the unit of the sensor output as plot text; characters that the font lacks become question marks."""
     plain = "".join(c if ord(c) < 0x250 or c in "\u00b5\u03bc\u2126\u03a9" else "?" for c in report.calibration.unit)
     return plain.strip() or "1"
 
 
 def _distances(fit: SensorFit, report: CalibrationReport) -> FloatArray:
-    """Return distances at which to draw a fitted curve, within its usable distance range."""
+    """Return the distances at which a fitted sensor curve is drawn, all within the usable range of the calibration."""
     low, high = fit.sensor.valid_range
     return np.linspace(max(low, report.window.l_min), min(high, report.window.l_max), _FINE)
 
 
 def _points(report: CalibrationReport) -> _Points:
-    """Return the averaged readings to which the best curve was fitted, computed from this curve and its residuals."""
+    """Recover the averaged calibration readings: add the residuals of the best fit to its curve."""
     fit = report.fits[0]
     distance = np.asarray(fit.distances)
     log_output = np.asarray(fit.sensor.log_output(distance)) + fit.residuals
@@ -192,7 +192,7 @@ def _draw_points(axes: Axes, x: FloatArray, y: FloatArray, spread: FloatArray) -
 
 
 def _levels(report: CalibrationReport) -> Iterator[tuple[float, str, Any, tuple[float, float] | None]]:
-    """Yield value, name, line style and confidence interval of offset, detection floor and clipping level."""
+    """Yield each horizontal reference line (offset, noise floor, clipping level) with its name and line style."""
     window, offset = report.window, report.offset
     if offset is not None:
         spread = (offset.low, offset.high) if np.isfinite([offset.low, offset.high]).all() else None
@@ -226,7 +226,7 @@ def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, st
 
 
 def _draw_curves(axes: Axes, report: CalibrationReport, scale: Scale, value: Any, *, named: bool = True) -> None:
-    """Draw all fitted curves, with the best curve on top and first in the legend."""
+    """Draw all fitted sensor curves; the curve with the best fit is on top and first in the legend."""
     for i, fit in enumerate(report.fits):
         distance = _distances(fit, report)
         color, style = CURVES[i % len(CURVES)]

@@ -1,4 +1,4 @@
-"""Plot a comparison of candidates, such as sensors or robots: contact speed versus excursion."""
+"""Compare candidates, such as sensors or robots, in one plot of contact speed versus excursion."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _AIR: Final = 1.2
 
 @check_arguments
 def candidates(comparison: CandidateComparison) -> Figure:
-    """Draw mean contact speed versus mean largest excursion, with one point for each candidate.
+    """Draw one point for each candidate: its mean contact speed versus the mean of its largest excursions.
 
     Args:
         comparison: a comparison of candidates.

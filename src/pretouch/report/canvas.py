@@ -17,7 +17,7 @@ class ReportFigure(Figure):
     """
 
     def savefig(self, fname: Any, **options: Any) -> None:
-        """Save the figure with fixed settings and without a date, so that the same figure gives the same file.
+        """Save the figure with fixed settings and without a date, so that repeated saving gives identical files.
 
         Args:
             fname: a path or a binary file.

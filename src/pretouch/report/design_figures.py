@@ -52,7 +52,7 @@ def trade_off(design: GainDesign) -> Figure:
 
 
 def _no_contact_panel(design: GainDesign) -> Panel:
-    """Return a plot of the smallest distance versus the gain, for designs in which no gain results in contact."""
+    """Return a plot of the smallest distance to the object versus the gain, for designs without any contact."""
     scanned = design.scan_result
     gain = _shown_gain(design, np.asarray(scanned.gain, float))
     nearest = np.asarray(scanned.closest_distance, float)
@@ -67,7 +67,7 @@ def _no_contact_panel(design: GainDesign) -> Panel:
 
 
 def _objective_panel(design: GainDesign) -> Panel:
-    """Return a plot of the objective and its terms versus the gain, with the optimum and the infeasible gains."""
+    """Return a plot of the objective and its terms versus the gain; optimum and infeasible gains are marked."""
     gain, total = np.asarray(_shown_gain(design, design.trade_off.gain)), design.trade_off.objective
     finite = total[np.isfinite(total)]
     low, high = float(finite.min()), float(finite.max())
@@ -169,13 +169,13 @@ def _violates(design: GainDesign, outcome: ConstraintOutcome) -> BoolArray:
 
 
 def _edges(gain: FloatArray, *, logarithmic: bool) -> FloatArray:
-    """Return the borders between neighboring gains: the midpoints, and the first and the last gain."""
+    """Return the borders of the plotted interval around each gain: midpoints between gains, first and last gain."""
     middles = np.sqrt(gain[1:] * gain[:-1]) if logarithmic else (gain[1:] + gain[:-1]) / 2
     return np.concatenate([gain[:1], middles, gain[-1:]])
 
 
 def _points(design: GainDesign, name: str) -> Iterator[tuple[float, float, dict[str, Any]]]:
-    """Yield the marked points, with their style, in the plot of contact speed versus excursion."""
+    """Yield the points to mark in the plot of contact speed versus excursion, such as the chosen gain."""
     nearest = design.nearest if design.result is None else None
     for run, style in (
         (design.no_mitigation, {"label": "no mitigation", "style": 1, "shape": "square"}),
@@ -192,7 +192,7 @@ def _scale(unit: str, values: FloatArray) -> Scale:
 
 
 def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[dict[str, float], dict[str, float]]:
-    """Return reference lines for the limits of the two plotted quantities."""
+    """Return reference lines at the limits of the contact speed and of the quantity on the other axis."""
     levels, positions = {}, {}
     for outcome in design.constraints:
         text = f"{outcome.name.replace('_', ' ')} limit"
@@ -204,7 +204,7 @@ def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[di
 
 
 def _optimal_contour(design: GainDesign, name: str, across: Scale, up: Scale, most: tuple[float, float]) -> list[Curve]:
-    """Return the contour line on which the objective has its optimal value."""
+    """Return the contour line of the objective through the optimum, for the plot of contact speed versus excursion."""
     if not shows_equals(design):
         return []
     terms = {t.quantity: t for t in design.definition.terms if t.weight > 0}
@@ -221,7 +221,7 @@ def _optimal_contour(design: GainDesign, name: str, across: Scale, up: Scale, mo
 
 
 def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[Mark]) -> list[Mark]:
-    """Return points that mark round values of the gain along the trade-off curve."""
+    """Return points that mark round gains, such as -1 N s, on the curve of contact speed versus excursion."""
     order = np.argsort(design.trade_off.gain)
     size = np.array([np.nanmax(x), np.nanmax(y)])
     new_marks: list[Mark] = []

@@ -1,4 +1,4 @@
-"""Plot a virtual drag design, and compare the virtual drag with a fixed gain at every speed."""
+"""Plot the design of a virtual drag (damping quadratic in speed), and compare it with a fixed gain."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _RATIOS: Final = np.exp(-np.linspace(1e-3, 6.0, 121))
 
 @check_arguments
 def drag(design: DragDesign) -> Figure:
-    """Draw contact speed and excursion for many virtual drags, and for one drag at every approach speed.
+    """Draw contact speed versus excursion for many virtual drags, and the results of one drag at all approach speeds.
 
     Args:
         design: the drag of a task; if the task has an objective, the letter's optimal gain is drawn as well.
@@ -76,7 +76,7 @@ def drag(design: DragDesign) -> Figure:
 
 
 def _trade_off(design: DragDesign, letter: GainDesign | None, speed: float) -> Panel:
-    """Return a plot of the ratio of contact speed to approach speed versus the excursion, for all drags and gains."""
+    """Return a plot of contact speed divided by approach speed versus excursion, for many virtual drags and gains."""
     curve = drag_trade_off(design.sensor, design.detection_distance, design.mass, _RATIOS)
     points = [(design.excursion, design.ratio, "chosen, at every speed", 0)]
     shown = [(curve.excursion, curve.ratio, "virtual drag", 0)]

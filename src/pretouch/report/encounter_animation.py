@@ -1,4 +1,4 @@
-"""Animate an encounter in a report: robot and object move in slow motion or in real time, without a script."""
+"""Animate robot and object in an HTML report, in slow motion or in real time and without JavaScript."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _COLORS: Final = ("var(--blue)", "var(--red)")
 
 
 class Lane(NamedTuple):
-    """One run of an encounter, shown as one row of the animation.
+    """Motion of robot and object in one run, which the animation shows as one row.
 
     Args:
         label: what distinguishes the run, such as its gain.
@@ -64,7 +64,7 @@ def lane(
     relative_velocity: FloatArray,
     ends_with_contact: bool,
 ) -> Lane:
-    """Return a row of the animation, computed from the distances of a run and the motion of the obstacle.
+    """Return one row of the animation, computed from the distance to the object and the motion of the object.
 
     Args:
         label: what distinguishes the run.
@@ -80,7 +80,7 @@ def lane(
 
 
 def encounter_animation(lanes: Sequence[Lane], sensor: SensorModel) -> str:
-    """Return an HTML animation of several runs of one encounter; readers can choose its speed.
+    """Return an HTML animation of several runs of one encounter; readers can choose the playback speed.
 
     The animation consists of SVG shapes and CSS keyframes. On systems with the setting "reduced motion", and in print,
     the shapes show the last sample of each run.
@@ -132,7 +132,7 @@ def encounter_animation(lanes: Sequence[Lane], sensor: SensorModel) -> str:
 def _lane(
     number: int, lane: Lane, rules: list[str], *, scale: float, near: float, far: float, fastest: float, end: float
 ) -> str:
-    """Return the shapes of one run, and add the keyframes of its moving shapes to `rules`."""
+    """Return the SVG shapes of one run, and append the CSS keyframes that move these shapes to the list `rules`."""
     times = np.linspace(0.0, end, _FRAMES)
     distance = np.maximum(np.interp(times, lane.time, lane.distance), 0.0)
     surface = _LEFT + scale * (np.interp(times, lane.time, lane.position) - near)
@@ -176,7 +176,7 @@ def _ending(lane: Lane) -> str:
 
 
 def _field_stops(sensor: SensorModel, reach: float) -> str:
-    """Return the color stops of the sensor field: its opacity falls with the distance as the sensor output does."""
+    """Return the color gradient of the area in front of the sensor; its opacity decreases like the sensor output."""
     distances = np.clip(np.linspace(0.0, reach, 9), *sensor.valid_range)
     with np.errstate(all="ignore"):
         level = np.asarray(sensor.log_output(distances), dtype=float)

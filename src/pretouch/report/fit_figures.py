@@ -1,4 +1,4 @@
-"""Plot the fit of one sensor model: fitted points, curve and residuals."""
+"""Plot the fit of one sensor model: readings, fitted curve and residuals."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _POINTS: Final = 200
 
 @check_arguments
 def sensor_fit(fit: SensorFit) -> Figure:
-    """Draw the fitted points and the curve of one sensor model, and the residuals of ln xi.
+    """Draw readings and fitted curve of one sensor model, and the residuals of the log output (ln xi).
 
     Args:
         fit: the fit of one model.

@@ -100,7 +100,7 @@ def report_html(result: Any, *, calibration: CalibrationReport | None = None, so
 
 
 def page_html(page: Page) -> str:
-    """Return a report page as HTML, with the versions of the software, and signed with a hash."""
+    """Return a report page as HTML, with software versions and with a hash that reveals later changes."""
     shell = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
     title = f"{page.kind}{'' if page.kind.endswith('?') else ':'} {page.source}" if page.source else page.kind
     body = page_as_html(explained(page), _draw)
@@ -122,7 +122,7 @@ def lead_figure(page: Page) -> Figure:
 
 
 def excerpt_html(page: Page) -> str:
-    """Return an excerpt of a report page for notebooks as HTML, with its figure as an image."""
+    """Return a short HTML version of a report page for notebooks, with its main plot as an image."""
     return page_as_excerpt(page, _image)
 
 
@@ -139,7 +139,7 @@ def _figure(picture: Picture) -> Any:
 
 
 def _draw(picture: Picture) -> str:
-    """Return a figure as an SVG element, with text converted to outlines; return a film as an animation."""
+    """Return a figure as HTML: a plot as an SVG element, a film as an animation."""
     if isinstance(picture, Film) and picture.figure == "robot_film":
         return film_html(picture.of)
     drawn = draw_svg(_figure(picture), picture.figure.replace("_", "-"))
@@ -150,7 +150,7 @@ def _draw(picture: Picture) -> str:
 
 
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:
-    """Add the sensor calibration to a report page: a section at the end, and its main warning at the top."""
+    """Add a section about the sensor calibration to a report page, and put its main warning at the top of the page."""
     from pretouch.calibration.page import fitted_blocks  # noqa: PLC0415 - only where there is one
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415
 
@@ -185,7 +185,7 @@ def _versions() -> tuple[tuple[str, str], ...]:
 
 
 def _source(source: object) -> dict[str, str] | None:
-    """Return name, text and hash of a scenario file, given as an object or as a mapping."""
+    """Return name, text and SHA-256 hash of the scenario file on which a report is based."""
     if source is None:
         return None
     keys = ("name", "path", "text", "sha256")

@@ -42,7 +42,7 @@ def label_near(
     side: int = 1,
     marks: list[FloatArray] | None = None,
 ) -> Annotation | None:
-    """Write a label next to a point or a curve if there is free space.
+    """Write a label next to a point or a curve of a plot if there is free space.
 
     A place is free if it touches no text and covers no curve, and no curve separates it from its anchor. Lines with
     zorder below 1 may be covered. The limits of the axes must be final.
@@ -102,7 +102,7 @@ def _best_place(
 
 
 def label_inside(axes: Axes, x: Any, y: Any, text: str, *, color: str, size: float, fill: str) -> Annotation | None:
-    """Write a label centered on one of several points; rotate the label if the label is too wide.
+    """Write a plot label centered on the best of several points; rotate the label by 90 degrees if it is too wide.
 
     Args:
         axes: the axes; its limits must be final.
@@ -178,7 +178,7 @@ def _behind(anchor: FloatArray, box: FloatArray, gap: float, marks: FloatArray) 
 def _candidates(
     anchors: FloatArray, dots: float, width: float, height: float, side: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return all possible positions of a label around its anchor points, with their costs and boxes in pixels."""
+    """Return all possible positions of a label around its anchor points, each with cost and bounding box [pixel]."""
     # A place is (anchor, dx, dy, gap, cost).
     rank, turn, nth = np.indices((len(anchors), len(_DIRECTIONS), len(_GAPS))).reshape(3, -1)
     gap = np.array(_GAPS)[nth]
@@ -192,7 +192,7 @@ def _candidates(
 
 
 def free_places(axes: Axes, boxes: FloatArray, occupied: FloatArray) -> Any:
-    """Return which label boxes lie inside the axes and do not overlap existing labels."""
+    """Return which of several label positions lie inside the plot and do not overlap existing labels."""
     (x0, y0), (x1, y1) = axes.bbox.get_points()
     inside = (boxes[:, 0] >= x0 + 1) & (boxes[:, 2] <= x1 + 4) & (boxes[:, 1] >= y0 + 1) & (boxes[:, 3] <= y1 + 2)
     apart = (
@@ -246,13 +246,13 @@ def _renderer(artist: Any) -> Any:
 
 
 def boxes_in(axes: Axes, new: Annotation | None = None) -> FloatArray:
-    """Return the boxes of the existing labels in a plot, in pixels."""
+    """Return the bounding boxes of the existing labels in a plot, in pixels."""
     texts = [t for t in axes.texts if t is not new and t.get_text()]
     return np.array([t.get_window_extent(_renderer(t)).extents for t in texts]).reshape(-1, 4)
 
 
 def marks_in(axes: Axes) -> list[FloatArray]:
-    """Return closely spaced points along all lines and markers of a plot, in pixels, with their drawing order."""
+    """Return closely spaced points [pixel] along all lines and markers of a plot, so that labels can avoid them."""
     parts = [np.empty((0, 3))]
     for line in axes.lines:
         parts += _marks_along(line)
@@ -275,7 +275,7 @@ def _with_zorder(points: FloatArray, artist: Any) -> FloatArray:
 
 
 def dense_points(points: FloatArray) -> FloatArray:
-    """Insert points along a path in pixels, so that labels also avoid long straight lines."""
+    """Resample a curve in small steps [pixel], so that labels also avoid its long straight segments."""
     if len(points) < 2:
         return points
     steps = np.abs(np.diff(points, axis=0)).max(axis=1)
@@ -287,7 +287,7 @@ def dense_points(points: FloatArray) -> FloatArray:
 
 
 def _covered(box: FloatArray, marks: FloatArray, air: float = 1.0) -> float:
-    """Return the penalty for a plot label that covers curves, which grows with the number of covered points."""
+    """Return a penalty for a plot label that covers curves; the penalty grows with the number of covered points."""
     x, y = marks[:, 0], marks[:, 1]
     inside = (x > box[0] - air) & (x < box[2] + air) & (y > box[1] - air) & (y < box[3] + air)
     behind = np.count_nonzero(inside & (marks[:, 2] < 1))

@@ -47,7 +47,7 @@ class LoopMotion:
 def loop_motion(
     loop: ClosedLoop, scenario: Scenario, sensor: SensorModel, gain: float, *, horizon: float
 ) -> LoopMotion:
-    """Simulate an encounter on the sampled loop until contact and return its time series.
+    """Simulate an encounter with the sampled controller until contact, and return the motion as time series.
 
     The noise is that of the first run.
 
@@ -94,7 +94,7 @@ _DOT: Final = " "  # marks the end of a curve with a dot and no text
 
 
 class DrawnMotion(NamedTuple):
-    """A motion to draw, with its name and its color."""
+    """A motion over time to draw in a plot, with its label and line style."""
 
     label: str
     motion: Motion | LoopMotion
@@ -103,7 +103,7 @@ class DrawnMotion(NamedTuple):
 
 @check_arguments
 def motion(design: GainDesign) -> Figure:
-    """Draw two motions until contact: one with the designed gain, and one without mitigation.
+    """Draw the motion until contact with the designed gain, compared with the motion without mitigation.
 
     Args:
         design: a design of any status; without a gain, the nearest gain or a bound is drawn.
@@ -138,7 +138,7 @@ def sampled_motion(motion: Motion) -> Figure:
 
 
 def runs_of(design: GainDesign) -> list[DrawnMotion]:
-    """Compute the motion without mitigation, and the motion with the designed gain or, if none exists, another gain.
+    """Compute the motions without mitigation and with the designed gain (with another gain if the design has none).
 
     Args:
         design: the design.
@@ -164,7 +164,7 @@ def runs_of(design: GainDesign) -> list[DrawnMotion]:
 
 
 def lanes_of(design: GainDesign) -> tuple[list[Lane], SensorModel]:
-    """Return the two motions that `motion` draws as rows of an animation, and the sensor curve.
+    """Return the motions with and without mitigation as rows of an animation, together with the sensor curve.
 
     Args:
         design: the design.
@@ -201,7 +201,7 @@ def _panel(design: GainDesign, runs: list[DrawnMotion], clock: Scale, what: tupl
 
 
 def _curve(run: DrawnMotion, name: str, clock: Scale, scale: Scale, largest: float) -> Curve:
-    """Return one quantity of a motion as a curve over time, labeled with its name or its last value."""
+    """Return one quantity of a motion, such as the distance, as a labeled curve over time."""
     time, values, ended = run.motion.time, np.asarray(getattr(run.motion, name)), _reached(run.motion.result)
     label, end = "", scale.text(float(values[-1]), largest=largest)
     if name == "distance":
@@ -245,7 +245,7 @@ def _solve(design: GainDesign, gain: float, method: str, horizon: float) -> Moti
 
 
 def _limits(design: GainDesign, name: str) -> dict[str, float]:
-    """Return the limits of a plotted quantity, with their names, in SI units."""
+    """Return names and values of the design limits of a plotted quantity, in SI units."""
     limits: dict[str, float] = {}
     reference = design.scenario.reference
     centers = {"travel": float(design.scenario.plant.position)}
@@ -263,7 +263,7 @@ def _limits(design: GainDesign, name: str) -> dict[str, float]:
 
 
 def _worth_drawing(limits: dict[str, float], values: FloatArray) -> dict[str, float]:
-    """Return the limits that lie close enough to the plotted motion to be drawn."""
+    """Return only those limits that lie close enough to the plotted motion to be drawn."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     reach = _FAR * max(high - low, 1e-12)
     below = abs(low) >= abs(high)

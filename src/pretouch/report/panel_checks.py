@@ -16,12 +16,12 @@ from .style import CURVES
 
 
 def called(kind: str, label: str) -> str:
-    """Return the name of a plot item for error messages, made of its type and its label."""
+    """Return the name of a plot item for error messages, such as `curve 'finger sensor'`."""
     return f"{kind} {label!r}" if label else kind
 
 
 def as_column(values: ArrayLike, name: str) -> FloatArray:
-    """Copy a sequence of numbers to an array, in which masked values become NaN."""
+    """Copy a list of numbers to a one-dimensional array; masked values become NaN."""
     try:
         array = np.asarray(values)
     except ValueError:
@@ -79,13 +79,13 @@ def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
 
 
 def check_choice(value: Any, choices: tuple[str, ...], name: str) -> None:
-    """Check that a word is one of the allowed words."""
+    """Check that an option has one of its allowed values."""
     if value not in choices:
         raise InvalidInputError(f"{name}: found {value!r}, expected one of {', '.join(choices)}")
 
 
 def check_ends(low: Any, high: Any, subject: str) -> None:
-    """Check that lower and upper ends of error bars or bands are both given and in ascending order."""
+    """Check the ends of error bars or bands: both ends must be given, and no lower end may exceed its upper end."""
     if (low is None) != (high is None):
         present, missing = ("high", "low") if low is None else ("low", "high")
         raise InvalidInputError(
@@ -98,7 +98,7 @@ def check_ends(low: Any, high: Any, subject: str) -> None:
 
 
 def check_style(style: Any, subject: str) -> None:
-    """Check that the number of a line style exists in the color palette."""
+    """Check that the index of a line style exists in the color palette."""
     if style is not None and (isinstance(style, bool) or style not in range(len(CURVES))):
         raise InvalidInputError(
             f"{subject}: found the style {style!r}, expected an index of the color palette from 0 to "
@@ -107,7 +107,7 @@ def check_style(style: Any, subject: str) -> None:
 
 
 def check_axis(panel: Any, axis: str) -> None:
-    """Check that labeled items lie within the axis limits, and that all values on a logarithmic axis are positive."""
+    """Check that labeled items lie partly within the axis limits, and that a logarithmic axis has positive values."""
     ends = getattr(panel, f"{axis}_limits")
     if getattr(panel, f"{axis}_log"):
         for name, values in [*_numbers(panel, axis), (f"{axis}_limits", np.array(ends or ()))]:
@@ -126,7 +126,7 @@ def check_axis(panel: Any, axis: str) -> None:
 
 
 def _numbers(panel: Any, axis: str) -> Iterator[tuple[str, FloatArray]]:
-    """Yield all coordinates along one axis of a plot, with names for error messages."""
+    """Yield the coordinates of all plot items along one axis, each with the item's name for error messages."""
     for curve in panel.curves:
         for name, column in curve.columns():
             if (name == "x") == (axis == "x") and np.isfinite(column).any():

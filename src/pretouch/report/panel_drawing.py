@@ -42,7 +42,7 @@ _SPANS: Final[dict[str, dict[str, Any]]] = {
 
 
 class Name(NamedTuple):
-    """A name to write into a plot, with possible anchor points and a line style."""
+    """Label of a curve, point or line in a plot, with possible anchor points and the line style of its legend entry."""
 
     text: str
     color: str
@@ -81,7 +81,7 @@ def draw_panel(axes: Axes, panel: Panel) -> None:
 
 
 def names_of(axes: Axes, panel: Panel) -> list[Name]:
-    """Return all names to write into a plot, such as names of curves and points."""
+    """Return all labels to write into a plot, such as the names of curves and points."""
     # Limits and position of the axes must be final.
     names = [
         Name(mark.label, _color(mark.style), np.array([mark.x]), np.array([mark.y]), _mark_style(mark), "point")
@@ -134,7 +134,7 @@ def _mark_style(mark: Any) -> dict[str, Any]:
 
 
 def _curve_sample(curve: Curve, look: _Look) -> dict[str, Any]:
-    """Return the Matplotlib line style of a curve, which its legend entry also has."""
+    """Return the Matplotlib line style of a curve, for the plot and for its legend."""
     return {
         "color": look.color,
         "linestyle": "None" if curve.kind == "points" else look.dashes,
@@ -176,7 +176,7 @@ def _draw_end(axes: Axes, curve: Curve, look: _Look) -> None:
 
 
 def _span_names(axes: Axes, panel: Panel) -> Iterator[Name]:
-    """Yield the names of hatched or shaded ranges, with anchor points inside each range."""
+    """Yield the labels of hatched or shaded ranges of a plot, with possible label positions inside each range."""
     (x0, bottom), (x1, top) = axes.bbox.get_points()
     for span in panel.spans:
         ends = axes.get_xaxis_transform().transform([(span.start, 0.5), (span.end, 0.5)])
@@ -206,7 +206,7 @@ def _end_names(panel: Panel) -> list[Name]:
 
 
 def _line_names(axes: Axes, panel: Panel) -> Iterator[Name]:
-    """Yield the names of reference lines with anchor points above or below each line."""
+    """Yield the labels of reference lines in a plot, with possible label positions along each line."""
     (x0, y0), (x1, y1) = axes.bbox.get_points()
     shares = np.concatenate([[0.99, 0.01], np.linspace(0.95, 0.05, 19)])
     pixels = np.column_stack([x0 + shares * (x1 - x0), y0 + shares * (y1 - y0)])
@@ -236,13 +236,13 @@ def _path(axes: Axes, curve: Curve) -> FloatArray:
 
 
 def inside(axes: Axes, path: FloatArray) -> FloatArray:
-    """Return the points that lie within the axes of a plot, in pixels."""
+    """Return only those points [pixel] that lie inside the axes of a plot."""
     low, high = axes.bbox.get_points()
     return np.asarray(path[((path >= low) & (path <= high)).all(axis=1)])
 
 
 def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
-    """Return possible anchor points for the name of a curve, starting with points far from other curves."""
+    """Return possible positions for the label of a curve; positions far from other curves come first."""
     # Points near two thirds of the length are preferred.
     if not len(path):
         return path
@@ -260,7 +260,7 @@ def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
 
 
 def _set_axis(axes: Axes, panel: Panel, which: str) -> None:
-    """Set limits, ticks and label of an axis, with a power of ten in the unit if necessary."""
+    """Set limits, ticks and label of an axis; very large or small values get a power of ten in the unit."""
     logarithmic, limits = getattr(panel, f"{which}_log"), getattr(panel, f"{which}_limits")
     low, high = limits or _data_limits(axes, panel, which)
     label = getattr(panel, f"{which}_label")
@@ -330,7 +330,7 @@ def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
 
 
 def _room_for_ends(axes: Axes, panel: Panel) -> float:
-    """Return the share of the plot width that is reserved for labels at the right ends of curves."""
+    """Return the fraction of the plot width that is reserved for labels at the right ends of curves."""
     low, high = axes.get_ylim()
     down = [c.end for c in panel.curves if c.end and np.asarray(c.y, float)[c.known][-1] < low + 0.05 * (high - low)]
     width = _LETTER * max((len(line) for text in down for line in text.split("\n")), default=0)

@@ -59,7 +59,7 @@ def panel_figure(*panels: Panel, columns: int = 2, height: float = 3.3) -> Figur
         raise InvalidInputError(f"columns: found {columns!r}, expected 1, 2, 3 or 4")
     if not as_number(height, "height") >= 1:
         raise InvalidInputError(
-            f"height: found a figure height of {height:g} inch, but each row of panels needs at least 1 inch"
+            f"height: found a row height of {height:g} inch, but each row of plots needs at least 1 inch"
         )
     from .panel_layout import draw_figure  # noqa: PLC0415 - Matplotlib is imported when something is drawn
 

@@ -74,7 +74,7 @@ def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figur
 
 
 def arrange(figure: Figure, least: float) -> None:
-    """Set the positions of plots, and adapt ticks, labels and the height of the figure to these positions.
+    """Set the positions of all plots in a figure, and adapt ticks, labels and figure height so that all labels fit.
 
     Args:
         figure: a figure with panels in a grid.
@@ -115,7 +115,7 @@ def _thin_ticks(axes: Axes, renderer: Any) -> bool:
 
 
 def _wrap_labels(axes: Axes, renderer: Any, least: float) -> bool:
-    """Break labels and titles that are longer than the axes; return True if any of them changed."""
+    """Wrap axis labels and titles that are longer than the plot; return True if the line breaks of a text changed."""
     texts = (axes.xaxis.label, axes._left_title, axes.yaxis.label)  # type: ignore[attr-defined]
     before = [text.get_text() for text in texts]
     height = max(axes.bbox.height, least * axes.figure.dpi)  # a lower panel will grow
@@ -164,7 +164,7 @@ def legend_above(axes: Axes, entries: Sequence[tuple[str, str, Any]]) -> None:
 
 
 def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
-    """Write names of curves into a plot; return the indices of names for which there is no free space."""
+    """Write the labels of curves into a plot; return the indices of labels for which there is no free space."""
     names = list(enumerate(names_of(axes, panel)))
     hardest_first = sorted(names, key=lambda each: (_KINDS.index(each[1].kind), -len(each[1].text)))
     marks = marks_in(axes)
@@ -177,7 +177,7 @@ def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
 
 
 def _place(axes: Axes, name: Name, marks: list[FloatArray]) -> bool:
-    """Write a name in one or two lines next to its curve; return True if there was free space."""
+    """Write a label next to its curve, in one or two lines of text; return True if there was free space."""
     if name.kind == "span":
         fill, size = name.sample["markerfacecolor"], _SIZES["span"]
         return label_inside(axes, name.x, name.y, name.text, color=name.color, size=size, fill=fill) is not None
@@ -209,7 +209,7 @@ def _in_two_lines(text: str) -> str:
 
 
 def _break(text: Text, words: str, room: float, side: int, renderer: Any, *, hyphens: bool = False) -> None:
-    """Break a text into the fewest lines that fit into a width `room` [pixel], without breaking its unit."""
+    """Break a text into as few lines as possible, each at most `room` pixels long; never break inside a unit."""
     head, bracket, unit = words.partition("[")
     whole = head + bracket + unit.replace(" ", "\u00a0")
     width = len(whole) + 1

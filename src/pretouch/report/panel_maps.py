@@ -29,7 +29,7 @@ _CROWDED: Final = 0.6  # share of the map between two levels, from which the lev
 
 
 def draw_map(axes: Axes, shown: Map) -> None:
-    """Draw a quantity as a map in the background of a plot, with shades and contour lines."""
+    """Draw a quantity as a map in the background of a plot, with color shades and contour lines."""
     axes.patch.set(facecolor=BLOCKED, edgecolor=QUIET, hatch="////", linewidth=0)  # visible where there is no value
     values = np.ma.masked_invalid(shown.values)
     low, high = float(values.min()), float(values.max())
@@ -44,7 +44,7 @@ def draw_map(axes: Axes, shown: Map) -> None:
 
 
 def number_contours(axes: Axes) -> None:
-    """Write values on the contour lines of a map, if possible far from other lines."""
+    """Label each contour line of a map with its value, if possible far from other lines."""
     # All other artists of the plot must be final.
     contours = [c for c in axes.collections if isinstance(c, ContourSet) and not c.filled]
     lines = [(level, run) for c in contours for level, runs in zip(c.levels, c.allsegs, strict=True) for run in runs]

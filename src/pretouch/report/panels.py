@@ -89,7 +89,7 @@ class Curve(Value):
         check_style(self.style, subject)
 
     def columns(self) -> Iterator[tuple[str, FloatArray]]:
-        """Yield name and numbers of each data column of the curve, such as x and y."""
+        """Yield each data column of the curve, such as x or y, with its name."""
         for name in ("x", "y", "low", "high"):
             column = getattr(self, name)
             if column is not None:
@@ -97,7 +97,7 @@ class Curve(Value):
 
     @property
     def known(self) -> Any:
-        """Which points of the curve have finite x and y, as a boolean array."""
+        """Boolean array that is True for each point of the curve with finite x and y."""
         return np.isfinite(np.asarray(self.x, float)) & np.isfinite(np.asarray(self.y, float))
 
     def __repr__(self) -> str:
@@ -191,8 +191,8 @@ class Map(Value):
         if values.shape != (len(y), len(x)) or min(values.shape) < 2 or not np.isfinite(values).any():
             actual = f"{np.isfinite(values).sum()} finite values of shape {values.shape}"
             expected = (
-                f"an array of the shape ({len(y)}, {len(x)}), given by the lengths of y and x, with at least 2 "
-                "values along each and at least one finite value"
+                f"an array of the shape ({len(y)}, {len(x)}), with one row for each y and one column for each x, at "
+                "least 2 rows and 2 columns, and at least one finite value"
             )
             raise InvalidInputError(f"map: values: found {actual}, expected {expected}")
         across, up = np.argsort(x), np.argsort(y)
@@ -202,7 +202,7 @@ class Map(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Panel(Value):
-    """One plot with a pair of axes and with curves or a map.
+    """One plot: a pair of axes with curves or with a map.
 
     Args:
         x_label: label of the horizontal axis, with its unit in brackets: `distance l [mm]`, or `[1]` for pure numbers.
@@ -263,7 +263,8 @@ class Panel(Value):
         if any(curve.style is None for curve in loud[len(CURVES) :]):
             raise InvalidInputError(
                 f"curves: found {len(loud)} curves in one panel, but there are only {len(CURVES)} line styles; "
-                "use quiet=True for background curves, more panels, or style=0...4 for curves of the same style"
+                "use quiet=True for background curves, draw several panels, or give curves the same style with "
+                "style=0...4"
             )
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""Plot Pareto fronts, the free parameters along a front, and joint designs of gain and admittance."""
+"""Plot Pareto fronts, the design parameters along a front, and designs of both gain and admittance."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _PARAMETERS: Final = {
 
 @check_arguments
 def pareto(front: ParetoFront) -> Figure:
-    """Draw a Pareto front, the parameters along this front, and its distance from the physical bound.
+    """Draw a Pareto front, the design parameters along it, and the physical bound that holds for any controller.
 
     Args:
         front: a front with points.
@@ -62,7 +62,7 @@ def pareto(front: ParetoFront) -> Figure:
 
 @check_arguments
 def admittance(design: AdmittanceDesign) -> Figure:
-    """Draw, for each admittance, the objective that the best gain reaches.
+    """Draw the objective with the best gain versus the natural frequency or the damping ratio of the admittance.
 
     Args:
         design: a design of gain and admittance, with at least one feasible admittance.
@@ -141,7 +141,7 @@ def _plane(front: ParetoFront, i: int, k: int) -> Panel:
 
 
 def _bound(front: ParetoFront) -> Panel:
-    """Return a plot of the excursion versus the contact speed, compared with the physical bound of any controller."""
+    """Return a plot of excursion versus contact speed, with the smallest excursion that any controller needs."""
     c = front.comparison
     if c is None or front.result is None:
         raise InvalidInputError("front: this Pareto front has no physical bound to draw")
@@ -176,7 +176,7 @@ def _bound(front: ParetoFront) -> Panel:
 
 
 def _parameters(front: ParetoFront) -> Iterator[Panel]:
-    """Yield a plot of each free parameter along the Pareto front."""
+    """Yield one plot for each free design parameter, such as the gain, along the Pareto front."""
     name = front.quantities[0]
     scale = _scale(front, name, front.of(name))
     x = front.of(name) / scale.factor
@@ -222,7 +222,7 @@ def _is_curve(front: ParetoFront) -> bool:
 
 
 def _dominated(front: ParetoFront, i: int, k: int) -> FloatArray:
-    """Return some of the dominated points within the limits of the plot."""
+    """Return a limited number of dominated (not Pareto-optimal) points that lie within the limits of the plot."""
     extent = np.ptp(front.values, axis=0)
     extent = np.where(extent > 0, extent, 1.0)
     limits = [float(_all_values(front, front.quantities[j]).max()) for j in (i, k)]

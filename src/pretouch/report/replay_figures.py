@@ -23,7 +23,7 @@ _MOST_SPANS: Final = 100  # detections that are shaded
 
 @check_arguments
 def replay(replay: Replay) -> Figure:
-    """Draw a recording with the virtual force and the motion that the law computed from it.
+    """Draw recorded sensor readings, and the virtual force and motion that the control law computed from them.
 
     Args:
         replay: the replay.

@@ -27,7 +27,7 @@ _MAPS: Final = ("reflected_mass", "relative_velocity", "remaining_excursion")
 
 @check_arguments
 def robot(result: RobotSimulation, run: int = 0) -> Figure:
-    """Draw one run of a simulated robot over time, next to the prediction.
+    """Draw one run of a simulated robot over time, compared with the prediction.
 
     Args:
         result: the result of `simulate_robot`.
@@ -69,7 +69,7 @@ def robot(result: RobotSimulation, run: int = 0) -> Figure:
 
 
 def workspace(dataset: Any) -> Figure:
-    """Draw maps of reflected mass, contact speed and remaining excursion over a robot's workspace, for one gain.
+    """Draw workspace maps of a robot for one gain: reflected mass, contact speed and still available excursion.
 
     Args:
         dataset: the dataset of a sweep after `Workspace.describe`.
@@ -83,7 +83,7 @@ def workspace(dataset: Any) -> Figure:
     """
     if not {"position_x", "direction_x", "holds"} <= set(getattr(dataset, "data_vars", ())):
         raise InvalidInputError(
-            f"dataset: found {dataset!r:.60} ({type(dataset).__name__}), expected the dataset that "
+            f"dataset: found {dataset!r:.60} of the type {type(dataset).__name__}, expected the dataset that "
             "`Workspace.describe` returns"
         )
     positions = np.array([np.asarray(dataset[f"position_{axis}"]) for axis in "xyz"])
@@ -114,7 +114,7 @@ def workspace(dataset: Any) -> Figure:
 
 
 def _mapped(dataset: Any) -> Iterator[tuple[str, FloatArray]]:
-    """Yield title and values of each map."""
+    """Yield title and values of each workspace map, such as the map of the contact speed."""
     for name in _MAPS:
         values = np.abs(np.asarray(dataset[name])) if name == "relative_velocity" else np.asarray(dataset[name])
         unit = {"reflected_mass": "kg", "relative_velocity": "m/s", "remaining_excursion": "m"}[name]

@@ -39,7 +39,7 @@ _PLANAR: Final = (
 
 @dataclass(frozen=True, slots=True)
 class _Film:
-    """The frames of a film, and the data of its filmstrip.
+    """Images of a simulated robot over time, and indices and titles of the images that form the filmstrip.
 
     Args:
         frames: images, shape (height, width, 3).
@@ -58,7 +58,7 @@ class _Film:
 
 @check_arguments
 def robot_film(result: RobotSimulation, run: int = 0) -> Figure:
-    """Draw the filmstrip of one run of a simulated robot.
+    """Draw a filmstrip of one run of a simulated robot: six still images.
 
     Args:
         result: the result of `simulate_robot`.
@@ -80,7 +80,7 @@ def robot_film(result: RobotSimulation, run: int = 0) -> Figure:
 
 
 def film_html(result: RobotSimulation, run: int = 0) -> str:
-    """Return the film of one run as HTML: a filmstrip and an animation.
+    """Return the film of one run of a simulated robot as HTML: a filmstrip and an animation.
 
     On systems with the setting "reduced motion", a still replaces the animation.
 
@@ -107,7 +107,7 @@ def film_html(result: RobotSimulation, run: int = 0) -> str:
 
 
 def _film_of(result: RobotSimulation, run: int, count: int) -> _Film:
-    """Draw `count` frames at equal steps of a run; the frame nearest to the first contact shows the contact."""
+    """Draw `count` frames at equal steps of a run, and shift one frame to the moment of the first contact."""
     trace, contacts = result.trace(run), [contacts[run] for contacts in result.contacts]
     rows = np.linspace(0, len(trace.time) - 1, count).round().astype(int)
     touches = [c.time for c in contacts if not math.isnan(c.time)]
@@ -131,7 +131,7 @@ def _film_of(result: RobotSimulation, run: int, count: int) -> _Film:
 
 
 def _label(time: float, distance: float, contact: SiteContact) -> str:
-    """Return the title of a still: its time, and the distance of the first site or the word `contact`."""
+    """Return the title of a still image: its time, and the distance to the object or the word `contact`."""
     clock = format_quantity(time, "s", 3)
     if time >= contact.time:
         return f"{clock}, {'contact' if time < contact.time + _MOMENT else 'after contact'}"
@@ -139,7 +139,7 @@ def _label(time: float, distance: float, contact: SiteContact) -> str:
 
 
 def _drawing(model: Any, configuration: FloatArray, camera: Camera) -> Frame:
-    """Draw the robot in one configuration with Matplotlib, as outlines in a plane."""
+    """Draw the robot in one joint configuration with Matplotlib, as outlines in a plane."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - Matplotlib, only when needed
 
     figure = new_figure(_SIZE[0] / _DPI, _SIZE[1] / _DPI)

@@ -1,4 +1,4 @@
-"""Plot a robust design: the objective over the gain, and the distributions of results."""
+"""Plot a robust gain design: the risk measure versus the gain, and the distributions of the results."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ROBUST, _NOMINAL, _NONE = 0, 1, 2  # palette indices: a gain has the same style
 
 @check_arguments
 def robust(design: RobustDesign) -> Figure:
-    """Draw the risk measure versus the gain, and the distribution of the objective for robust and nominal gain.
+    """Draw the risk measure versus the gain, and distributions of the objective with the robust and the nominal gain.
 
     Args:
         design: a design of any status.
@@ -46,7 +46,7 @@ def robust(design: RobustDesign) -> Figure:
 
 @check_arguments
 def outcome(design: RobustDesign) -> Figure:
-    """Draw the distributions of contact quantities over many new random encounters.
+    """Draw the distributions of contact quantities, such as the contact speed, in many new random encounters.
 
     Args:
         design: a design of any status.
@@ -68,7 +68,7 @@ def outcome(design: RobustDesign) -> Figure:
 
 @check_arguments
 def price(design: RobustDesign) -> Figure:
-    """Draw the best gain for each value of an uncertain input, and the loss of the robust gain at this value.
+    """Draw, for each value of an uncertain input, the best gain, and how much worse the robust gain is.
 
     Args:
         design: a design with a gain.
@@ -147,7 +147,7 @@ def _gain_marks(design: RobustDesign, sign: float, gains: FloatArray, nominal: F
 
 
 def _kind(design: RobustDesign) -> str:
-    """Return the word for the nominal encounter in labels: `ideal` for a sampled loop, otherwise `nominal`."""
+    """Return the word for the nominal encounter in plot labels: `ideal` with a sampled loop, otherwise `nominal`."""
     return "ideal" if design.on_evaluator else "nominal"
 
 
@@ -172,7 +172,7 @@ def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, R
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
-    """Yield two plots over one input: the best gain, and the loss of robust and nominal gain in percent."""
+    """Yield two plots versus one uncertain input: the best gain, and by how many percent other gains are worse."""
     scale = scale_for(price.unit, float(np.abs(price.value).max()))
     x = price.value / scale.factor
     across = f"{price.name} [{scale.unit or '1'}]"

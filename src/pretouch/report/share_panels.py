@@ -1,4 +1,4 @@
-"""Plot cumulative distributions, which show the share of runs below each value of a quantity."""
+"""Plot cumulative distributions: the share of runs in which a quantity is below each value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plot a simulated encounter next to the prediction and to the same encounter without mitigation."""
+"""Plot a simulated encounter, compared with the prediction and with the same encounter without mitigation."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def simulation(encounter: SimulatedEncounter) -> Figure:
 
 
 def simulated_lanes(encounter: SimulatedEncounter) -> tuple[list[Lane], SensorModel]:
-    """Return the runs with and without mitigation until their first contact for an animation, and the sensor curve.
+    """Return the rows of an animation (runs with and without mitigation until first contact) and the sensor curve.
 
     Args:
         encounter: a result of `simulate_encounter`.
@@ -99,7 +99,7 @@ _FORCE: Final = ("contact_force", "contact force", "N")
 
 
 def _shown_until(encounter: SimulatedEncounter) -> float:
-    """Return the end of the time axis [s], shortly after contact or after the smallest distance."""
+    """Return the end of the plot's time axis [s], which is after contact or after the smallest distance."""
     run = encounter.run
     others: tuple[ContactResult | SimulationResult | None, ...] = (encounter.prediction, encounter.unmitigated)
     times = [t for t in map(_contact_time, others) if t is not None]
@@ -137,7 +137,7 @@ def _unmitigated_series(encounter: SimulatedEncounter) -> _TimeSeries:
 def _columns_of(
     encounter: SimulatedEncounter, run: SimulationResult, trace: LoopTrace
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return the quantities of a run as time series, with more points during contact."""
+    """Return each plotted quantity of a run as a time series, with additional points during contact."""
     time, course = trace.time, trace.contact_course
     touch = (run.time, 0.0, run.relative_velocity, 0.0) if run.touched else None
     extra = course if len(course) else np.array([touch] if touch else np.empty((0, 4)))
@@ -155,19 +155,19 @@ def _columns_of(
 
 
 def _step_columns(trace: LoopTrace) -> dict[str, FloatArray]:
-    """Return the quantities that are constant between two controller steps; NaN before the first reading."""
+    """Return virtual force and sensor reading at each controller step; readings are NaN before the first one."""
     reading = trace.reading.copy()
     reading[: int((reading != 0.0).argmax()) if (reading != 0.0).any() else 0] = np.nan
     return {"virtual_force": trace.virtual_force, "reading": reading}
 
 
 def _step_curve(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
-    """Return values that are constant between samples as a step curve."""
+    """Convert sampled values, which are constant between samples, to the points of a step curve."""
     return np.column_stack([time, time + period]).ravel(), np.repeat(values, 2)
 
 
 def _relative_velocity(encounter: SimulatedEncounter, run: SimulationResult, trace: LoopTrace) -> FloatArray:
-    """Return the relative velocity at each step, even after a contact that has moved the obstacle."""
+    """Return the velocity of the obstacle relative to the robot at each step, also after contact moved the obstacle."""
     # The obstacle's velocity is then a difference quotient.
     obstacle_velocity = encounter.scenario.obstacle.velocity_at(trace.time)
     contact = encounter.loop.contact
@@ -193,7 +193,7 @@ _SOLVED: Final = ("distance", "relative_velocity", "virtual_force")
 def _panel(
     encounter: SimulatedEncounter, runs: list[_TimeSeries], which: tuple[str, str, str], clock: Scale, end: float
 ) -> Panel:
-    """Return a plot of one quantity over time; only the first plot of the figure names the curves."""
+    """Return a plot of one quantity over time; only the plot of the distance has curve labels."""
     name, label, unit = which
     shown = [(c, *thin_out(*c.columns[name], end)) for c in runs if name in c.columns]
     shown = [(c, t, v) for c, t, v in shown if np.isfinite(v).any()]
@@ -218,7 +218,7 @@ def _largest(values: FloatArray) -> float:
 
 
 def thin_out(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
-    """Remove the part of a time series after the end of the plot, and thin out its points without losing extremes."""
+    """Cut a time series at the end of the plot, and remove points from it but keep its minima and maxima."""
     visible = time <= end
     time, values = time[visible], np.where(np.isfinite(values[visible]), values[visible], np.nan)
     if len(time) <= MOST_POINTS:
@@ -231,7 +231,7 @@ def thin_out(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArr
 
 
 def _marks(encounter: SimulatedEncounter, name: str, clock: Scale, scale: Scale, end: float) -> Iterator[Mark]:
-    """Yield marked points at detection and contact, labeled with distance or speed."""
+    """Yield points that mark the detection, labeled with its distance, and the contact, labeled with its speed."""
     run, detection = encounter.run, encounter.detection
     if name == "distance" and detection is not None and detection.time <= end:
         text = f"detected at {scale.text(detection.distance)}"
@@ -265,7 +265,7 @@ def _positions(encounter: SimulatedEncounter, clock: Scale, end: float) -> dict[
 
 
 def _impact_panel(encounter: SimulatedEncounter) -> Panel:
-    """Return a plot of the force during the first contact, with the gain and without mitigation."""
+    """Return a plot of the contact force during the first contact, with the gain and without mitigation."""
     runs = [
         ("no mitigation", _NONE, encounter.unmitigated, encounter.unmitigated_trace),
         ("on the loop", _LOOP, encounter.run, encounter.trace),

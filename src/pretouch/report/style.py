@@ -187,7 +187,7 @@ _WIDE: Final = 0.6  # share of the width of the figure, from which a panel fills
 
 
 def draw_svg(figure: Figure, name: str) -> str:
-    """Draw a figure as an SVG element for an HTML page; the same figure gives the same text.
+    """Draw a figure as an SVG element for an HTML page; equal figures give identical elements.
 
     Args:
         figure: the figure.
@@ -242,7 +242,7 @@ def _panel_boxes(figure: Figure) -> list[tuple[float, float, float, float]]:
 
 
 def log_axis(axes: Axes, which: str, low: float, high: float) -> None:
-    """Make an axis logarithmic between two limits, with few ticks written as plain numbers."""
+    """Make an axis logarithmic with given limits and with few ticks, which are written as plain numbers."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter, NullLocator  # noqa: PLC0415
 
     locator = FixedLocator(log_ticks(low, high)) if high > 4 * low else MaxNLocator(5)

@@ -27,7 +27,7 @@ _MOST_CELLS: Final = 300  # along an axis of a map
 
 @check_arguments
 def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
-    """Draw the results of a sweep as curves over one axis or as maps over two axes.
+    """Draw the results of a parameter sweep: curves for one varied input, curves or maps for two.
 
     With one axis, results are curves. With two axes, they are a family of curves if an axis has up to five values,
     otherwise maps with contour lines, in which encounters without a value are hatched. Axes of one value are ignored.
@@ -69,7 +69,7 @@ def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
 
 
 def _axis(flat: xr.Dataset | xr.DataArray, dim: str) -> tuple[FloatArray, Scale, str]:
-    """Return the values of a sweep axis in its display unit, the name of this unit, and the label of the axis."""
+    """Return the values of a sweep axis in a display unit, together with this unit and the axis label."""
     values = np.asarray(flat[dim].values, dtype=np.float64)
     scale = _scale(flat[dim], values)
     name = words_for(dim.replace(".", " ")) if "units" in flat[dim].attrs else f"{dim} number"

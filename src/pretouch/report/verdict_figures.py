@@ -1,4 +1,4 @@
-"""Plot the distributions of simulated runs, and compare two of the runs with the prediction."""
+"""Plot distributions of contact quantities in simulated runs, and compare two of the runs with the prediction."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _SYMBOLS: Final = {
 
 @check_arguments
 def verdict(verdict: Verdict) -> Figure:
-    """Draw the distributions of contact quantities over simulated runs, with predictions and limits.
+    """Draw the distributions of contact quantities, such as the contact speed, in simulated runs.
 
     Args:
         verdict: a verdict with a gain.
@@ -95,7 +95,7 @@ def _magnitudes(verdict: Verdict, name: str, result: SimulationResult | None, ga
 
 
 def _predictions(verdict: Verdict, name: str, scale: Scale) -> Iterator[Mark]:
-    """Yield points at 50 % of the runs that mark predicted values, for comparison with the median of the runs."""
+    """Yield points that mark predicted values at a height of 50 %, for comparison with the median of the runs."""
     compared = verdict.comparison(name)
     check = _limit_of(verdict, name)
     if compared is not None:
@@ -150,7 +150,7 @@ def verdict_run(verdict: Verdict) -> Figure:
 
 
 def _chosen_runs(result: SimulationResult) -> list[tuple[str, int, int]]:
-    """Return name, color and index of the runs to draw; the worst run is first, and is drawn behind the others."""
+    """Return label, line style and index of the runs to draw: those with highest and median contact speed."""
     touched = np.flatnonzero(result.touched)
     if not len(touched):
         return [("first run", _WITH, 0)]
@@ -172,7 +172,7 @@ def _shown_until(verdict: Verdict, result: SimulationResult, predicted: ContactR
 
 
 def _run_until_contact(verdict: Verdict, index: int, label: str, style: int, end: float) -> _Shown:
-    """Return a run until its first contact, which may lie between two controller steps."""
+    """Return the time series of a run until first contact, which may occur between two controller steps."""
     result: Any = verdict.mitigated
     trace, touched = result.trace(index), bool(result.touched[index])
     visible = trace.time < (result.time[index] if touched else end)
@@ -198,7 +198,7 @@ def _predicted(verdict: Verdict, predicted: ContactResult, gain: float, end: flo
 
 
 def _run_panel(shown: list[_Shown], name: str, label: tuple[str, str], clock: Scale) -> Panel:
-    """Return a plot of one quantity over time until contact; only the first plot of the figure names the runs."""
+    """Return a plot of one quantity over time until contact; only the plot of the distance has curve labels."""
     values: list[FloatArray] = [getattr(s, name) for s in shown]
     scale = scale_for(label[1], max(float(np.nanmax(np.abs(v))) for v in values))
     first = name == "distance"

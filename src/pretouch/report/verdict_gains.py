@@ -1,4 +1,4 @@
-"""Plot the stability limit over the distance, and the simulated objective over the gain."""
+"""Plot the stability limit of the gain versus the distance, and the simulated objective versus the gain."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _weakest_place(check: StabilityCheck, scale: Scale) -> Mark:
 
 @check_arguments
 def verdict_gain(verdict: Verdict) -> Figure:
-    """Draw the objective as a function of the gain, in continuous time and on the sampled loop.
+    """Draw the objective versus the gain, in continuous time and in simulations of the sampled controller.
 
     Args:
         verdict: a verdict; without a gain, or without changes, only the objective in continuous time is drawn.
@@ -111,7 +111,7 @@ def verdict_gain(verdict: Verdict) -> Figure:
 
 
 class _Part(NamedTuple):
-    """The objective as a function of the gain, and which gains meet all limits."""
+    """Objective values for many gains, with a flag for each gain that meets all limits."""
 
     label: str
     style: int
@@ -120,7 +120,7 @@ class _Part(NamedTuple):
     feasible: BoolArray
 
     def curves(self, sign: float, top: float) -> Iterator[Curve]:
-        """Yield the objective over the gain, gray where a limit is missed and colored where all limits are met."""
+        """Yield curves of the objective versus the gain: gray if a gain violates a limit, otherwise colored."""
         values = np.where(np.isfinite(self.objective) & (self.objective <= 1.02 * top), self.objective, np.nan)
         feasible = np.where(self.feasible, values, np.nan)
         any_feasible = np.isfinite(feasible).any()
@@ -144,7 +144,7 @@ def _objectives(verdict: Verdict) -> Iterator[_Part]:
 
 
 def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
-    """Yield marked points at the ideal optimum, the verified gain, and the best gain on the sampled loop."""
+    """Yield points that mark three gains: optimum in continuous time, verified gain, and best gain in simulations."""
     design, loss, number = verdict.design, verdict.loss, verdict.law.number
     if design.gain is not None and design.objective is not None:
         text = f"ideal {number.plot_text(design.gain)}"

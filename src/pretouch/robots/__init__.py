@@ -1,4 +1,4 @@
-"""Compute mass and limits of a MuJoCo robot model along the axis of a sensor, to design a gain for the robot."""
+"""Compute effective mass and motion limits of a MuJoCo robot model along a sensor axis, as input of a design."""
 
 from .centering import Centering
 from .drives import AxisLimits

@@ -1,4 +1,4 @@
-"""Center a hand between two opposed fingers by the ratio of their sensor outputs."""
+"""Move a hand so that an object is centered between two opposed fingers, by the ratio of their sensor outputs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _DETECTING: Final = int(Status.DETECTING)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Centering(Value):
-    """A law that moves two opposed fingers together, so that both touch an object at the same time.
+    """Control law that moves the hand of two opposed fingers, so that both fingers touch an object at the same time.
 
     The hand moves with the velocity u, where T u' + u = k ln(xi_2 / xi_1), toward the side of the second finger. It
     needs the same reflectance on both sides of the object, because a ratio of reflectances looks like a distance. It
@@ -59,7 +59,7 @@ class Centering(Value):
 
 
 def centering_gain(centering: Centering, laws: Sequence[SiteLaw], period: float) -> float:
-    """Return the gain k of a centering law [m/s].
+    """Return the gain k [m/s] of the control law that centers an object between two fingers.
 
     Args:
         centering: the law.
@@ -84,7 +84,7 @@ def centering_gain(centering: Centering, laws: Sequence[SiteLaw], period: float)
 
 
 class HandMotion:
-    """The motion of the hand during a run.
+    """The motion of a hand during a simulated run with a centering law.
 
     Args:
         centering: the law.
@@ -103,7 +103,7 @@ class HandMotion:
         self.position = self.velocity = 0.0
 
     def advance(self, outputs: Sequence[Output], *, touched: bool) -> None:
-        """Move the hand over one period, in the direction of the second finger if its sensor output is larger.
+        """Move the hand for one control period, toward the finger with the larger sensor output.
 
         Args:
             outputs: the outputs of the controllers of all sites.
@@ -118,17 +118,17 @@ class HandMotion:
         self.position += self._period * (before + self.velocity) / 2
 
     def along(self, site: int) -> float:
-        """Return the share of the hand's motion along the axis of a site: 1, -1, or 0 for sites of other fingers."""
+        """Return the sign with which a site moves along its axis with the hand: first finger 1, second -1, others 0."""
         return -1.0 if site == self._second else float(site == self._first)
 
 
 def pair_of(centering: Centering, laws: Sequence[SiteLaw]) -> tuple[int, int]:
-    """Return the indices of both sites of a centering law among the laws of a robot."""
+    """Return the indices of the two fingers of a centering law in the list of a robot's control laws."""
     names = [law.site.name for law in laws]
     for site in centering.sites:
         if site not in names:
             raise InvalidInputError(
-                f"centering: found no law for the site {site!r}, expected one of {', '.join(names)}"
+                f"centering: found no control law for the site {site!r}; sites with a control law: {', '.join(names)}"
             )
     first, second = (names.index(site) for site in centering.sites)
     return first, second

@@ -15,7 +15,7 @@ TURN: Final = math.radians(10.0)
 """Turn of the axis of a sensor [rad] that changes contact speeds with a plate by about 4 %."""
 
 SIDEWAYS: Final = 0.01
-"""Motion of a site across its axis [m] that changes contact speeds with a ball of radius 35 mm by about 3 %."""
+"""Motion of a sensor site across its axis [m] that changes contact speeds with a ball of radius 35 mm by about 3 %."""
 
 LARGE: Final = 0.05
 """Relative difference between simulated and predicted contact speed that is reported."""
@@ -24,7 +24,7 @@ _SATURATED: Final = 0.1  # of the time until contact; deviations above 5 % were 
 
 
 def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteContact]]) -> Iterator[str]:
-    """Yield one sentence for each reason and site.
+    """Yield one warning for each reason why the simulation of a sensor site may deviate from its 1-D prediction.
 
     Args:
         sites: names of the sites.
@@ -38,21 +38,21 @@ def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteCon
         if share > _SATURATED:
             yield caution(
                 "PT505",
-                f"A drive is at its limit for up to {100 * share:.0f} % of the encounter of the site {site}, so that "
-                "the robot cannot follow its reference. Choose a weaker gain or another posture.",
+                f"A drive is at its limit during up to {100 * share:.0f} % of the encounter at the site {site}, so "
+                "that the robot cannot follow its reference. Choose a weaker gain or another posture.",
             )
         for reason in sorted({c.obstacle for c in runs} - {""}):
             yield caution(
                 "PT506",
-                f"The reference of the site {site} stops at a {reason}, before contact. Choose a weaker gain or a "
-                "posture with a longer retreat.",
+                f"Before contact, the reference motion of the site {site} stops at a {reason} of the robot. Choose a "
+                "weaker gain or a posture with a longer retreat.",
             )
         turn, sideways = (max(getattr(c, name) for c in runs) for name in ("axis_turn", "sideways"))
         if turn > TURN or sideways > SIDEWAYS:
             yield caution(
                 "PT504",
-                f"The site {site} leaves its axis before contact: it turns by {math.degrees(turn):.2g} deg and moves "
-                f"sideways by {format_quantity(sideways, 'm', 2)}. The prediction assumes a fixed axis.",
+                f"Before contact, the sensor at the site {site} turns by up to {math.degrees(turn):.2g} deg and moves "
+                f"off its axis by up to {format_quantity(sideways, 'm', 2)}. The prediction assumes a fixed axis.",
             )
 
 
@@ -61,7 +61,7 @@ def report_deviations(
     contacts: Sequence[Sequence[SiteContact]],
     predictions: Sequence[Sequence[SiteContact | None]],
 ) -> Iterator[str]:
-    """Yield one sentence for each site whose mean contact speed differs from its prediction by more than 5 %.
+    """Yield one warning for each sensor site whose mean contact speed differs from its prediction by more than 5 %.
 
     Args:
         sites: names of the sites.
@@ -83,13 +83,13 @@ def report_deviations(
             shown = f"{percent:.2g}" if percent < 100 else f"{percent:.0f}"
             yield caution(
                 "PT507",
-                f"The contact speed of the site {site} is {shown} % {more} than predicted. Rely on the simulation; "
-                "other warnings name the reason if it is known.",
+                f"The simulated contact speed of the site {site} is {shown} % {more} than its prediction. Rely on the "
+                "simulation; other warnings name the reason if it is known.",
             )
 
 
 def _saturated(contact: SiteContact) -> float:
-    """Return the share of the time from detection to contact in which a drive is at its limit."""
+    """Return the fraction of the time from detection to contact during which a drive is at its limit."""
     if contact.detection is None:
         return 0.0
     if math.isnan(contact.time):

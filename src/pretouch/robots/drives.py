@@ -1,4 +1,4 @@
-"""Compute the largest acceleration, speed and force along an axis that a robot's drives allow, by linear programs.
+"""Compute by linear programs which acceleration, speed and force a robot's drives allow along an axis.
 
 The unknowns are the motion or force along the axis, the joint motion in the null space of what the joints hold, and the
 forces and controls of the actuators.
@@ -26,7 +26,7 @@ _FASTEST: Final = 30.0  # m/s: likewise; models with torques but without speed l
 
 @dataclass(frozen=True, slots=True)
 class AxisLimits(Value):
-    """The largest magnitudes of a quantity in both directions of an axis.
+    """The largest possible acceleration, speed or force along an axis, in each of its two directions.
 
     Args:
         ahead: toward objects; infinite without a limit.
@@ -38,13 +38,13 @@ class AxisLimits(Value):
 
     @property
     def least(self) -> float:
-        """The smaller one of both magnitudes."""
+        """The smaller of the two limits, ahead and back along the axis."""
         return min(self.ahead, self.back)
 
 
 @dataclass(frozen=True, slots=True)
 class Drives:
-    """The actuators of a robot at rest in a posture, reduced to joint torques.
+    """Actuators of a robot at rest in one posture: force limits, load, and how forces become joint torques.
 
     The force of an actuator output is gain * control + constant - damping * (velocity of the actuator).
 
@@ -84,7 +84,7 @@ class Drives:
 
 
 def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArray) -> Drives:
-    """Read the limits of the actuators of a robot and the load in a posture at rest.
+    """Read the actuator limits of a robot, and compute the load on its joints at rest in a posture.
 
     Args:
         model: the model.
@@ -130,7 +130,7 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
 
 
 def _controls(model: Model, rows: Any, known: Any) -> FloatArray:
-    """Return the ranges of the actuators' controls, or of their activations if an actuator integrates its control."""
+    """Return the control range of each actuator, or its activation range if the actuator integrates its control."""
     integrates = np.asarray(model.actuator_dyntype)[rows] == int(mujoco().mjtDyn.mjDYN_INTEGRATOR)
     limited = np.where(
         integrates, np.asarray(model.actuator_actlimited)[rows], np.asarray(model.actuator_ctrllimited)[rows]
@@ -142,7 +142,7 @@ def _controls(model: Model, rows: Any, known: Any) -> FloatArray:
 
 
 def acceleration_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) -> AxisLimits:
-    """Return the largest accelerations of the site along its axis from rest [m/s^2], relative to the base.
+    """Return the largest accelerations [m/s^2] of a sensor site from rest along its axis, relative to the robot's base.
 
     The torques are (inertia) q'' + load, with q'' along the axis plus any motion in the null space.
     """
@@ -151,7 +151,7 @@ def acceleration_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisM
 
 
 def speed_limits(drives: Drives, motion: AxisMotion) -> AxisLimits:
-    """Return the largest constant speeds of the site along its axis [m/s], relative to the base.
+    """Return the largest constant speeds [m/s] of a sensor site along its axis, relative to the robot's base.
 
     The actuators overcome gravity and the damping of joints and actuators; torques that grow with the square of the
     speed are neglected. Without given joint speeds or damping that keeps the speed plausible, there is no limit.
@@ -163,7 +163,7 @@ def speed_limits(drives: Drives, motion: AxisMotion) -> AxisLimits:
 
 
 def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
-    """Return the largest forces that the site at rest can exert along its axis [N].
+    """Return the largest forces [N] that a sensor site at rest can exert along its axis.
 
     On a floating base, the force accelerates base and joints together, without motion between them.
     """
@@ -171,7 +171,7 @@ def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
 
 
 def _span(drives: Drives, columns: FloatArray, velocities: FloatArray) -> AxisLimits:
-    """Return the range of x[0] for which the drives can apply the joint torques columns @ x + load.
+    """Return how large x[0] may be in both directions, if the drives apply the joint torques columns @ x + load.
 
     Args:
         drives: the drives.

@@ -30,7 +30,7 @@ _RANK: Final = 1e-10  # relative singular values below it are zero up to roundin
 
 @dataclass(frozen=True, slots=True)
 class Drivetrain:
-    """The degrees of freedom of the robot that carries a site.
+    """The driven and the passive degrees of freedom of the robot that carries a sensor site.
 
     Args:
         site: index of the site.
@@ -74,13 +74,13 @@ class PostureDynamics:
 
     @property
     def reflected_mass(self) -> float:
-        """The mass that an impact along the axis meets [kg]: 1 / (u^T J M^-1 J^T u)."""
+        """Effective mass [kg] in an impact along the axis u: 1 / (u^T J M^-1 J^T u), Jacobian J, mass matrix M."""
         row = self.axis @ self.full[:3]
         return float(1 / (row @ np.linalg.solve(self.mass, row)))
 
     @property
     def lightest_mass(self) -> float:
-        """The smallest effective mass of all directions in which the joints can move the site [kg]."""
+        """The smallest effective mass [kg] over all directions in which the joints can move the site."""
         jacobian = self.own[:3]
         mobility = jacobian @ np.linalg.solve(self.inertia, jacobian.T)
         return float(1 / np.linalg.eigvalsh(mobility)[-1])
@@ -88,7 +88,7 @@ class PostureDynamics:
 
 @dataclass(frozen=True, slots=True)
 class AxisMotion:
-    """The joint motion that moves a site along its axis.
+    """The joint motion that moves a sensor site along its axis.
 
     Args:
         hold: what the joints hold meanwhile: pose, position or axis.
@@ -112,7 +112,7 @@ class AxisMotion:
 
 
 def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
-    """Find the driven degrees of freedom of the robot that carries a site.
+    """Find which degrees of freedom of the robot that carries a sensor site are driven by actuators.
 
     Args:
         model: the model.
@@ -138,8 +138,8 @@ def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
     for joint in joints:
         if int(model.jnt_type[joint]) not in {int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE)}:
             raise InvalidInputError(
-                f"joint {joint_label(model, int(joint))!r}: an actuator moves a ball or free joint, expected a hinge "
-                "or a slide; use several hinges instead"
+                f"joint {joint_label(model, int(joint))!r}: an actuator moves this ball or free joint, but driven "
+                "joints must be hinges or slides; use several hinges instead"
             )
     rows = np.flatnonzero(np.abs(moment[:, driven]).max(axis=1) > 0)
     if len(moment) != model.nu or np.any(np.asarray(model.actuator_ctrlnum) != 1):
@@ -150,7 +150,7 @@ def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
 
 
 def joined(drivetrains: Sequence[Drivetrain]) -> tuple[Drivetrain, ...]:
-    """Return one drivetrain per site; each has the degrees of freedom of all sites together.
+    """Return one drivetrain for each sensor site, each with the combined degrees of freedom of all sites.
 
     The fingers of a hand that is fixed to the world are separate kinematic trees in MuJoCo.
     """
@@ -161,7 +161,7 @@ def joined(drivetrains: Sequence[Drivetrain]) -> tuple[Drivetrain, ...]:
 
 
 def actuator_moment(model: Model, data: Data) -> FloatArray:
-    """Return the generalized forces per unit of actuator force as a full matrix, one row per actuator output."""
+    """Return the generalized forces per unit of actuator force as a dense matrix, one row per actuator output."""
     moment = np.zeros((len(data.moment_rownnz), model.nv))
     if len(moment):
         sparse = data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
@@ -170,7 +170,7 @@ def actuator_moment(model: Model, data: Data) -> FloatArray:
 
 
 def update_posture(model: Model, data: Data) -> None:
-    """Compute positions and mass matrix after joint positions have changed."""
+    """Update body positions and mass matrix of a model after its joint positions have changed."""
     library = mujoco()
     library.mj_kinematics(model, data)
     library.mj_comPos(model, data)
@@ -211,7 +211,7 @@ def posture_dynamics(model: Model, data: Data, drivetrain: Drivetrain, direction
 
 
 def axis_motion(dynamics: PostureDynamics, hold: str, locked: Any = ()) -> AxisMotion | None:
-    """Find the joint motion with the least kinetic energy that moves a site along its axis.
+    """Find the joint motion with the least kinetic energy that moves a sensor site along its axis.
 
     It is the motion that a force along the axis would cause if constraints held the other directions. Computed torque
     and operational-space control with the dynamically consistent inverse both command it (O. Khatib, 1987).
@@ -233,7 +233,7 @@ def axis_motion(dynamics: PostureDynamics, hold: str, locked: Any = ()) -> AxisM
 
 
 def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMotion | None:
-    """Return the motion along the axis while the joints hold the other directions, or None if that is impossible."""
+    """Return the joint motion along the axis that holds the other directions, or None if that is impossible."""
     inertia = dynamics.inertia[np.ix_(kept, kept)]
     solution = least_energy(held_rows(dynamics, hold)[:, kept], (0,), inertia)
     if solution is None:
@@ -256,7 +256,7 @@ def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMo
 
 
 def held_rows(dynamics: PostureDynamics, hold: str) -> FloatArray:
-    """Return a Jacobian, shape (k, n): the first row is the axis, the others are the held directions."""
+    """Return the Jacobian of the sensor axis (first row) and of the directions that the joints hold, shape (k, n)."""
     u = dynamics.axis
     lines = np.zeros(({"axis": 1, "position": 3, "pose": 6}[hold], 6))
     lines[0, :3] = u
@@ -271,7 +271,7 @@ def held_rows(dynamics: PostureDynamics, hold: str) -> FloatArray:
 def least_energy(
     rows: FloatArray, driven: tuple[int, ...], inertia: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Find the joint motions with the least kinetic energy that move one row of a Jacobian at a time.
+    """Find joint motions with the least kinetic energy, each of which moves along one row of a Jacobian only.
 
     Args:
         rows: the Jacobian of all directions that move or are held, shape (k, n).

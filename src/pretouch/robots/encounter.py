@@ -1,4 +1,4 @@
-"""Simulate encounters of a whole robot with proximity sensors at several sites, in MuJoCo."""
+"""Simulate in MuJoCo how objects meet a whole robot that has proximity sensors at several sites."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def simulate_robot(
     follow_time: float = FOLLOW,
     workers: int = 1,
 ) -> RobotSimulation:
-    """Simulate encounters of a robot whose sensors run the sampled law, and compare them with the 1-D prediction.
+    """Simulate encounters of a robot that runs sampled control laws, and compare them with the 1-D prediction.
 
     Each sensor sees the scene by rays, and has its own sensor chain and its own controller. The controllers move the
     references of their sites along axes that stay those of the start, relative to the base. The tracking makes the
@@ -116,7 +116,7 @@ def _warnings(
     contacts: Sequence[Sequence[SiteContact]],
     predictions: Sequence[Sequence[SiteContact | None]],
 ) -> Iterator[str]:
-    """Yield the warnings of the projections, and those on deviations of the simulation from the prediction."""
+    """Yield warnings about posture and model at each site, and about deviations of simulation from prediction."""
     names = [law.site.name for law in scene.laws]
     found = list(explain_deviations(names, contacts))
     if scene.centering is None:  # the prediction does not know the law of the hand
@@ -146,7 +146,7 @@ def _simulate_part(scene: _Scene, seed: int, runs: range) -> list[tuple[SiteCont
 
 @dataclass(frozen=True, slots=True)
 class _Tracer:
-    """Repeats a run and records its time series."""
+    """Repeats a simulated run and records its time series."""
 
     scene: Any
     seed: int
@@ -188,21 +188,25 @@ class _Scene:
         horizon: float,
         follow_time: float,
     ) -> _Scene:
-        """Check the inputs of a simulation, and prepare a copy of the model whose actuators are replaced by torques."""
+        """Check the inputs of a simulation, and copy the model with its actuators replaced by joint torques."""
         library = mujoco()
         laws = tuple(laws)
         names = [law.site.name for law in laws]
         if not laws or len(set(names)) < len(names):
-            raise InvalidInputError(f"laws: found {names}, expected at least one law, and at most one for each site")
+            raise InvalidInputError(
+                f"laws: found control laws for the sites {names}, expected at least one law, and at most one per site"
+            )
         periods = {law.controller.period for law in laws}
         if len(periods) > 1:
             listed = ", ".join(f"{p:g} s" for p in sorted(periods))
-            raise InvalidInputError(f"laws: found controllers with the periods {listed}, expected one period")
+            raise InvalidInputError(
+                f"laws: found controllers with different periods ({listed}), expected the same period for all"
+            )
         (period,) = periods
         steps = round(period / model.opt.timestep)
         if steps < 1 or abs(period / model.opt.timestep - steps) > 1e-6 * steps:
             raise InvalidInputError(
-                f"model: its time step of {model.opt.timestep:g} s does not divide the period of the controllers, "
+                f"model: the time step of {model.opt.timestep:g} s does not divide the controller period of "
                 f"{period:g} s; set <option timestep=.../> to a whole fraction of the period"
             )
         _check_bandwidth(tracking, model.opt.timestep)
@@ -252,23 +256,23 @@ def _check_opposed(data: Data, centering: Centering, laws: Sequence[SiteLaw], in
     if float(first @ second) > _OPPOSED:
         angle = math.degrees(math.acos(max(-1.0, min(1.0, float(first @ second)))))
         raise InvalidInputError(
-            f"centering: the axes of {' and '.join(centering.sites)} are {angle:.3g} deg apart, expected opposed axes, "
-            "180 deg apart"
+            f"centering: found an angle of {angle:.3g} deg between the axes of the sites "
+            f"{' and '.join(centering.sites)}, expected opposed axes (180 deg)"
         )
 
 
 def _check_bandwidth(tracking: Tracking, step: float) -> None:
-    """Raise an error if the feedback of a tracking is too fast for the time step of the model."""
+    """Raise an error if the bandwidth of the joint controller is too high for the time step of the model."""
     bandwidth = getattr(tracking, "bandwidth", 0.0)
     if 2 * math.pi * bandwidth * step > _FINEST:
         raise InvalidInputError(
-            f"bandwidth: the tracking has {bandwidth:g} Hz, too fast for the model's time step of {step:g} s, expected "
-            f"at most {_FINEST / (2 * math.pi * step):.3g} Hz; reduce the bandwidth or the time step"
+            f"bandwidth: found {bandwidth:g} Hz, expected at most {_FINEST / (2 * math.pi * step):.3g} Hz for the "
+            f"model's time step of {step:g} s; reduce the bandwidth of the tracking or the time step"
         )
 
 
 def _largest_torques(drives: Drives) -> FloatArray:
-    """Return the smallest and the largest torque of each joint, shape (n, 2)."""
+    """Return the smallest and the largest torque that the actuators can apply to each joint, shape (n, 2)."""
     by_control = np.sort(drives.gain[:, None] * drives.controls + drives.constant[:, None], axis=1)
     by_control = np.where(drives.gain[:, None] == 0, (-math.inf, math.inf), by_control)
     low = np.maximum(drives.lowest, by_control[:, 0])
@@ -326,7 +330,7 @@ class _Site:
 
 
 class _Run:
-    """One run of a simulation."""
+    """One simulated run of a robot and the objects around it."""
 
     def __init__(self, scene: _Scene, seed: int, run: int, rows: list[tuple[Any, ...]] | None = None) -> None:
         library = mujoco()
@@ -345,7 +349,7 @@ class _Run:
         self.hand_target = (0.0, 0.0, 0.0, 0.0)
 
     def finish(self) -> tuple[SiteContact, ...]:
-        """Simulate until all sites are in contact or the horizon ends, and return the results of all sites."""
+        """Simulate until all sites have touched or the longest time is over, and return the results of all sites."""
         scene, now = self.scene, 0.0
         for j in range(math.ceil(scene.horizon / scene.period - 1e-9)):
             t = j * scene.period
@@ -378,14 +382,14 @@ class _Run:
         )
 
     def _move_hand(self, outputs: Sequence[Output]) -> None:
-        """Move the hand over one period by its centering law, if it has one."""
+        """Move the hand for one control period, if a centering law controls it."""
         if self.hand is not None:
             before = self.hand.position, self.hand.velocity
             self.hand.advance(outputs, touched=any(not math.isnan(site.time) for site in self.sites))
             self.hand_target = (*before, self.hand.position, self.hand.velocity)
 
     def _ask(self, site: _Site, t: float) -> Output:
-        """Pass the available reading to the controller of a site, which moves its reference over the period."""
+        """Run one step of the controller of a site with the latest sensor reading, and store its reference motion."""
         fresh = site.sensor.deliver(t)
         output = site.controller.step(
             *(site.sensor.reading, fresh, max(t - site.sensor.measured, 0.0)),
@@ -400,7 +404,7 @@ class _Run:
         return output
 
     def _detect(self, site: _Site, t: float) -> DetectedEncounter:
-        """Describe the encounter of a site at its first detection, for the prediction."""
+        """Return distance, velocities and masses at the first detection by a site, where the prediction starts."""
         scene, data = self.scene, self.data
         model = scene.model
         dynamics = posture_dynamics(model, data, site.drivetrain, site.law.site.direction)
@@ -437,7 +441,7 @@ class _Run:
         return float(site.sight.axis(data) @ (proper + model.opt.gravity)) if moving else 0.0
 
     def _approach(self, site: _Site) -> float:
-        """Return the rate of change of the distance on the axis of a site [m/s]."""
+        """Return the rate of change [m/s] of the distance between a sensor site and the object on its axis."""
         library, model, data, glance = mujoco(), self.scene.model, self.data, site.glance
         u = site.sight.axis(data)
         jacobian, turn = np.zeros((3, model.nv)), np.zeros((3, model.nv))
@@ -466,7 +470,7 @@ class _Run:
             self._watch(site, now, h)
 
     def _torques(self, at: float) -> FloatArray:
-        """Return the tracking torques at a time within the controller period, limited to what the drives can apply."""
+        """Return the torques with which the joints follow their reference, limited to what the drives can apply."""
         scene, data, model = self.scene, self.data, self.scene.model
         drivetrain = scene.drivetrains[0]
         driven, base = drivetrain.driven, drivetrain.base
@@ -524,14 +528,14 @@ class _Run:
         site.rate = (site.distance - before) / h if math.isfinite(site.distance) and math.isfinite(before) else math.nan
 
     def _leave_axis(self, site: _Site, now: float) -> None:
-        """Record how far a site is off its axis, seen from a frame that moves and falls with the robot."""
+        """Record how far a site has turned and moved off its initial axis, in a frame that moves with the robot."""
         axis, position, velocity = site.start
         moved = np.array(self.data.site_xpos[site.index]) - position - velocity * now - site.fall * (now * now / 2)
         turn = float(np.linalg.norm(np.cross(axis, site.sight.axis(self.data))))
         site.turn, site.sideways = math.asin(min(turn, 1.0)), float(np.linalg.norm(np.cross(axis, moved)))
 
     def _contact_force(self, site: _Site) -> float:
-        """Return the force of all contacts of the body of a site along its axis [N], positive if it pushes back."""
+        """Return the contact force [N] on the body of a site along the sensor axis, positive if it pushes back."""
         library, model, data = mujoco(), self.scene.model, self.data
         if not data.ncon:
             return 0.0
@@ -546,7 +550,7 @@ class _Run:
         return total
 
     def _record(self, t: float, torque: FloatArray) -> None:
-        """Record one row of the time series."""
+        """Append the present state of the simulation to the recorded time series."""
         assert self.rows is not None  # noqa: S101 - the caller checks it
         self.rows.append(
             (
@@ -561,7 +565,7 @@ class _Run:
 
 
 def _cubic(target: tuple[float, float, float, float], period: float, at: float) -> tuple[float, float, float]:
-    """Return position, velocity and acceleration on the cubic through both ends of a controller period."""
+    """Return position, velocity and acceleration of a cubic interpolation within one controller period."""
     x0, v0, x1, v1 = target
     s = at / period
     a, b = v0 * period, v1 * period

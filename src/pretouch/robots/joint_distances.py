@@ -53,14 +53,14 @@ def distances_ahead(model: Model, site: SensorSite, joints: Mapping[str, FloatAr
             refuse_covered_sensor(model, data, site, index)
     if not np.isfinite(distances).any():
         raise InvalidInputError(
-            f"site {site.name!r}: no recorded posture has an object on the axis {site.axis} of the site; add the "
-            "object to the model where it was during the recording, or choose another axis"
+            f"site {site.name!r}: in no recorded posture is an object on the sensor axis {site.axis}; add the object "
+            "to the model where it was during the recording, or choose another axis"
         )
     return distances
 
 
 def _joints_between(model: Model, site: int) -> IntArray:
-    """Return the joints that move a site, from the world to the site."""
+    """Return the joints that move a sensor site, in the order from the world to the site."""
     body, joints = int(model.site_bodyid[site]), []
     while body > 0:
         first = int(model.body_jntadr[body])
@@ -68,22 +68,25 @@ def _joints_between(model: Model, site: int) -> IntArray:
         body = int(model.body_parentid[body])
     if not joints:
         raise InvalidInputError(
-            f"site: no joint moves {names_of(model, 'site')[site]!r}, so joint positions contain no distance"
+            f"site: no joint moves the site {names_of(model, 'site')[site]!r}, so joint positions do not determine "
+            "its distance to an object"
         )
     return np.array(joints[::-1])
 
 
 def _column(model: Model, joint: int, joints: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the recorded positions of a joint after a check of their range."""
+    """Return the recorded positions of a joint, after checking that they are within the range of the joint."""
     name = names_of(model, "joint")[joint]
     if not is_scalar_joint(model, joint):
         raise InvalidInputError(
-            f"joint {name!r}: is neither a hinge nor a slide, so joint states do not contain its position; use a model "
-            "whose base is fixed"
+            f"joint {name!r}: this joint is neither a hinge nor a slide, so joint states do not contain its position; "
+            "use a model whose base is fixed"
         )
     if name not in joints:
-        listed = ", ".join(joints) or "no joints"
-        raise InvalidInputError(f"joint {name!r}: moves the sensor, but was not recorded; the recording has {listed}")
+        listed = ", ".join(joints) or "none"
+        raise InvalidInputError(
+            f"joint {name!r}: this joint moves the sensor, but was not recorded; recorded joints: {listed}"
+        )
     values = np.asarray(joints[name], dtype=np.float64)
     if model.jnt_limited[joint]:
         low, high = map(float, model.jnt_range[joint])
@@ -93,7 +96,7 @@ def _column(model: Model, joint: int, joints: Mapping[str, FloatArray]) -> Float
             unit = unit_of_joint(model, joint)
             ends = " to ".join(describe_position(end, unit) for end in (low, high))
             raise InvalidInputError(
-                f"joint {name!r}: the recorded position {values[worst]:g} {unit} is outside of the range {ends} of the "
-                "model; joint states are in rad and m, and must be of the same robot"
+                f"joint {name!r}: found the recorded position {values[worst]:g} {unit}, expected positions within the "
+                f"joint range of the model ({ends}); joint states must be in rad or m, and of the same robot"
             )
     return values

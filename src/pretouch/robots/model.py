@@ -1,4 +1,4 @@
-"""Load MuJoCo models, set their posture, and find sites, joints and drives by name."""
+"""Load MuJoCo models, set their posture, and find sites, joints and keyframes by name."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
 
 
 def make_data(model: Model, posture: Mapping[str, Any] | None = None, *, keyframe: int | str | None = None) -> Data:
-    """Return the state of a model at rest in a posture.
+    """Return the MuJoCo state of a robot model at rest in a posture.
 
     Args:
         model: the model.
@@ -72,7 +72,9 @@ def make_data(model: Model, posture: Mapping[str, Any] | None = None, *, keyfram
     for name, value in (posture or {}).items():
         joint = _joint_index(model, name)
         if not is_scalar_joint(model, joint):
-            raise InvalidInputError(f"posture: the joint {name!r} has no single position, expected a hinge or a slide")
+            raise InvalidInputError(
+                f"posture: the position of the joint {name!r} is not a single number, expected a hinge or a slide"
+            )
         unit = unit_of_joint(model, joint)
         data.qpos[model.jnt_qposadr[joint]] = to_si(value, unit, name=f"posture {name}")
     library.mj_forward(model, data)
@@ -94,8 +96,8 @@ def _joint_index(model: Model, name: str) -> int:
     """Return the index of a joint, or raise an error that lists all joints of the model."""
     names = names_of(model, "joint")
     if name not in names:
-        listed = ", ".join(filter(None, names)) or "no joints with names"
-        raise InvalidInputError(f"posture: found no joint {name!r} in the model, which has {listed}")
+        listed = ", ".join(filter(None, names)) or "none with a name"
+        raise InvalidInputError(f"posture: found no joint {name!r} in the model; joints of the model: {listed}")
     return names.index(name)
 
 
@@ -103,8 +105,8 @@ def site_index(model: Model, name: str) -> int:
     """Return the index of a site, or raise an error that lists all sites of the model."""
     names = names_of(model, "site")
     if name not in names:
-        listed = ", ".join(filter(None, names)) or "no sites with names"
-        raise InvalidInputError(f"site: found no site {name!r} in the model, which has {listed}")
+        listed = ", ".join(filter(None, names)) or "none with a name"
+        raise InvalidInputError(f"site: found no site {name!r} in the model; sites of the model: {listed}")
     return names.index(name)
 
 
@@ -137,7 +139,7 @@ def tree_of(model: Model, site: int) -> IntArray:
     tree = int(model.body_treeid[model.site_bodyid[site]])
     if tree < 0:
         raise InvalidInputError(
-            f"site: {names_of(model, 'site')[site]!r} is fixed to the world, because no joint moves its body"
+            f"site: the site {names_of(model, 'site')[site]!r} is fixed to the world, because no joint moves its body"
         )
     return np.flatnonzero(np.asarray(model.dof_treeid) == tree)
 
@@ -152,13 +154,13 @@ def range_of(model: Model, joint: int) -> tuple[float, float]:
         if unit_of_joint(model, joint) == "rad":
             return -math.inf, math.inf
         raise InvalidInputError(
-            f"joint {joint_label(model, joint)!r}: has no range in the model, so the excursion has no limit; add a "
-            "range to the joint"
+            f"joint {joint_label(model, joint)!r}: this slide joint has no range in the model, so nothing limits the "
+            "motion of the site; add a range to the joint"
         )
     low, high = map(float, model.jnt_range[joint])
     return low, high
 
 
 def describe_position(value: float, unit: str) -> str:
-    """Return the position of a joint as text, in degrees for a hinge."""
+    """Return the position of a joint as text, in degrees for a hinge and in millimeters for a slide."""
     return f"{math.degrees(value):.4g} deg" if unit == "rad" else f"{1e3 * value:.4g} mm"

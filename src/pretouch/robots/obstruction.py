@@ -38,8 +38,8 @@ def refuse_covered_sensor(model: Model, data: Data, site: SensorSite, index: int
         if min(depths) > _TOLERANCE:
             name = _name_of(model, int(geom))
             raise InvalidInputError(
-                f"site {site.name!r}: is inside the geom {name}, {format_quantity(depths[0], 'm')} below its "
-                "surface along the axis, so the sensor cannot see objects; move the site to the contact surface"
+                f"site {site.name!r}: the site is inside the geom {name}, {format_quantity(depths[0], 'm')} below the "
+                "surface, so the sensor cannot see objects; move the site to the contact surface"
             )
 
 
@@ -68,8 +68,8 @@ def refuse_overlap(model: Model, data: Data, site: SensorSite, index: int, dista
                 deepest, what = -float(contact.dist), f"the geom {_name_of(model, int(geom))}"
     if deepest > _TOLERANCE:
         raise InvalidInputError(
-            f"data: {what} overlaps the robot of the site {site.name!r} by {format_quantity(deepest, 'm')} at the "
-            "start, expected a distance between them; move the object away from the robot"
+            f"data: at the start, {what} overlaps the robot that carries the site {site.name!r}, by "
+            f"{format_quantity(deepest, 'm')}; move the object away from the robot"
         )
 
 

@@ -1,4 +1,4 @@
-"""Describe projections of a robot as reports."""
+"""Create reports on the mass and the limits of a robot along the axes of its sensors."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _FAST = (
 
 
 def projection_page(projection: Projection) -> Page:
-    """Return the report on one projection."""
+    """Return the report on the mass and the limits of a robot along the axis of one sensor."""
     p = projection
     back, ahead = p.excursion[1], p.excursion[0]
     return Page(
         kind="Projection of a robot",
         headline=(
-            f"Site {p.site.name} along {_axis(p)}: reflected mass {format_quantity(p.reflected_mass, 'kg')}, "
-            f"{format_quantity(back.length, 'm')} of retreat."
+            f"Site {p.site.name} along its axis {_axis(p)}: reflected mass {format_quantity(p.reflected_mass, 'kg')}, "
+            f"longest retreat {format_quantity(back.length, 'm')}."
         ),
         warnings=p.warnings,
         key_figures=tuple(_figures(p)),
@@ -55,11 +55,12 @@ def projection_page(projection: Projection) -> Page:
 
 
 def table_page(table: ProjectionTable) -> Page:
-    """Return the report on all sites and postures of a model."""
+    """Return the report on mass and limits of a robot model at all of its sites and in all of its postures."""
     rows = table.projections
     omitted, sites = len(table.rows) - len(rows), len({row.site for row, _ in rows})
     fast = any(math.isinf(p.speed.least) for _, p in rows)
-    text = f"{omitted} of {len(table.rows)} axes are left out, because the site cannot move along them."
+    count = len(table.rows)
+    text = f"{omitted} of {count} site axes are left out. Usually, the joints cannot move the site along them."
     head = ("site", "posture", "axis", "mass", "retreat", "ahead", "acceleration", "speed", "force", "conditioning")
     warnings = dict.fromkeys(
         with_context(f"{row.site}, {row.posture}, {row.axis}", warning) for row, p in rows for warning in p.warnings
@@ -94,7 +95,7 @@ def _cells(row: ProjectionRow, p: Projection) -> tuple[Cell, ...]:
 
 def _figures(p: Projection) -> Iterator[tuple[str, Cell]]:
     yield "reflected mass", Measured(p.reflected_mass, "kg")
-    yield f"mass that the drives move while holding the {p.hold}", Measured(p.moved_mass, "kg")
+    yield f"mass that the drives move while they hold the {p.hold} of the site", Measured(p.moved_mass, "kg")
     if p.base:
         yield "recoil share \u03ba of the base", Measured(p.recoil_share)
     yield "conditioning (1 best, 0 singular)", Measured(p.conditioning)

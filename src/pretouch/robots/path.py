@@ -1,4 +1,4 @@
-"""Find how far a site can move along its axis before a joint reaches its range."""
+"""Find how far a sensor site can move along its axis before the joints reach the ends of their ranges."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _REACH: Final = 2.0  # longest path, in sizes of the robot
 
 @dataclass(frozen=True, slots=True)
 class Excursion(Value):
-    """How far a site can move in one direction along its axis.
+    """How far a sensor site can move in one direction along its axis.
 
     Args:
         length: the distance [m], relative to the base of the robot.
@@ -42,7 +42,7 @@ class Excursion(Value):
 def excursion(
     model: Model, data: Data, drivetrain: Drivetrain, direction: FloatArray, *, hold: str, ahead: bool
 ) -> Excursion:
-    """Move a site along its axis until the joint ranges allow no further motion.
+    """Move a sensor site along its axis until the joint ranges allow no further motion.
 
     The path starts in the posture of `data` and is a solution of q' = (joint motion along the axis), with the least
     kinetic energy. A joint that reaches the end of its range stays there, and the others continue if they can. Every
@@ -83,14 +83,14 @@ def check_posture(model: Model, data: Data, drivetrain: Drivetrain) -> None:
             unit = unit_of_joint(model, int(joint))
             found, least, most = (describe_position(v, unit) for v in (value, low, high))
             raise InvalidInputError(
-                f"posture {joint_label(model, int(joint))}: found {found}, which is outside the joint's range from "
-                f"{least} to {most}"
+                f"posture {joint_label(model, int(joint))}: found {found}, expected a joint position within the range "
+                f"of this joint, from {least} to {most}"
             )
 
 
 @dataclass(frozen=True, slots=True)
 class _Path:
-    """A path of a site along a fixed direction in space."""
+    """A path of a sensor site along a fixed direction in space."""
 
     model: Model
     data: Data
@@ -146,13 +146,13 @@ class _Path:
         return 0.0 if motion is None else float(motion.conditioning)
 
     def _slack(self, joints: FloatArray, locked: tuple[int, ...]) -> float:
-        """Return the smallest distance of a moving joint to the end of its range."""
+        """Return the smallest distance [rad or m] between a moving joint and an end of its range."""
         low, high = np.delete(self.ranges, locked, axis=0).T
         q = np.delete(joints, locked)
         return float(np.minimum(q - low, high - q).min() + _TOLERANCE)
 
     def _blocked(self, joints: FloatArray, locked: tuple[int, ...]) -> tuple[int, ...] | None:
-        """Return the joints that must not move because they would leave their ranges; None if none can move."""
+        """Return the joints that must stand still because they would leave their ranges; None if no joint can move."""
         low, high = self.ranges.T
         while True:
             motion = self._motion(joints, locked)
@@ -169,7 +169,7 @@ class _Path:
                 return None
 
     def _reason(self, joints: FloatArray) -> str:
-        """Return which joints end the path, in words."""
+        """Return as text why the path ends: joints at the ends of their ranges, or a singular posture."""
         low, high = self.ranges.T
         at_end = np.flatnonzero((joints <= low + 2 * _TOLERANCE) | (joints >= high - 2 * _TOLERANCE))
         names = [joint_label(self.model, int(self.drivetrain.joints[i])) for i in at_end]

@@ -1,4 +1,4 @@
-"""Project a robot in a posture to one axis: mass, excursion, and the limits of joints and drives along the axis."""
+"""Project a robot in a posture to a sensor axis: compute mass, excursion and drive limits along this axis."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ POOR: Final = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Projection(Described, Value):
-    """A robot in one posture, projected to the axis of one sensor.
+    """A robot in one posture, projected to the axis of one sensor: mass, excursion and limits along this axis.
 
     Lengths, speeds, accelerations and forces count along the axis: ahead is toward objects, back is away from them.
     Excursion, speed and acceleration are those of the site relative to the base of the robot. On a fixed base these
@@ -86,7 +86,7 @@ class Projection(Described, Value):
 
     @property
     def retreat(self) -> float:
-        """The longest path away from objects inside all joint ranges [m], relative to the base of the robot."""
+        """How far the site can move away from objects within all joint ranges [m], relative to the robot's base."""
         return self.excursion[1].length
 
     def constraints(self) -> tuple[Constraint, ...]:
@@ -106,13 +106,13 @@ class Projection(Described, Value):
         for name, limit in limits.items():
             if not limit > 0:
                 raise InvalidInputError(
-                    f"{name}: the robot has no {name} along the axis {self.site.axis} of the site "
-                    f"{self.site.name!r} in this posture; choose another posture or axis"
+                    f"{name}: in this posture, the robot has no possible {name} along the axis {self.site.axis} of "
+                    f"the site {self.site.name!r}; choose another posture or axis"
                 )
         return tuple(Constraint(name=n, limit=share * v) for n, v in limits.items() if math.isfinite(v))
 
     def task(self, scenario: Scenario, objective: Any = None, **options: Any) -> Task:
-        """Return the design task of this robot: the encounter along the axis, with the limits of the robot.
+        """Return the design task for this robot: an encounter along the sensor axis, with the limits of the robot.
 
         The task has the sensor curve of the site. `apply` says what is changed.
 
@@ -129,12 +129,12 @@ class Projection(Described, Value):
         """
         if self.site.sensor is None:
             raise InvalidInputError(
-                f"site {self.site.name!r}: has no sensor curve; set one, such as SensorSite(name, sensor=curve)"
+                f"site {self.site.name!r}: this site has no sensor curve; set one with SensorSite(name, sensor=curve)"
             )
         return self.apply(Task(scenario, self.site.sensor, objective, **options))
 
     def apply(self, task: Task) -> Task:
-        """Return a task with the recoil of the base in its admittance, and with the limits of the robot.
+        """Return a copy of a design task that includes the limits of the robot and the recoil of its base.
 
         The controller moves the site relative to the base, M s'' + D s' + K s = F_p. The base recoils, so that the
         encounter sees x = (1 - kappa) s. This is the motion of an admittance with M, D and K divided by 1 - kappa.
@@ -171,7 +171,7 @@ class Projection(Described, Value):
         return task.replace(**changes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all numbers as a dictionary for JSON, in SI units; None for no limit."""
+        """Return all results of the projection as a dictionary for JSON, in SI units; None stands for no limit."""
         spans = {
             name: {"ahead": finite_or_none(span.ahead), "back": finite_or_none(span.back)}
             for name, span in (("acceleration", self.acceleration), ("speed", self.speed), ("force", self.force))
@@ -206,7 +206,7 @@ def project(
     *,
     joint_speeds: Mapping[str, Any] | None = None,
 ) -> Projection:
-    """Project a robot in a posture to the axis of a sensor, so that a 1-D design can be made for it.
+    """Project a robot in a posture to the axis of a sensor: compute mass and limits for a 1-D gain design.
 
     Degrees of freedom that no actuator moves form the base. They are a floating base or passive joints, and are treated
     as free, at rest in a frame that falls with the robot.
@@ -233,7 +233,7 @@ def project(
     motion = axis_motion(dynamics, site.hold)
     if motion is None:
         raise InvalidInputError(
-            f"site {site.name!r}: the joints cannot move it along its axis {site.axis} in this posture"
+            f"site {site.name!r}: in this posture, the joints cannot move the site along its axis {site.axis}"
             + ("" if site.hold in {"auto", "axis"} else f" while they hold its {site.hold}")
             + "; choose another axis or posture"
         )
@@ -270,7 +270,7 @@ def project(
 
 
 def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, ...]:
-    """Return the warnings of the projection of a robot to the axis of a sensor, without projecting the robot.
+    """Return the warnings about posture and model for one sensor axis, without computing the whole projection.
 
     Args:
         model: a `mujoco.MjModel`.
@@ -294,7 +294,7 @@ def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, .
 
 
 def _at_rest(model: Model, data: Data) -> Data:
-    """Return a copy of a state without velocities and applied forces, after `mj_forward`."""
+    """Return a copy of a MuJoCo state without velocities and applied forces, after `mj_forward`."""
     copy = mujoco().MjData(model)
     copy.qpos[:] = data.qpos
     mujoco().mj_forward(model, copy)
@@ -317,7 +317,7 @@ def _speeds(units: Mapping[str, str], limits: Mapping[str, Any]) -> FloatArray:
 def posture_warnings(
     model: Model, drivetrain: Drivetrain, motion: AxisMotion, retreat: Callable[[], float], *, limited: bool
 ) -> Iterator[str]:
-    """Yield sentences on properties of posture and model that matter for a design.
+    """Yield warnings about properties of posture and model that matter for a gain design.
 
     Args:
         model: the model.
@@ -333,7 +333,7 @@ def posture_warnings(
         yield caution(
             "PT501",
             f"The posture is close to a singularity: along the axis, the drives move {motion.conditioning**-2:.0f} "
-            "times the mass of the easiest direction. The robot follows the prediction only up to the "
+            "times the mass of the direction with the least mass. The robot follows the prediction only up to the "
             "acceleration that its drives allow; choose another posture if a design needs more.",
         )
     rates = ((TURN, motion.turning), (SIDEWAYS, motion.sideways))
@@ -343,7 +343,8 @@ def posture_warnings(
             "PT504",
             f"The sensor leaves its axis: per 100 mm of motion it turns by {math.degrees(motion.turning) / 10:.2g} deg "
             f"and moves sideways by {format_quantity(motion.sideways / 10, 'm', 2)}. After an excursion of "
-            f"{format_quantity(straight, 'm', 2)}, contact speeds may deviate by 3 % and more; simulate the robot.",
+            f"{format_quantity(straight, 'm', 2)}, contact speeds may differ from the prediction by 3 % or more; "
+            "simulate the robot.",
         )
     if not limited:
         yield caution(
@@ -354,8 +355,8 @@ def posture_warnings(
     if endless:
         yield caution(
             "PT508",
-            "The following hinges have no range in the model, and count as turning without end: "
-            f"{', '.join(endless)}. If they have a range, add it, because the robot then has less room to retreat.",
+            "The following hinges have no range in the model, so pretouch lets them turn without limit: "
+            f"{', '.join(endless)}. If the real hinges have a range, add it, because the robot can then retreat less.",
         )
     passive = [
         joint_label(model, int(j))
@@ -364,5 +365,5 @@ def posture_warnings(
     ]
     if passive:
         yield caution(
-            "PT503", f"No actuator moves the following joints, which are treated as free: {', '.join(passive)}."
+            "PT503", f"No actuator moves the following joints, so pretouch lets them move freely: {', '.join(passive)}."
         )

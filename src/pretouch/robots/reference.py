@@ -1,4 +1,4 @@
-"""Turn the references of several sensor sites into one reference of the driven joints."""
+"""Convert the reference motions of several sensor sites to one reference motion of the driven joints."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _MARGIN: Final = 1e-9  # rad or m: a joint counts as at the end of its range
 
 @dataclass(frozen=True, slots=True)
 class JointReference:
-    """Position, velocity and acceleration of the driven joints at one moment.
+    """Reference position, velocity and acceleration of the driven joints at one moment.
 
     Args:
         position: q [rad or m], shape (n,).
@@ -95,7 +95,9 @@ class JointPath:
         for i, (part, site) in enumerate(zip(parts, sites, strict=True)):
             motion = axis_motion(part, site.hold)
             if motion is None:
-                raise InvalidInputError(f"site {site.name!r}: the joints cannot move it along its axis {site.axis}")
+                raise InvalidInputError(
+                    f"site {site.name!r}: the joints cannot move the site along its axis {site.axis}"
+                )
             self._holds[i] = motion.hold
         solution = self._solve(parts)
         while solution is None and any(hold != "axis" for hold in self._holds):  # sites that share joints hold less
@@ -113,7 +115,7 @@ class JointPath:
             self._anchors[0] = self._joints, solution, self._turn, self._direction, self._points
 
     def restart(self) -> JointPath:
-        """Return to the start, and keep the anchors of the path that were already computed."""
+        """Return to the start of the path, and keep the points of the path that were already computed."""
         self._joints = self._inside = self.start
         self._motions, self._turn = self._first, np.zeros_like(self._first)
         self._points, self._direction = np.zeros(self._first.shape[1]), np.zeros(self._first.shape[1])
@@ -121,11 +123,11 @@ class JointPath:
 
     @property
     def holds(self) -> tuple[str, ...]:
-        """What the joints hold at each site: pose, position or axis."""
+        """What the joints hold at each sensor site while it moves along its axis: pose, position or axis."""
         return tuple(self._holds)
 
     def motion_of(self, site: int) -> FloatArray:
-        """Return the joint velocities per velocity of one site at the last anchor, shape (n,)."""
+        """Return the joint velocities per unit velocity of one site, at the last computed path point, shape (n,)."""
         motion: FloatArray = self._motions[:, site]
         return motion
 
@@ -138,7 +140,7 @@ class JointPath:
         return np.vstack(rows)
 
     def at(self, points: FloatArray, velocities: FloatArray, accelerations: FloatArray) -> JointReference:
-        """Return the reference of the joints for the reference of the sites.
+        """Return the reference motion of the joints that moves the sites along their own reference motion.
 
         Between two anchors on the path, the joint motion per motion of the sites is extrapolated linearly. The joint
         positions then have errors of the third order in the spacing of the anchors.
@@ -167,7 +169,7 @@ class JointPath:
         return JointReference(position, motions @ velocities, motions @ accelerations + turning @ velocities, obstacle)
 
     def _anchor(self, step: FloatArray) -> None:
-        """Move the anchor along the path by a change of the sites' positions."""
+        """Continue the computed path by a change of the sites' positions, in steps of at most 1 mm."""
         if len(step) == 1:  # the path is a line, on which all runs have the same anchors
             for _ in range(int(abs(step[0]) / _SPACING)):
                 if not self._follow(math.copysign(_SPACING, step[0]) * np.ones(1)):
@@ -179,7 +181,7 @@ class JointPath:
                 return
 
     def _follow(self, part: FloatArray) -> bool:
-        """Continue to the next anchor by the midpoint rule, and return whether that is possible."""
+        """Compute the next point of the path by the midpoint rule, and return False if a singularity prevents it."""
         key = round(float(self._points[0] + part[0]) / _SPACING) if len(part) == 1 else None
         anchor = self._anchors.get(key)
         if anchor is None:

@@ -51,7 +51,7 @@ class Camera(Value):
 
     @property
     def frame(self) -> FloatArray:
-        """The directions right, up and forward of the view as rows, shape (3, 3)."""
+        """Unit vectors to the right, up and forward in the camera's view, as rows, shape (3, 3)."""
         azimuth, elevation = math.radians(self.azimuth), math.radians(_ELEVATION)
         forward = np.array(
             [
@@ -78,7 +78,7 @@ class Silhouette(Value):
 
 
 def camera_for(model: Model, configurations: FloatArray, site: SensorSite, *, aspect: float = 4 / 3) -> Camera:
-    """Choose a camera that sees everything that moves, from the side of a sensor's axis.
+    """Choose a camera that looks from the side at a sensor's axis, and sees everything that moves.
 
     Args:
         model: the model.
@@ -162,7 +162,7 @@ def _open_renderer(model: Model, height: int, width: int) -> Any:
 
 
 def _choose_opengl(kind: str) -> None:
-    """Let MuJoCo use another kind of OpenGL, which it otherwise chooses once, when it is imported."""
+    """Make MuJoCo use another kind of OpenGL, although MuJoCo chooses the kind only once, at its import."""
     os.environ["MUJOCO_GL"] = kind
     try:
         reload(import_module("mujoco.rendering.classic.gl_context"))
@@ -171,7 +171,7 @@ def _choose_opengl(kind: str) -> None:
 
 
 def _frames(renderer: Any, model: Model, configurations: FloatArray, view: Any) -> Iterator[Frame]:
-    """Yield the frames, with a light background instead of MuJoCo's black one."""
+    """Yield one image for each configuration, with a light background instead of MuJoCo's black one."""
     data = mujoco().MjData(model)
     for row in configurations:
         data.qpos[:] = row
@@ -222,7 +222,7 @@ def _color_of(model: Model, geom: int) -> tuple[float, ...]:
 
 
 def _points_of(model: Model, data: Data, geom: int, frame: FloatArray) -> FloatArray:
-    """Return points in the world frame whose hull in the view is the outline of a geometry; none for a plane."""
+    """Return points in the world frame whose convex hull is the visible outline of a geometry; none for a plane."""
     kinds, kind, size = mujoco().mjtGeom, int(model.geom_type[geom]), np.array(model.geom_size[geom])
     place, turn = np.array(data.geom_xpos[geom]), np.array(data.geom_xmat[geom]).reshape(3, 3)
     rim = np.column_stack([_CIRCLE, np.zeros(len(_CIRCLE))])

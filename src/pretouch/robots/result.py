@@ -1,4 +1,4 @@
-"""Define the results of simulated encounters of a whole robot, and compute the 1-D prediction for each site."""
+"""Define the results of simulated encounters of a whole robot, and compute the 1-D prediction for each sensor site."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .site_law import SiteLaw
 
 @dataclass(frozen=True, slots=True)
 class DetectedEncounter(Value):
-    """The encounter along the axis of a site at the moment at which its controller first detects the object.
+    """The encounter along the axis of a sensor site at the moment at which its controller first detects the object.
 
     Args:
         time: t [s].
@@ -48,7 +48,7 @@ class DetectedEncounter(Value):
 
 @dataclass(frozen=True, slots=True)
 class SiteContact(Value):
-    """Results of one site in one run; a quantity that does not occur is NaN.
+    """Results of one sensor site in one run, such as contact speed and peak force; NaN for what does not happen.
 
     Args:
         time: time of the first contact of the body that carries the site [s], on the axis or beside it.
@@ -86,7 +86,7 @@ _HORIZON: Final = 60.0  # s, longest predicted encounter
 
 @dataclass(frozen=True, slots=True)
 class RobotTrace(Value):
-    """Time series of one run, with one row for each step of MuJoCo.
+    """Time series of one simulated run, with one row for each time step of MuJoCo.
 
     Args:
         time: t [s], shape (n,).
@@ -107,7 +107,7 @@ class RobotTrace(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotSimulation(Described, Value):
-    """Simulated encounters of a robot, next to the 1-D prediction for each site.
+    """Simulated encounters of a robot, next to the 1-D prediction for each sensor site.
 
     Args:
         sites: names of the sites.
@@ -134,20 +134,20 @@ class RobotSimulation(Described, Value):
 
     @property
     def runs(self) -> int:
-        """The number of runs."""
+        """The number of simulated runs."""
         return len(self.contacts[0])
 
     def simulated(self, site: str, quantity: str) -> FloatArray:
-        """Return a quantity of `SiteContact` for all runs of a site, shape (runs,)."""
+        """Return a simulated quantity of a site, such as "peak_force" (a field of `SiteContact`), for each run."""
         return np.array([getattr(c, quantity) for c in self.contacts[self._index(site)]])
 
     def predicted(self, site: str, quantity: str) -> FloatArray:
-        """Return the prediction of a quantity of `SiteContact` for all runs of a site, shape (runs,)."""
+        """Return a predicted quantity of a site, such as "peak_force" (a field of `SiteContact`), for each run."""
         rows = self.predictions[self._index(site)]
         return np.array([math.nan if c is None else getattr(c, quantity) for c in rows])
 
     def order(self, run: int = 0) -> tuple[str, ...]:
-        """Return the sites that touched in a run, in the order of their contacts."""
+        """Return the sites that touched an object in a run, in the order of their contacts."""
         times = [(contacts[run].time, name) for name, contacts in zip(self.sites, self.contacts, strict=True)]
         return tuple(name for time, name in sorted(times) if not math.isnan(time))
 
@@ -160,7 +160,7 @@ class RobotSimulation(Described, Value):
         )
 
     def trace(self, run: int = 0) -> RobotTrace:
-        """Repeat one run and return its time series."""
+        """Repeat one simulated run, and return its time series."""
         if not 0 <= run < self.runs:
             raise InvalidInputError(f"run: found {run}, expected a run from 0 to {self.runs - 1}")
         return self.trace_of(run)
@@ -198,7 +198,7 @@ def _as_dict(contact: SiteContact | None) -> dict[str, Any] | None:
 
 @dataclass(frozen=True, slots=True)
 class PredictedCourse(Value):
-    """The predicted motion of one site.
+    """The predicted motion of one sensor site and its distance to the object, over time.
 
     Args:
         time: t [s], from the first detection to contact.
@@ -212,7 +212,7 @@ class PredictedCourse(Value):
 
 
 def course_of(law: SiteLaw, detection: DetectedEncounter) -> PredictedCourse | None:
-    """Return the predicted motion of a site from its first detection on; None if it cannot be predicted."""
+    """Return the predicted motion of a sensor site from its first detection on; None if it cannot be predicted."""
     if not detection.distance > 0 or not math.isfinite(detection.distance):
         return None
     continuous: Any = law.controller.law.continuous
@@ -227,7 +227,7 @@ def course_of(law: SiteLaw, detection: DetectedEncounter) -> PredictedCourse | N
 
 
 def prediction_of(law: SiteLaw, detection: DetectedEncounter, stiffness: float | None) -> SiteContact:
-    """Predict the contact of one site in continuous time, from its first detection on.
+    """Predict the contact of one sensor site in continuous time, from its first detection on.
 
     The admittance is that of the controller, divided by 1 - kappa on a floating base. The robot follows its reference
     exactly.
@@ -268,7 +268,7 @@ def prediction_of(law: SiteLaw, detection: DetectedEncounter, stiffness: float |
 
 
 def _scenario_of(law: SiteLaw, d: DetectedEncounter) -> Scenario:
-    """Return the encounter that starts at the first detection."""
+    """Return the 1-D encounter that starts when a sensor site first detects the object."""
     share, own = 1 - d.recoil_share, law.controller.admittance
     return Scenario(
         admittance=Admittance(mass=own.mass / share, damping=own.damping / share, stiffness=own.stiffness / share),

@@ -49,7 +49,7 @@ class RobotScene:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Approach:
-    """How an object and a sensor approach each other along the axis of the sensor.
+    """Distance, velocities and mass with which an object and a robot approach each other along a sensor axis.
 
     Args:
         distance: of an added ball from the site at the start [m].
@@ -65,7 +65,7 @@ class Approach:
 
 
 def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach: Approach) -> RobotScene:
-    """Return the scene of an encounter with the object on the sensor's axis, or with an added ball if none is suitable.
+    """Return the scene of an encounter with the object on the sensor's axis, or with a ball if there is no such object.
 
     An object of the model that can move gets its velocity along the axis. If the object is fixed, a robot on a floating
     base gets the opposite velocity. The ball is added if the sensor sees no object within 0.5 m, or only one that stays
@@ -103,11 +103,12 @@ def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach:
     mujoco().mj_forward(model, data)
     name = names_of(model, "geom")[glance.geom] or f"number {glance.geom}"
     start = format_quantity(glance.distance, "m")
-    return RobotScene(model, data, f"The object is the geom {name!r} of the model, {start} from the sensor.")
+    note = f"The object is the geom {name!r} of the model, at a distance of {start} from the sensor."
+    return RobotScene(model, data, note)
 
 
 def _moving(model: Model, site: int, glance: Glance) -> IntArray:
-    """Return the degrees of freedom of the object on the axis of a sensor; none if it is fixed or part of the robot."""
+    """Return the degrees of freedom of the object in front of a sensor; none for fixed objects and robot parts."""
     if glance.geom < 0:
         return np.zeros(0, dtype=np.int64)
     tree, own = (int(model.body_treeid[body]) for body in (model.geom_bodyid[glance.geom], model.site_bodyid[site]))
@@ -116,7 +117,7 @@ def _moving(model: Model, site: int, glance: Glance) -> IntArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ball:
-    """A ball in front of a sensor.
+    """A ball in front of a sensor: its position, velocity, size and mass.
 
     Args:
         distance: from the site along the axis to the surface of the ball, for a ball on the axis [m].
@@ -134,8 +135,8 @@ class Ball:
 
 
 def model_with_ball(path: Path, *, gravity: bool) -> Model:
-    """Load a model and add a ball, which `put_ball` places; without gravity, the ball flies straight."""
-    library = mujoco()
+    """Load a robot model from a file, and add a ball, which `put_ball` then places in front of a sensor."""
+    library = mujoco()  # without gravity, the ball flies straight
     spec = library.MjSpec.from_file(str(path))
     for key in list(spec.keys):  # they lack the positions of the ball
         spec.delete(key)
@@ -154,7 +155,7 @@ def model_with_ball(path: Path, *, gravity: bool) -> Model:
 
 
 def put_ball(model: Model, data: Data, site: SensorSite, ball: Ball) -> tuple[Model, Data]:
-    """Put a ball in front of a site.
+    """Place the ball of a model in front of a sensor site, with its size, mass and velocity.
 
     Args:
         model: the model of `model_with_ball`, which is not changed.
@@ -191,14 +192,14 @@ def put_ball(model: Model, data: Data, site: SensorSite, ball: Ball) -> tuple[Mo
 
 
 def _jacobian(model: Model, data: Data, point: FloatArray, body: int) -> FloatArray:
-    """Return the velocity and the angular velocity of a body at a point per joint velocity, shape (6, nv)."""
+    """Return the Jacobian of a body at a point: linear and angular velocity per joint velocity, shape (6, nv)."""
     jacobian = np.zeros((6, model.nv))
     mujoco().mj_jac(model, data, jacobian[:3], jacobian[3:], point, body)
     return jacobian
 
 
 def _velocities(jacobian: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return joint velocities that give a body the wanted velocity, without a rotation if possible."""
+    """Return joint velocities that give a body a requested velocity, without a rotation if possible."""
     for rows in (6, 3):
         wanted = np.concatenate([velocity, np.zeros(3)])[:rows]
         rates: FloatArray = np.linalg.lstsq(jacobian[:rows], wanted, rcond=None)[0]

@@ -43,7 +43,7 @@ class Glance:
 
 
 class Sight:
-    """The beam of one sensor on a robot.
+    """The beam of one proximity sensor on a robot, as a bundle of rays.
 
     A ray that meets a surface at the angle a to its normal contributes cos(a) times the output of the curve, after
     Lambert, at the distance along the axis. The sum is normalized to a plane that faces the sensor: there, the output
@@ -79,7 +79,7 @@ class Sight:
         self._own = trees[np.asarray(model.geom_bodyid)] == trees[self._body]
 
     def axis(self, data: Data) -> FloatArray:
-        """Return the direction of the axis in the world frame."""
+        """Return the direction of the sensor axis in the world frame."""
         axis: FloatArray = np.array(data.site_xmat[self._index]).reshape(3, 3) @ self._direction
         return axis
 
@@ -95,7 +95,7 @@ class Sight:
     def _cast(
         self, data: Data, start: FloatArray, ray: FloatArray, *, passed: float, geom: Any, normal: FloatArray
     ) -> float:
-        """Return the distance [m] along a ray to the first object after the part `passed`; negative if there is none.
+        """Return the distance [m] along a ray to the first object beyond the length `passed`; negative if none exists.
 
         Other bodies of the robot behind the contact surface are passed.
         """
@@ -107,7 +107,7 @@ class Sight:
             passed += found + _PAST
 
     def equivalent_distance(self, data: Data) -> float:
-        """Return the distance [m] of a facing plane with the same output as the scene; infinite if nothing is seen."""
+        """Return the distance [m] at which a facing plane has the same sensor output as the scene, or infinity."""
         turn = np.array(data.site_xmat[self._index]).reshape(3, 3)
         rays, count = np.ascontiguousarray(self._rays @ turn.T), len(self._rays)
         surface = np.array(data.site_xpos[self._index])
@@ -138,7 +138,7 @@ class Sight:
         return self._invert(target, max(float(distances.min()), low), low)
 
     def _invert(self, target: float, start: float, low: float) -> float:
-        """Find the distance at which the curve has a log output, by Newton's method from a nearer distance."""
+        """Find the distance at which the sensor curve has a given output, by Newton's method from a nearer distance."""
         distance = start
         for _ in range(_STEPS):
             error = target - float(self._curve.log_output(distance))
@@ -151,7 +151,7 @@ class Sight:
 
 
 def _beam(direction: FloatArray, half_angle: float) -> FloatArray:
-    """Return the rays of a conical beam as unit vectors, shape (n, 3), each for the same part of the beam."""
+    """Return rays that represent equal parts of a conical beam, as unit vectors, shape (n, 3)."""
     if half_angle <= 0:
         return direction[None].copy()
     first, second = np.linalg.svd(direction[None])[2][1:]

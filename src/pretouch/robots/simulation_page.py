@@ -1,4 +1,4 @@
-"""Describe simulated encounters of a whole robot as a report."""
+"""Create the report on simulated encounters of a whole robot."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def robot_page(result: RobotSimulation) -> Page:
                 figure="robot_film",
                 of=result,
                 name="The robot and the object during the first run",
-                caption="The first run in slow motion. Below each frame: the time, and the distance of the site "
-                f"{result.sites[0]}.",
+                caption="The first run in slow motion. Below each frame are the time and the distance from the site "
+                f"{result.sites[0]} to the object.",
             ),
             *(
                 PageTable(
@@ -67,7 +67,7 @@ def robot_page(result: RobotSimulation) -> Page:
 
 
 def _headline(result: RobotSimulation, order: tuple[str, ...]) -> str:
-    """Return the answer in one or two sentences: which sites touched, and at which speeds."""
+    """Return the headline of the report: which sites touched an object, and at which speeds."""
     if not order:
         return "No site touched an object."
     speeds = [format_quantity(abs(_mean(result.simulated(name, "relative_velocity"))), "m/s", 3) for name in order]
@@ -78,7 +78,7 @@ def _headline(result: RobotSimulation, order: tuple[str, ...]) -> str:
 
 
 def _figures(result: RobotSimulation, site: str) -> Iterator[tuple[str, Cell]]:
-    """Yield the most important numbers of the site that touches first, with their predictions."""
+    """Yield contact speed, peak force and excursion of the site that touches first, with their predictions."""
     for label, quantity, unit in _KEY_FIGURES:
         simulated, predicted = (abs(_mean(f(site, quantity))) for f in (result.simulated, result.predicted))
         comparison = "" if np.isnan(predicted) else f"; predicted {format_quantity(predicted, unit, 3)}"

@@ -68,7 +68,7 @@ class SensorSite(Value):
 
     @property
     def direction(self) -> FloatArray:
-        """The axis as a unit vector in the frame of the site."""
+        """The sensor axis as a unit vector in the frame of the site."""
         if not isinstance(self.axis, str):
             return np.array(self.axis)
         index, sign = AXES[self.axis]

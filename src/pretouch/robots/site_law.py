@@ -1,4 +1,4 @@
-"""Combine a sensor site with the controller and the sensor chain that the robot runs for it."""
+"""Combine a sensor site with its controller and with a model of the sensor: sampling, noise and delay."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .site import SensorSite
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SiteLaw:
-    """The control law of one sensor site, with its sensor chain.
+    """The controller of one sensor site, with a model of the sensor: sampling, noise and delay.
 
     Args:
         site: the sensor site, with its curve.
@@ -35,11 +35,13 @@ class SiteLaw:
     def __post_init__(self) -> None:
         check_declared(self)
         if self.site.sensor is None:
-            raise InvalidInputError(f"site {self.site.name!r}: has no sensor curve; set one, such as sensor=curve")
+            raise InvalidInputError(
+                f"site {self.site.name!r}: this site has no sensor curve; set one with SensorSite(name, sensor=curve)"
+            )
 
     @property
     def running(self) -> Controller:
-        """The controller that the robot runs; a virtual damper acts only in approaches unless `one_sided` is false."""
+        """The controller that the robot runs; if `one_sided` is True, a virtual damper acts during approaches only."""
         law = self.controller.law
         if self.one_sided and isinstance(law, VirtualDamper) and not law.approach_only:
             return replace(self.controller, law=replace(law, approach_only=True))

@@ -1,4 +1,4 @@
-"""Simulate a robot that meets balls in many postures and directions, as a sweep that can be resumed."""
+"""Simulate how a robot meets a ball in many postures and directions, as a sweep that can be resumed."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def sweep_robot(
     seed: int = 0,
     progress: Callable[[Progress], object] | None = None,
 ) -> Any:
-    """Simulate encounters of a whole robot with balls, in many postures and directions, as a sweep.
+    """Simulate encounters of a whole robot with a ball, in many postures and directions.
 
     Each encounter is a run of `simulate_robot` with its own noise. With an output, finished blocks are stored: if the
     sweep is interrupted, the same call resumes it. One process computes on one core; a Dask cluster uses all.
@@ -140,11 +140,11 @@ class RobotPlan(Grid):
 
     @property
     def subject(self) -> str:
-        """What the sweep computes, for its title."""
+        """A description of what the sweep computes, for its title."""
         return "simulated encounters of a robot"
 
     def evaluate(self, region: Region) -> Columns:
-        """Return status and results of encounters in a part of the grid, as arrays of the shape of this part."""
+        """Simulate the encounters in a part of the grid, and return their status and results as arrays."""
         (axis,) = (a.at(part) for a, part in zip(self.axes, region, strict=True))
         columns: Columns = {name: np.full(len(axis), math.nan) for name in self.results}
         columns[STATUS] = np.full(len(axis), _STATUSES.index("refused"), dtype=np.int8)
@@ -160,7 +160,7 @@ class RobotPlan(Grid):
         return columns
 
     def simulate(self, row: Mapping[str, float]) -> tuple[SiteContact, SiteContact | None]:
-        """Simulate one encounter, and return its contact and the prediction, which is None without a detection."""
+        """Simulate one encounter, and return its contact and the predicted contact, which is None without detection."""
         posture, ball, axis = (_part(row, name) for name in ("posture", "object", "direction"))
         law = replace(self.law, site=replace(self.law.site, axis=tuple(axis.values())))
         scene = put_ball(self.model, make_data(self.model, posture), law.site, Ball(**ball))
@@ -169,7 +169,7 @@ class RobotPlan(Grid):
         return result.contacts[0][0], result.predictions[0][0]
 
     def inputs(self) -> dict[str, Any]:
-        """Return all inputs that are not on an axis, in SI units and in a form that JSON can represent."""
+        """Return all inputs that are constant during the sweep, in SI units and in a form that JSON can represent."""
         curve: Any = self.law.site.sensor
         content = np.empty(mujoco().mj_sizeModel(self.model), dtype=np.uint8)
         mujoco().mj_saveModel(self.model, None, content)
@@ -182,7 +182,7 @@ class RobotPlan(Grid):
         }
 
     def input_attributes(self, name: str) -> dict[str, Any]:
-        """Return name in plain words and unit of an input on an axis."""
+        """Return the unit and the name, in plain words, of an input that varies during the sweep."""
         part, _, member = name.partition(".")
         unit = "1"
         if part == "posture":
@@ -215,7 +215,7 @@ def _axis(
     *,
     seed: int,
 ) -> Axis:
-    """Return the axis of a sweep with all inputs of each encounter."""
+    """Return the sweep axis that holds the inputs of each encounter: posture, direction, ball and noise seed."""
     count = len(postures)
     joints = list(postures[0]) if count else []
     if not joints or any(set(posture) != set(joints) for posture in postures):
@@ -234,7 +234,7 @@ def _axis(
 
 
 def _balls(objects: Mapping[str, Any], count: int) -> dict[str, FloatArray]:
-    """Return the properties of the balls, one value for each encounter."""
+    """Return size, mass, position and velocity of the balls, one value for each encounter."""
     unknown = next((name for name in objects if name not in _OBJECT), None)
     if unknown is not None:
         raise InvalidInputError(f"objects: found {unknown!r}, expected some of {', '.join(_OBJECT)}")
@@ -242,13 +242,15 @@ def _balls(objects: Mapping[str, Any], count: int) -> dict[str, FloatArray]:
     for name, (unit, default) in _OBJECT.items():
         value = objects.get(name, default)
         if value is None:
-            raise InvalidInputError(f"objects: found no {name}, expected a value in {unit}, or one for each encounter")
+            raise InvalidInputError(
+                f"objects: the {name} of the ball is missing; give one value in {unit}, or one for each encounter"
+            )
         check = finite if name in {"velocity", "offset"} else positive
         column = np.asarray(check(value, f"objects {name}", unit), dtype=np.float64)
         if column.shape not in {(), (count,)}:
             raise InvalidInputError(
-                f"objects: found {column.size} values of {name} and {count} postures; give one value for each "
-                "posture, or one for all"
+                f"objects: found {column.size} values for the {name} of the ball, but {count} postures; give one "
+                "value for each posture, or one for all"
             )
         columns[name] = np.broadcast_to(column, count)
     return columns
@@ -261,7 +263,7 @@ def _column(values: Any) -> FloatArray:
 
 
 def _checked_results(results: Sequence[str] | None) -> tuple[str, ...]:
-    """Return the names of the results after checking them, or the default selection."""
+    """Check and return the names of the requested results; return a default selection if none are requested."""
     names = _DEFAULT if results is None else (results,) if isinstance(results, str) else tuple(results)
     wrong = next((name for name in names if name not in {STATUS, *_RESULTS}), None)
     if wrong is not None:
@@ -270,7 +272,7 @@ def _checked_results(results: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def _refuse_hopeless(plan: RobotPlan) -> None:
-    """Raise an error if every encounter is refused."""
+    """Raise an error if no encounter of the sweep can be simulated."""
     (axis,) = plan.axes
     for i in range(len(axis)):
         try:

@@ -1,4 +1,4 @@
-"""Project all sites of a robot model in all of its postures, for an overview."""
+"""Compute an overview of a robot model: mass and limits at each site, in each posture and along each axis."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _AXES: Final = ("+x", "+y", "+z")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProjectionRow(Value):
-    """One row of an overview: a site in a posture, along one of its axes.
+    """One row in the overview of a robot model: mass and limits of a site in a posture, along one of its axes.
 
     Args:
         site: name of the site.
@@ -42,7 +42,7 @@ class ProjectionRow(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProjectionTable(Described, Value):
-    """An overview of a robot model: every site, in every posture, along its own axes.
+    """An overview of a robot model: mass and limits of every site, in every posture, along its own axes.
 
     Args:
         model: name of the model.
@@ -56,11 +56,11 @@ class ProjectionTable(Described, Value):
 
     @property
     def projections(self) -> tuple[tuple[ProjectionRow, Projection], ...]:
-        """All rows that have a projection, as pairs of row and projection."""
+        """The rows of the overview for which a projection exists, as pairs of row and projection."""
         return tuple((row, row.projection) for row in self.rows if row.projection is not None)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all projections as a dictionary for JSON, in SI units."""
+        """Return all projections, and why others are missing, as a dictionary for JSON, in SI units."""
         return {"model": self.model, "rows": list(map(_row_as_dict, self.rows))}
 
 
@@ -72,7 +72,7 @@ def _row_as_dict(row: ProjectionRow) -> dict[str, Any]:
 
 @check_arguments
 def project_all(model: Model) -> ProjectionTable:
-    """Project every named site of a model along its own axes x, y and z, in all postures of the model.
+    """Project every named site of a model to its own axes x, y and z, in all postures: compute mass and limits.
 
     The postures are that in which the model is defined, and its keyframes. A row also covers the opposite axis, with
     its limits ahead and back exchanged.
@@ -110,5 +110,5 @@ def _rows(model: Model, sites: list[str]) -> Iterator[ProjectionRow]:
 
 
 def _name_of(model: Model) -> str:
-    """Return the name that a model gives itself."""
+    """Return the name of a model, as its file states it."""
     return bytes(model.names).split(b"\0", 1)[0].decode("utf-8", "replace")

@@ -47,12 +47,12 @@ class Tracking(ABC):
 
     @abstractmethod
     def torques(self, state: JointState) -> FloatArray:
-        """Return the torques of the driven joints [N m or N], shape (n,)."""
+        """Return the torques [N m or N] with which the driven joints follow their reference, shape (n,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComputedTorque(Tracking, Value):
-    """Computed torque: inverse dynamics of the reference acceleration, with feedback of position and velocity.
+    """Computed-torque control: inverse dynamics of the reference motion, with feedback of position and velocity.
 
     Args:
         bandwidth: w / (2 pi) of the feedback in every joint [Hz].
@@ -70,7 +70,7 @@ class ComputedTorque(Tracking, Value):
             raise InvalidInputError(f"model_error: found {self.model_error:g}, expected more than -1")
 
     def torques(self, state: JointState) -> FloatArray:
-        """Return the torques of the driven joints [N m or N], shape (n,)."""
+        """Return the torques [N m or N] with which the driven joints follow their reference, shape (n,)."""
         w = 2 * math.pi * self.bandwidth
         wanted = (
             state.reference_acceleration
@@ -99,7 +99,7 @@ class PositionControl(Tracking, Value):
         check_declared(self)
 
     def torques(self, state: JointState) -> FloatArray:
-        """Return the torques of the driven joints [N m or N], shape (n,)."""
+        """Return the torques [N m or N] with which the driven joints follow their reference, shape (n,)."""
         w = 2 * math.pi * self.bandwidth
         wanted = w * w * (state.reference - state.position) - 2 * self.damping_ratio * w * state.velocity
         torques: FloatArray = state.inertia @ wanted + state.load
@@ -108,7 +108,7 @@ class PositionControl(Tracking, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperationalSpace(Tracking, Value):
-    """Operational-space impedance: springs and dampers act on the site, and the null space holds its posture.
+    """Operational-space impedance control: springs and dampers act on the site, the null space holds the posture.
 
     Each direction that moves or is held has the same natural frequency and damping ratio. Its stiffness is its
     effective mass times w^2, so that directions in which the robot is heavy are stiffer.
@@ -131,7 +131,7 @@ class OperationalSpace(Tracking, Value):
             raise InvalidInputError(f"model_error: found {self.model_error:g}, expected more than -1")
 
     def torques(self, state: JointState) -> FloatArray:
-        """Return the torques of the driven joints [N m or N], shape (n,)."""
+        """Return the torques [N m or N] with which the driven joints follow their reference, shape (n,)."""
         inertia, held = state.inertia, state.held()
         inverse = np.linalg.solve(inertia, held.T)
         mobility = held @ inverse

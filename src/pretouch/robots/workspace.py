@@ -1,4 +1,4 @@
-"""Project a robot in many postures and directions, so that a sweep can show in which of them a gain holds."""
+"""Compute mass and limits of a robot in many postures and directions, so that a sweep can test a gain in each."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _VARIABLES: Final[dict[str, tuple[str, Callable[[Projection], float]]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Workspace(Value):
-    """A robot in many postures and directions, each projected to the axis of one sensor.
+    """Mass and limits of a robot along the axis of a sensor, in many postures and directions.
 
     Args:
         site: the sensor site; its axis is that of the first direction.
@@ -48,7 +48,7 @@ class Workspace(Value):
     omitted: int
 
     def axes(self, task: Task, **inputs: Any) -> dict[str, Mapping[str, Any]]:
-        """Return the axis of a sweep over all postures and directions.
+        """Return the sweep axis whose points are the postures and directions of the robot.
 
         Args:
             task: the task of the sweep, whose admittance and impact are changed along the axis.
@@ -66,7 +66,7 @@ class Workspace(Value):
         return {PLACE: columns | {name.replace("_", ".", 1): value for name, value in inputs.items()}}
 
     def describe(self, dataset: Any) -> Any:
-        """Add the robot's limits at each place, and the excursion that remains within them, to the dataset of a sweep.
+        """Add limits and remaining excursion of the robot in each posture and direction to the dataset of a sweep.
 
         Args:
             dataset: the result of a sweep over `axes`, with the result `largest_excursion`.
@@ -93,7 +93,7 @@ class Workspace(Value):
 
     @property
     def directions(self) -> FloatArray:
-        """The axes in the world frame, shape (places, 3)."""
+        """The directions of the sensor axis in the world frame, shape (places, 3)."""
         return np.array([p.axis for p in self.projections])
 
 
@@ -106,7 +106,7 @@ def project_workspace(
     *,
     joint_speeds: Mapping[str, Any] | None = None,
 ) -> Workspace:
-    """Project a robot in many postures and directions.
+    """Compute mass and limits of a robot along the axis of a sensor, in many postures and directions.
 
     Args:
         model: a `mujoco.MjModel`.
@@ -130,7 +130,9 @@ def project_workspace(
             except InvalidInputError as error:
                 omitted, reason = omitted + 1, str(error)
     if not projections:
-        raise InvalidInputError(f"postures: the robot cannot be projected in any posture; {reason}")
+        raise InvalidInputError(
+            f"postures: the robot cannot be projected to the sensor axis in any posture; last reason: {reason}"
+        )
     return Workspace(projections[0].site, tuple(projections), omitted)
 
 
@@ -138,7 +140,7 @@ def project_workspace(
 def random_postures(
     model: Model, site: SensorSite, count: int, *, seed: int = 0, margin: float = 0.1
 ) -> tuple[dict[str, float], ...]:
-    """Return random postures of the robot that carries a site, uniform inside the joint ranges.
+    """Return random postures of the robot that carries a sensor site, uniformly distributed within the joint ranges.
 
     Hinges without a range are drawn from a whole turn.
 
@@ -156,7 +158,7 @@ def random_postures(
         InvalidInputError: the margin leaves no range, or a slide joint has no range.
     """
     if not 0 <= margin < 0.5:
-        raise InvalidInputError(f"margin: found {margin:g}, expected at least 0 and less than 0.5")
+        raise InvalidInputError(f"margin: found {margin:g}, expected a share of each joint range from 0 to below 0.5")
     data = make_data(model)
     drivetrain = drivetrain_of(model, data, site_index(model, site.name))
     ranges = ranges_of(model, drivetrain)

@@ -131,7 +131,7 @@ def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool
 
 
 def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
-    """Raise an error if a custom sensor curve is invalid at a distance that an encounter can reach.
+    """Raise an error if a custom sensor curve is invalid between contact and the farthest start of an encounter.
 
     A curve is checked when it is first used, and again if an encounter starts farther away. Distances beyond the start
     of every encounter are not checked: a motion that reaches them reports this by its status.
@@ -166,33 +166,33 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
 
 @cache_by_curve(256)
 def _verified_reach(sensor: SensorModel) -> list[float]:  # noqa: ARG001 - the key of the cache
-    """Return the distance up to which a sensor curve was checked, in a list that the caller updates."""
+    """Return a list with one element: the distance [m] up to which a curve was checked. The caller updates it."""
     return [-np.inf]
 
 
 def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Describe the first required property that a sensor curve lacks at given distances, or return None."""
+    """Return an error message about the first required property that a sensor curve lacks, or None if it has all."""
     obstacle = _evaluation_obstacle(sensor, distance)
     if obstacle is not None:
         return (
-            f"found {obstacle}, but log_output and log_slope of a sensor curve must accept distances of any "
-            "shape and return the same shape"
+            f'found the error "{obstacle}", but log_output and log_slope of a sensor curve must accept distances of '
+            "any shape and return the same shape"
         )
     log_output, slope = sensor.log_output(distance), sensor.log_slope(distance)
-    functions = (("ln xi", "", log_output, sensor.log_output), ("a slope", " 1/m", slope, sensor.log_slope))
-    for what, unit, values, function in functions:
+    functions = (("log_output", "", log_output, sensor.log_output), ("log_slope", " 1/m", slope, sensor.log_slope))
+    for name, unit, values, function in functions:
         wrong = np.flatnonzero(~np.isfinite(values))
         if len(wrong):
             i = wrong[0]
             return (
-                f"found {what} of {values[i]:g}{unit} at a distance of {distance[i]:g} m, but this value must be "
-                "finite; exclude this distance by minimum_distance or maximum_distance"
+                f"the function {name} returned {values[i]:g}{unit} at a distance of {distance[i]:g} m, but its values "
+                "must be finite; exclude this distance by minimum_distance or maximum_distance"
             )
         again = function(distance)
         i = int(np.abs(again - values).argmax())
         if abs(again[i] - values[i]) > _ROUNDED * np.abs(values).max():
             return (
-                f"found {what} of {values[i]:g}{unit} at a distance of {distance[i]:g} m in a first call, but "
+                f"the function {name} returned {values[i]:g}{unit} at a distance of {distance[i]:g} m, but "
                 f"{again[i]:g}{unit} in a second call; a sensor curve must always return the same number for the "
                 "same distance"
             )
@@ -208,7 +208,7 @@ def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArra
         return (
             f"the slope is {slope[i]:g} 1/m at a distance of {distance[i]:g} m, but must not be positive, "
             "because the output of a sensor falls with the distance. Limit the curve to its falling part by "
-            "minimum_distance or maximum_distance, or mount the sensor behind the contact surface with Recessed"
+            "minimum_distance or maximum_distance, or use the class Recessed for a sensor behind the contact surface"
         )
     constant = sensor.constant_log_slope
     if constant is None:
@@ -223,7 +223,7 @@ def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArra
 
 
 def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Describe where the slope of a sensor curve is not the derivative of its log output, or return None."""
+    """Return an error message if the slope of a sensor curve is not the derivative of its log output, or None."""
     edges = np.unique(np.concatenate([distance, [k for k in sensor.knots if distance[0] < k < distance[-1]]]))
     left, right, limit = edges[:-1], edges[1:], 0.0
     parts: list[FloatArray] = []
@@ -261,7 +261,7 @@ def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[
 
 
 def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Return the error that a sensor curve raises for valid distances as text, or None if it raises none."""
+    """Return, as text, the error that a sensor curve raises for valid distances, or None if it raises no error."""
     for function in (sensor.log_output, sensor.log_slope):
         for probe in (float(distance[0]), distance, distance[:16].reshape(4, 4)):
             try:

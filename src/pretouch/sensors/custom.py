@@ -1,4 +1,4 @@
-"""Define a sensor curve by two functions of the user: the log output ln xi and its slope g."""
+"""Define a sensor curve by two user-defined functions: the log output ln xi and its slope g."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _FEW_DIGITS: Final = 100.0  # largest accepted ratio of two terms to their diffe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FirstOrderFamily(Family):
-    """Family of first-order exponential curves for fits, with mid-range log output and slope as parameters.
+    """Family of first-order exponential curves, with log output at mid-range and slope as fit parameters.
 
     The fit parameters are u = (ln xi(l_m), ln -c_1), where l_m is the middle of the calibration window.
     """
@@ -51,7 +51,7 @@ class _FirstOrderFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SecondOrderFamily(Family):
-    """Family of second-order exponential curves for fits, described by log output and two slopes.
+    """Family of second-order exponential curves, with log output at mid-range and two slopes as fit parameters.
 
     The fit parameters are u = (ln xi(l_m), ln -g at the first distance, ln of the ratio of -g at the last to the first
     distance), where l_m is the middle of the calibration window.
@@ -109,7 +109,7 @@ class _SecondOrderFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExponentialFirstOrder(SensorModel):
-    """First-order exponential sensor curve xi = a_1 exp(c_1 l), equation L(5), whose slope is equal at all distances l.
+    """First-order exponential sensor curve xi = a_1 exp(c_1 l), L(5), whose slope c_1 is equal at all distances l.
 
     Args:
         scale: a_1 > 0, in the unit of the output; it does not affect the motion.
@@ -193,8 +193,7 @@ class ExponentialSecondOrder(SensorModel):
         if not low < high:
             raise InvalidInputError(
                 f"minimum_distance: found {self.minimum_distance:g} m, expected less than {self.turning_point:g} "
-                "m, which is the turning point of the curve, because the slope has the wrong sign beyond the "
-                "turning point"
+                "m, which is the turning point of the curve; beyond this distance, the output rises with the distance"
             )
 
     @property

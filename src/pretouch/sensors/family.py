@@ -42,7 +42,7 @@ class Family(ABC):
 
     @classmethod
     def at_large(cls, curve: Any, first: float, last: float) -> Self:
-        """Return this family of sensor curves with the widest parameter bounds."""
+        """Create this family of sensor curves with the widest bounds of the fit parameters."""
         return cls(curve=curve, first=first, last=last)
 
     @property
@@ -72,12 +72,12 @@ class Family(ABC):
 
     @abstractmethod
     def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
-        """Return start parameters of a fit for given log output, slope and curvature at mid-range."""
+        """Return initial fit parameters for given log output, slope and curvature in the middle of the range."""
 
     @property
     @abstractmethod
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """The lower and upper bounds of the parameters of a curve fit."""
+        """The lower and upper bounds of the fit parameters."""
 
     @abstractmethod
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
@@ -91,15 +91,15 @@ class Family(ABC):
 
     @abstractmethod
     def coordinates(self, u: FloatArray) -> FloatArray:
-        """Transform fit parameters so that they are always finite, for example to logarithms."""
+        """Transform fit parameters to numbers that are always finite, for example to logarithms."""
         # Each is a monotonic function of one of the curve's own parameters.
 
     @abstractmethod
     def parameters(self, coordinates: FloatArray) -> FloatArray:
-        """Convert the transformed parameters of a fit to the curve's own parameters in SI, which may be infinite."""
+        """Convert transformed fit parameters to the curve's own parameters in SI units, which may be infinite."""
 
     def written(self, u: FloatArray) -> FloatArray:
-        """Convert fit parameters to the sensor curve's own parameters in SI."""
+        """Convert fit parameters to the sensor curve's own parameters in SI units."""
         return self.parameters(self.coordinates(u))
 
     def sensor(self, u: FloatArray, low: float, high: float) -> Any:
@@ -108,11 +108,11 @@ class Family(ABC):
         return self.curve(**parameters, minimum_distance=low, maximum_distance=high)
 
     def easing(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of the fit parameters that keep the sensor curve from steepening with distance."""
+        """Return bounds of the fit parameters with which the sensor slope does not steepen with distance."""
         return low, high
 
     def prior(self, u: FloatArray) -> FloatArray:
-        """Return the cost of each sensor curve from prior knowledge, in units of a squared residual of the fit."""
+        """Return the cost that prior knowledge adds to the fit of each curve, in units of a squared residual."""
         return np.zeros(len(u))
 
     def runs_away(self, ends: Any) -> bool:  # noqa: ARG002 - for subclasses
@@ -120,7 +120,7 @@ class Family(ABC):
         return False
 
     def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
-        """Return remarks on parameters that the readings do not determine.
+        """Return remarks on parameters that the sensor readings do not determine.
 
         With `runaway`, some parameters diverge.
         """
@@ -186,7 +186,7 @@ class PlainFamily(Family):
         return self._rows(u, distance, "log_slope")
 
     def coordinates(self, u: FloatArray) -> FloatArray:
-        """Replace the scale of the sensor curve by its logarithm, and keep the other fit parameters."""
+        """Replace the first fit parameter by the logarithm of the curve's scale, and keep the other fit parameters."""
         curve = self._curve(u)
         level = 0.0 if curve is None else float(curve.log_output(self.middle))
         return np.array([u[0] - level, *u[1:]])

@@ -29,7 +29,7 @@ _POINT_SOURCE: Final = 2.0  # the exponent of a point light source
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _InversePowerFamily(Family):
-    """Family of inverse power curves for fits, with mid-range log output, slope and inverse exponent as parameters.
+    """Family of inverse power curves, with log output at mid-range, slope and inverse exponent as fit parameters.
 
     The fit parameters are u = (ln xi(l_m), ln r_1, kappa) with r_1 = -1 / g at the first distance and kappa = 1 / n;
     l_m is the middle of the calibration window.
@@ -93,7 +93,7 @@ class _InversePowerFamily(Family):
         return cls(curve=curve, first=first, last=last, kappa_max=_HEAVIEST_KAPPA, kappa_floor=_EXPONENTIAL_KAPPA)
 
     def prior(self, u: FloatArray) -> FloatArray:
-        """Return a prior cost for exponents n below 2, because light of a small source decays at least as 1 / l^2.
+        """Return an extra fit cost for exponents n below 2, because light of a small source decays at least as 1 / l^2.
 
         Clear evidence outweighs it: n = 1 costs 1.1, and no exponent costs more than 3.8, the square of the half width
         of a 95 % interval in standard deviations.
@@ -112,7 +112,7 @@ class _InversePowerFamily(Family):
         return (
             "The readings determine only the slope of the curve in the middle of the usable range, n / "
             f"(l_0 + {at}) = {-slope.value:.4g} 1/m. The exponent n is above {low:.3g} and has no upper "
-            "limit, because n and the distance l_0 can grow together, so an exponential curve fits "
+            "limit, because n and the distance offset l_0 can grow together. An exponential curve fits "
             "equally well.",
         )
 
@@ -120,11 +120,10 @@ class _InversePowerFamily(Family):
         exponent = parameters["exponent"]
         if not exponent.value < _POINT_SOURCE:
             return ()
-        verb = "require" if exponent.high < _POINT_SOURCE else "allow"
         return (
-            f"The readings {verb} an exponent of {exponent.value:.3g}, although the exponent of a point "
-            "light source is 2. A large object, a row of emitters, or an offset that was not subtracted "
-            "can cause such a slow decay.",
+            f"The fitted exponent is {exponent.value:.3g} (upper end of its 95 % interval: {exponent.high:.3g}), but a "
+            "point light source has the exponent 2. A large object, a row of emitters, or an offset that was not "
+            "subtracted can cause such a slow decay.",
         )
 
 
@@ -158,7 +157,7 @@ class InversePower(SensorModel):
         if not self.minimum_distance + offset > 0:
             raise InvalidInputError(
                 f"distance_offset: found {offset:g} m, expected more than {0.0 - self.minimum_distance:g} m ("
-                "minus the minimum_distance), because the output is otherwise infinite inside the valid range"
+                "the negative of minimum_distance), because the output is otherwise infinite inside the valid range"
             )
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:

@@ -120,7 +120,7 @@ def _on_line(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _MittagLefflerFamily(Family):
-    """Family of Mittag-Leffler curves for fits, with mid-range log output, rate and order as parameters.
+    """Family of Mittag-Leffler curves, with log output at mid-range, rate and order as fit parameters.
 
     The fit parameters are u = (ln xi(l_m), ln -c, alpha), where l_m is the middle of the calibration window.
     """

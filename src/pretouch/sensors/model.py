@@ -104,7 +104,7 @@ class SensorModel(ABC):
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Distances [m] at which a derivative of the log output is discontinuous."""
+        """The distances [m] at which a derivative of the log output with respect to distance is discontinuous."""
         low, high = self.valid_range
         return tuple(sorted(k for k in self._knots() if low < k < high))
 
@@ -223,7 +223,7 @@ class SensorModel(ABC):
 
 
 def _distances(distance: ArrayLike) -> FloatArray:
-    """Convert distances [m] to a float array, and refuse values that are not numbers."""
+    """Convert distances [m] to a float array, and raise an error for values that are not numbers."""
     values = np.asarray(distance)
     if values.dtype.kind == "f" or are_numbers(distance):
         return np.asarray(values, dtype=np.float64)

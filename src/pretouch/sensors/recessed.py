@@ -20,7 +20,7 @@ _ROUNDING: Final = 1e-12  # relative; a recess equal to the start of the curve m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recessed(SensorModel):
-    """A sensor curve of a sensor that is mounted behind the contact surface by a distance called recess.
+    """Sensor curve of a sensor that is mounted behind the robot's contact surface, at a distance called recess.
 
     The output of reflective sensors peaks or saturates in the near field. A sensor that is recessed behind the contact
     surface by the start of its usable window works only in the falling part of its curve.
@@ -113,7 +113,7 @@ class Recessed(SensorModel):
         return np.asarray(self.sensor.log_slope(self._sensor_distance(distance)))
 
     def _sensor_distance(self, distance: FloatArray) -> FloatArray:
-        """Return distances measured from the sensor itself instead of the contact surface.
+        """Return the distances from the sensor [m] for given distances from the contact surface.
 
         They are limited to the valid range because sums are rounded.
         """
@@ -122,7 +122,7 @@ class Recessed(SensorModel):
 
 
 def recess_in_words(nearest: float) -> str:
-    """Return as text the recess that puts contact at the nearest usable distance, rounded up to whole micrometers.
+    """Return as text the recess with which contact lies at the sensor's nearest usable distance, rounded up to 1 um.
 
     Examples:
         >>> recess_in_words(0.0075), recess_in_words(0.0123441)

@@ -107,6 +107,6 @@ def _by_differences(sensor: Any, name: str) -> SlopeSensitivity:
 
         return slope
     raise InvalidInputError(
-        f"{name}: the derivative of the sensor curve cannot be computed at {value:g}, because nearby values are "
-        f"invalid: {error}"
+        f"{name}: the derivative of the sensor curve cannot be computed at the value {value:g}, because nearby "
+        f"values cause the error: {error}"
     )

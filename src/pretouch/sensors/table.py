@@ -54,8 +54,8 @@ class Table(SensorModel):
             if len(wrong):
                 i = int(wrong[0])
                 raise InvalidInputError(
-                    f"{name}: found {column[i]:g} followed by {column[i + 1]:g}, but a table must be strictly "
-                    f"{'increasing in distance' if sign > 0 else 'decreasing in output: smooth or fit it first'}"
+                    f"{name}: found {column[i]:g} followed by {column[i + 1]:g}, but these values must be strictly "
+                    f"{'increasing' if sign > 0 else 'decreasing; smooth the table or fit a curve first'}"
                 )
         low, high = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
         object.__setattr__(self, "distances", tuple(map(float, distances)))
@@ -91,7 +91,7 @@ def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> An
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PiecewiseCubic(SensorModel):
-    """Sensor curve whose log output is a cubic polynomial between each two neighboring points.
+    """Sensor curve through given points, whose log output is a cubic polynomial between neighboring points.
 
     The slopes at both ends of each interval are arguments as well.
 

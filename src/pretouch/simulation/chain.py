@@ -1,4 +1,4 @@
-"""Model the sensor chain, which turns distances into delayed and noisy readings.
+"""Model a proximity sensor, which turns distances into delayed and noisy readings.
 
 The stability of a loop depends on the motion and on its timing: when it samples, when its force acts, and for how long.
 """
@@ -109,16 +109,18 @@ class SensorChain:
             )
         if not self.lowest < self.highest:
             raise InvalidInputError(
-                f"highest: found {self.highest:g}, expected a number above the lowest reading, {self.lowest:g}"
+                f"highest: found {self.highest:g}, expected more than the lower clipping limit (lowest) of "
+                f"{self.lowest:g}"
             )
         if not self.dropout < 1:
             raise InvalidInputError(
-                f"dropout: found {self.dropout:g}, expected a share below 1, because otherwise no reading arrives"
+                f"dropout: found {self.dropout:g}, expected a probability below 1, because otherwise every reading "
+                "is lost"
             )
         if self.misfit and not self.misfit_length:
             raise InvalidInputError(
-                f"misfit_length: a curve error (misfit) of {self.misfit:g} needs a correlation length above 0 "
-                'm, along the distance; set misfit_length, for example to "5 mm"'
+                f"misfit_length: an error of the sensor curve (misfit) of {self.misfit:g} needs a correlation length "
+                'above 0 m; set misfit_length, for example to "5 mm"'
             )
         if (self.distance_noise or self.distance_resolution) and not self.measures_distance:
             raise InvalidInputError(
@@ -147,7 +149,7 @@ class SensorChain:
         )
 
     def rows(self) -> Iterator[Row]:
-        """Yield table rows with the parameters of the sensor chain, without optional parameters that are zero."""
+        """Yield table rows with the parameters of the sensor, without optional parameters that are zero."""
         yield "readings", f"{format_quantity(self.rate, 'Hz')}, one every {format_quantity(self.period, 's')}"
         start = f"after {format_quantity(self.phase, 's')} in every run"
         yield "first exposure", "at a random time within the period, in each run" if self.random_phase else start
@@ -207,7 +209,7 @@ def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTiming:
-    """Timing of a sampled loop: the rate of the sensor readings, and the delay and duration of the virtual force.
+    """Timing of a sampled control loop: rate of the sensor readings, and delay and duration of the virtual force.
 
     Args:
         rate: readings per second 1/T > 0 [Hz].
@@ -252,8 +254,8 @@ class LoopTiming:
         shortest = self.delay - self.delay_range
         if shortest < self.exposure / 2 * (1 - 1e-9):
             raise InvalidInputError(
-                f"delay: found {shortest:g} s, expected at least half of the exposure of {self.exposure:g} s, "
-                "because the delay counts from the middle of the exposure"
+                f"delay: found a shortest delay of {shortest:g} s, expected at least half of the exposure of "
+                f"{self.exposure:g} s, because the delay counts from the middle of the exposure"
             )
 
     @property
@@ -263,12 +265,12 @@ class LoopTiming:
 
     @property
     def holding(self) -> float:
-        """The time [s] for which the controller applies a virtual force that it computed from two readings."""
+        """The time [s] for which the controller applies a virtual force computed from two successive readings."""
         return self.period if self.hold is None else self.hold
 
     @property
     def filters(self) -> tuple[tuple[float, ...], ...]:
-        """All filters through which a reading passes, with the smoothing filter as the last one."""
+        """All digital filters that process the readings one after the other; the smoothing filter is the last one."""
         if self.smoothing == 0:
             return tuple(self.sections)
         kept = math.exp(-self.holding / self.smoothing)
@@ -277,7 +279,7 @@ class LoopTiming:
 
 @check_arguments
 def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool = False) -> LoopTiming:
-    """Return the timing of a sampled loop from its sensor chain and its controller.
+    """Compute the timing of a sampled control loop from its sensor chain and its controller.
 
     A new reading waits for the next step of the controller. If the ratio of both rates is an integer, this wait is the
     same for all readings of a run. It follows from the chain's phase; with a random phase it is any time up to a

@@ -1,4 +1,4 @@
-"""Combine sensor chain, controller, robot and contact model into a loop that simulates encounters."""
+"""Combine sensor, controller, robot and contact model into a sampled control loop that can be simulated."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class ClosedLoop:
         whole(self.first_run, "first_run", 0, 2**62)
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike) -> ContactResult:
-        """Simulate encounters in the sampled loop until contact.
+        """Simulate encounters of robot and object with the sampled control loop, each until contact.
 
         The i-th encounter of the scenario has the noise of run `first_run` + i, the same with every gain.
 
@@ -105,7 +105,7 @@ class ClosedLoop:
         return self._until_contact(scenario, (sensor,), gain)
 
     def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> ContactResult:
-        """Simulate encounters in the sampled loop until contact, each encounter with its own sensor curve."""
+        """Simulate encounters of robot and object until contact, each of them with its own sensor curve."""
         return self._until_contact(scenario, tuple(sensors), gain, each=True)
 
     def _until_contact(
@@ -131,14 +131,14 @@ class ClosedLoop:
         return None if own is None else continuous_law(own)
 
     def after(self, runs: int) -> ClosedLoop:
-        """Return a copy of the loop that skips the random noise of the first runs."""
+        """Return a copy of the loop that skips the random noise of a given number of earlier runs."""
         # The noise of the first encounter is shifted by `runs`.
         return replace(self, first_run=self.first_run + runs)
 
     def run(
         self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike, *, runs: int | None = None
     ) -> SimulationResult:
-        """Simulate encounters in the sampled loop, each encounter with one gain.
+        """Simulate encounters of robot and object with the sampled control loop, each with one gain.
 
         Args:
             scenario: the encounter, or an array of them.
@@ -152,11 +152,11 @@ class ClosedLoop:
         return result_of(self.encounters(scenario, (sensor,), gain, runs))
 
     def run_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> SimulationResult:
-        """Simulate encounters in the sampled loop, each encounter with its own sensor curve."""
+        """Simulate encounters of robot and object, contact included, each of them with its own sensor curve."""
         return result_of(self.encounters(scenario, tuple(sensors), gain, None, each=True))
 
     def stability_limit(self, scenario: Scenario, sensor: SensorModel, value: float | None = None) -> GainLimit:
-        """Find the strongest gain with which the loop is stable at all distances from the start to contact.
+        """Find the strongest gain with which the loop is stable at every distance between start and contact.
 
         Args:
             scenario: the encounter.
@@ -174,8 +174,8 @@ class ClosedLoop:
         law: Any = self.law
         if not isinstance(law, Controller):
             raise InvalidInputError(
-                f"stability: found a control law of the class {type(law).__name__}, but stability limits can be "
-                "computed only for a Controller, whose timing is known"
+                f"stability: found a controller of the class {type(law).__name__}, but stability limits can be "
+                "computed only for the class Controller, whose timing is known"
             )
         continuous, assumed = continuous_law(law.law), law.law.value if value is None else value
         distance, velocity = passage(continuous, scenario, sensor, assumed, float(scenario.distance))
@@ -205,11 +205,12 @@ class ClosedLoop:
                 break
         low, high = max(bounds[0], -abs(strongest)), min(bounds[1], abs(strongest))
         if not low < high:
+            interval, most = f"{bounds[0]:g} to {bounds[1]:g} {n.unit}", f"{strongest:.4g} {n.unit}"
             raise InvalidInputError(
-                f"stability_margin: with a gain margin of {margin:g} at a sensor rate of {self.chain.rate:g} "
-                f"Hz, a {n.name} may be at most {strongest:.4g} {n.unit}, but [gain] has bounds from "
-                f"{bounds[0]:g} to {bounds[1]:g} {n.unit}; choose a smaller margin, a weaker {n.name}, a "
-                "faster sensor or a larger virtual mass"
+                f"stability_margin: at a sensor rate of {self.chain.rate:g} Hz, no {n.name} within the bounds of "
+                f"[gain] has the required gain margin of {margin:g}. The bounds are {interval}, and the strongest "
+                f"{n.name} with this margin is {most}. Choose a smaller margin, a weaker {n.name}, a faster sensor or "
+                "a larger virtual mass"
             )
         return low, high
 
@@ -222,7 +223,7 @@ class ClosedLoop:
         *,
         each: bool = False,
     ) -> Loop:
-        """Combine the loop with an array of encounters, which share one sensor or have one sensor each."""
+        """Combine the control loop with an array of encounters, which share one sensor curve or have one each."""
         # If `gain` is None, the law keeps its own gain.
         law = self.continuous
         gains = np.asarray(0.0 if gain is None else finite(gain, "gain", "" if law is None else law.number.unit))
@@ -232,8 +233,8 @@ class ClosedLoop:
         except ValueError:
             shapes = f"{scenario.shape} and {len(sensors)} sensors" if each else f"{scenario.shape}"
             raise InvalidInputError(
-                f"gain: the gains have the shape {gains.shape}, which does not broadcast with the shape of the "
-                f"encounters, {shapes}"
+                f"gain: the array of gains has the shape {gains.shape}, which does not broadcast with the shape of "
+                f"the encounters, {shapes}"
             ) from None
         first = () if runs is None else (runs_of(runs),)
         between = (1,) * (len(shape) - len(several))  # axes between the one of the runs and those of the scenario
@@ -271,13 +272,13 @@ class ClosedLoop:
             in_scenario, in_law = getattr(scenario.admittance, name), getattr(admittance, name, None)
             if np.ndim(in_scenario):
                 raise InvalidInputError(
-                    f"admittance.{name}: found an array, but the controller of a loop has only one admittance; "
-                    "use the same number in all encounters"
+                    f"admittance.{name}: found an array, but the controller has only one admittance; use the same "
+                    "value in all encounters"
                 )
             if in_law is not None and not math.isclose(in_scenario, in_law, rel_tol=1e-9):
                 raise InvalidInputError(
-                    f"admittance.{name}: the scenario has the value {in_scenario:g}, but the control law of the "
-                    f"loop has {in_law:g}; use the same value in both"
+                    f"admittance.{name}: the scenario has the value {in_scenario:g}, but the controller has the value "
+                    f"{in_law:g}; use the same value in both"
                 )
 
 
@@ -285,7 +286,7 @@ Row = tuple[str, Cell]
 
 
 def loop_section(loop: ClosedLoop, *first: Row) -> PageSection:
-    """Return the report section that describes a sampled loop."""
+    """Return the report section that describes a sampled control loop."""
     # The rows `first` precede the loop's own rows.
     parts = (
         ("Sensor chain", loop.chain.rows()),
@@ -298,7 +299,7 @@ def loop_section(loop: ClosedLoop, *first: Row) -> PageSection:
 
 
 def loop_sentences(loop: ClosedLoop) -> Iterator[str]:
-    """Yield one sentence for each component of a sampled loop, such as the sensor and the robot."""
+    """Yield one sentence for each component of a sampled control loop, such as the sensor and the robot."""
     yield (
         f"Sensor: {_joined(loop.chain.rows())}; the noise has a normal distribution and is independent between "
         "readings."
@@ -323,14 +324,14 @@ def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
 
 
 def law_rows(law: SampledLaw) -> Iterable[Row]:
-    """Return table rows with the parameters of a controller; for a user-defined law, its name and its period."""
+    """Return table rows with the parameters of a controller; for a user-defined law, only its name and period."""
     if isinstance(law, Controller):
         return law.rows()
     return ("law", type(law).__name__), ("period", Measured(law.period, "s"))
 
 
 def contact_rows(contact: ContactModel | None) -> Iterator[Row]:
-    """Yield table rows with the parameters of the contact force, or a row that says that there is none."""
+    """Yield table rows with the parameters of the contact force; if none is modeled, one row that says so."""
     if contact is None:
         yield "contact", "no contact force: a run ends at contact"
     else:

@@ -1,4 +1,4 @@
-"""Define the interface of sampled control laws for simulations."""
+"""Define the interface through which a simulation calls a sampled controller."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 
 @runtime_checkable
 class SampledLaw(Protocol):
-    """Interface of a sampled control law, such as `pretouch.control.Controller`, that a simulated loop can run.
+    """Interface of a sampled controller that can be simulated, such as `pretouch.control.Controller`.
 
     Attributes:
         period: time between two steps [s].
@@ -26,7 +26,7 @@ class SampledLaw(Protocol):
         """The Python function or compiled function that computes one controller step."""
 
     def parameters(self) -> Any:
-        """Return the parameters of the control law; for a compiled step, a NumPy array or a ctypes structure."""
+        """Return the parameters of the control law; for a compiled step, as a NumPy array or a ctypes structure."""
 
     def start(self, *, position: float, velocity: float) -> Any:
         """Return the controller's initial state for a position [m] and a velocity [m/s] relative to the reference.
@@ -37,7 +37,7 @@ class SampledLaw(Protocol):
 
 @runtime_checkable
 class TunableLaw(SampledLaw, Protocol):
-    """Interface of a control law with an adjustable gain, such as `pretouch.control.Controller`."""
+    """Interface of a sampled controller with an adjustable gain, such as `pretouch.control.Controller`."""
 
     def with_value(self, value: float) -> SampledLaw:
         """Return the same control law with another gain, such as D_p of a virtual damper [N s]."""

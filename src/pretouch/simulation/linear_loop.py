@@ -1,4 +1,4 @@
-"""Linearize the sampled loop at one distance, and find the virtual damping that makes the loop unstable.
+"""Linearize the sampled control loop at one distance, and find the smallest damping that makes it unstable.
 
 Near a distance l, ln xi changes by g dx. The force of two readings is -(d / h) (y_k - y_k-1), where d = D_p g is the
 equivalent damping of the virtual force and h the time for which it acts. All other parts are linear and time-invariant,
@@ -42,7 +42,7 @@ _DENSE: Final = 300  # periods of delay up to which all eigenvalues are computed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearLoop:
-    """The linearized open loop as a discrete-time system with the period of the sensor.
+    """The linearized open control loop as a discrete-time system; its time step is the sensor period.
 
     The loop is opened at the damping d. The period lasts from the start of one exposure to the next.
 
@@ -65,7 +65,7 @@ class LinearLoop:
     modes: _Complex
 
     def response(self, angle: _Complex | FloatArray) -> _Complex:
-        """Return the open-loop transfer function P(z) [m/(N s)] from the force to the rate of change of the readings.
+        """Return the open-loop transfer function P(z) [m/(N s)] from virtual force to rate of change of the readings.
 
         The rate is the difference of two successive readings over their period. P is evaluated at z = exp(i omega T).
 
@@ -95,7 +95,7 @@ class LinearLoop:
 
     @property
     def remembered(self) -> int:
-        """The largest number of sensor periods after which the force that a reading caused still has an effect."""
+        """The number of sensor periods after a reading until the force that it caused has no more effect."""
         return self.lag + len(self.feedthrough)
 
     def _advance(self, state: FloatArray, damping: float, pushes: FloatArray, feedthrough: FloatArray) -> FloatArray:
@@ -113,7 +113,7 @@ class LinearLoop:
 
 
 def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing: LoopTiming) -> LinearLoop:
-    """Discretize the open loop of a linear robot exactly, with the period of the sensor."""
+    """Discretize the open control loop of a linear robot exactly; the time step is the sensor period."""
     # The plant is x' = A x + B F with the output C x; B and C have the shape (n,).
     n, exposure, period = len(push), timing.exposure, timing.period
     block = np.zeros((n + 2, n + 2))  # the state, the integral of the reading, a constant force
@@ -148,7 +148,7 @@ def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing
 
 
 def _exponentials(matrices: FloatArray) -> FloatArray:
-    """Return the exponentials of k matrices of size n by n, by scaling and squaring of a Taylor series.
+    """Return the exponentials of k matrices of size n by n, computed with a Taylor series, scaling and squaring.
 
     exp(A) - 1 is squared, so that small entries stay accurate. SciPy's function takes longer, also to load.
     """
@@ -166,7 +166,7 @@ def _exponentials(matrices: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossover:
-    """The damping and frequency at which an eigenvalue of the sampled loop crosses the unit circle.
+    """The virtual damping and the frequency at which an eigenvalue of the sampled loop crosses the unit circle.
 
     Args:
         angle: omega T of the oscillation.
@@ -180,7 +180,7 @@ class Crossover:
 
 
 def first_crossover(loop: LinearLoop) -> Crossover | None:
-    """Find the smallest damping that makes the loop unstable; return None if every damping is stable."""
+    """Find the smallest virtual damping that makes the loop unstable; None if the loop is stable with any damping."""
     fastest = float(np.abs(loop.modes).max())
     for mode in loop.modes[loop.modes.real > _UNDAMPED * fastest]:
         return Crossover(angle=_aliased_angle(mode), damping=0.0, growth=float(mode.real))
@@ -198,7 +198,7 @@ def first_crossover(loop: LinearLoop) -> Crossover | None:
 
 
 def worst_crossover(system: _Plant, timing: LoopTiming) -> tuple[LinearLoop, Crossover | None]:
-    """Find the delay with the smallest stability limit, and return this limit and the loop with this delay."""
+    """Find the loop delay with the smallest stability limit; return the loop with this delay and the limit."""
     # The worst delay is nearly always the longest. Near a weakly damped mode, the limit has minima over the delay.
     tried: dict[float, tuple[LinearLoop, Crossover | None]] = {}
 
@@ -239,7 +239,7 @@ def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, near: float
 
 
 def _aliased_angle(mode: complex) -> float:
-    """Return the angle in [0, pi] at which an oscillation appears in the sampled readings because of aliasing."""
+    """Return the angle omega T in [0, pi] at which an oscillation appears after sampling (aliasing)."""
     return abs(math.remainder(mode.imag, 2 * math.pi))
 
 
@@ -265,7 +265,7 @@ def _growth_of_mode(loop: LinearLoop, pole: float) -> float:
 
 
 def _modulus_near(loop: LinearLoop, angle: float, damping: float) -> float:
-    """Return the magnitude of the eigenvalue that is near the unit circle, computed by Newton's method."""
+    """Compute the magnitude of the closed-loop eigenvalue near the unit circle with Newton's method."""
     at, step = complex(angle), 1e-6 * angle
     with np.errstate(all="ignore"):  # where two eigenvalues meet, Newton's method may diverge
         for _ in range(5):
@@ -275,7 +275,7 @@ def _modulus_near(loop: LinearLoop, angle: float, damping: float) -> float:
 
 
 def _crossover_angles(loop: LinearLoop, angle: FloatArray, response: _Complex, poles: list[float]) -> list[float]:
-    """Return the angles at which the imaginary part of the open-loop frequency response rises through zero."""
+    """Return the angles omega T at which the imaginary part of the open-loop frequency response rises through zero."""
     # Only the angles of the smallest dampings are complete.
     rising = (
         _sign_changes(response)
@@ -296,7 +296,7 @@ def _crossover_angles(loop: LinearLoop, angle: FloatArray, response: _Complex, p
 
 
 def _sample_response(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Complex]:
-    """Return samples of the open-loop frequency response, so dense that its phase changes little between them.
+    """Return samples of the open-loop frequency response, so dense that the phase changes little between two samples.
 
     Angles at which P is too small for the smallest damping are not refined.
     """
@@ -326,12 +326,12 @@ def _sample_response(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, 
 
 
 def _sign_changes(response: _Complex) -> BoolArray:
-    """Return the intervals between samples in which the imaginary part of the open-loop response changes sign."""
+    """Return True for each interval between two samples in which the imaginary part of the response changes sign."""
     return np.asarray(np.signbit(response.imag[1:]) != np.signbit(response.imag[:-1]))
 
 
 def _is_relevant(response: _Complex) -> BoolArray:
-    """Return in which intervals of angles the open-loop response may be as large as at the stability limit."""
+    """Return True for each frequency interval whose response may be large enough to set the stability limit."""
     size = np.abs(response)
     crossing = _sign_changes(response) & (response.real[1:] < 0) & (response.real[:-1] < 0)
     largest = np.minimum(size[1:], size[:-1])[crossing].max(initial=0.0)
@@ -339,7 +339,7 @@ def _is_relevant(response: _Complex) -> BoolArray:
 
 
 def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
-    """Return which intervals of angles contain an undamped mode of the open loop."""
+    """Return True for each frequency interval that contains an undamped mode of the open loop."""
     # There, P changes its sign without a crossover.
     contains = np.zeros(len(angle) - 1, dtype=bool)
     for pole in poles:
@@ -350,7 +350,7 @@ def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
 def zero_between(
     function: Callable[[float], float], first: tuple[float, float], second: tuple[float, float], tolerance: float
 ) -> float:
-    """Find a zero of a function, which may jump, between two points with values of opposite signs."""
+    """Find a zero of a function, or a jump across zero, between two points where its signs differ."""
     # Chandrupatla's method: inverse quadratic interpolation, or bisection if it is unreliable (T. R. Chandrupatla,
     # Advances in Engineering Software 28 (1997) 145). SciPy's brentq would take 0.1 s to load.
     (b, at_b), (a, at_a), part = first, second, 0.5

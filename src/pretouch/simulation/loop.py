@@ -1,4 +1,4 @@
-"""Simulate encounters in the sampled loop of sensor chain, control law, robot and contact."""
+"""Simulate encounters of robot and object with the sampled loop of sensor, controller, robot and contact."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def simulate(
     horizon: float = HORIZON,
     follow_time: float = FOLLOW,
 ) -> SimulationResult:
-    """Simulate the sampled loop: the admittance L(1) moves the robot, and the virtual force L(2) follows from readings.
+    """Simulate the sampled control loop, in which the controller turns sensor readings into a motion of the robot.
 
     Obstacle, plant and reference start as in the scenario; its admittance is ignored, because the law has its own.
     Contact is the first zero of the distance. Within a step the distance is a cubic through both ends. A smallest

@@ -1,4 +1,4 @@
-"""Run the compiled C++ simulator of encounters, and collect its results.
+"""Run the compiled C++ simulation of the control loop, and collect its results.
 
 A compiled law is called by its address. A law in Python is called back, which costs some microseconds per step. An
 exception in such a law ends its runs and is raised again here.
@@ -189,19 +189,19 @@ def run_loop(
 
 
 def waiting_readings(chain: SensorChain, period: float) -> FloatArray:
-    """Return memory for all readings that may wait for delivery between two controller steps."""
+    """Allocate memory for all sensor readings that may wait at the same time for delivery to the controller."""
     # The number of rows is a power of two.
     waiting = int((chain.delay + _JITTERS * chain.jitter + chain.exposure + period) * chain.rate) + 8
     return np.empty((1 << (waiting - 1).bit_length(), _READING))
 
 
 def chain_structure(chain: SensorChain) -> ctypes.Structure:
-    """Return a sensor chain as a structure of the compiled simulation."""
+    """Return the parameters of a sensor as a C structure for the compiled simulation."""
     return _Chain(*chain.numbers())
 
 
 def curve_structure(sensor: SensorModel, farthest: float) -> tuple[ctypes.Structure, FloatArray]:
-    """Return the C structure of a sensor curve, and its table, which must exist as long as the structure.
+    """Return the C structure of a sensor curve, and its table, which must stay in memory as long as the structure.
 
     Beyond `farthest` [m], the output is 0.
     """
@@ -277,7 +277,7 @@ def _scene_of(s: Scenario) -> tuple[Any, ...]:
 
 
 def _columns(loop: Loop, columns: Sequence[Any]) -> FloatArray:
-    """Broadcast columns of inputs to all runs of a simulation and combine them into one matrix."""
+    """Combine inputs into one matrix with a row for each simulated run and a column for each input."""
     rows = np.empty((*loop.shape, len(columns)))
     for i, column in enumerate(columns):
         rows[..., i] = column
@@ -285,7 +285,7 @@ def _columns(loop: Loop, columns: Sequence[Any]) -> FloatArray:
 
 
 def _curves(loop: Loop, indices: IntArray) -> list[tuple[FloatArray, float, float, float]]:
-    """Tabulate each sensor curve of the runs, up to the farthest distance that may occur."""
+    """Tabulate each sensor curve of the simulated runs, up to the largest distance that may occur."""
     sensor_of, distance = loop.sensor_of.ravel(), np.broadcast_to(loop.scenario.distance, loop.shape).ravel()
     curves = []
     for index in indices:
@@ -299,7 +299,7 @@ def _curves(loop: Loop, indices: IntArray) -> list[tuple[FloatArray, float, floa
 
 @cache_by_curve(1024)  # the number of sensor samples of a robust design on a loop, or of a verdict
 def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
-    """Tabulate the log output ln xi densely enough for cubic interpolation with an error of 1e-12.
+    """Tabulate the log sensor output so densely that cubic interpolation has an error of 1e-12.
 
     Returns:
         Values of ln xi and its slopes times the step, shape (n, 2); the first distance and the step [m].
@@ -366,8 +366,8 @@ def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -
     sizes = {size for _, size in places}
     if len(sizes) != 1:
         raise InvalidInputError(
-            f"{name}: compiled laws with the same step function need the same size, but found sizes of "
-            f"{sorted(sizes)} bytes"
+            f"{name}: found blocks of {sorted(sizes)} bytes, but all compiled control laws with the same step "
+            "function need blocks of the same size"
         )
     size = sizes.pop()
     rows = np.zeros((len(parts), max(-(-size // 8), 1)))

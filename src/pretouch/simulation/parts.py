@@ -1,4 +1,4 @@
-"""Describe the sensor chains of commercial sensor components with values from data sheets."""
+"""Model commercial proximity sensors with values from their data sheets."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ _counts: Final = partial(SensorChain, delay=_READ, lowest=0.0, highest=65535.0, 
 
 
 def _ranging(rate: float) -> SensorChain:
-    """Return the chain of a time-of-flight sensor that ranges continuously at a rate [Hz]."""
+    """Return the model of a time-of-flight sensor that measures continuously at a given rate [Hz]."""
     return SensorChain(
         rate=rate,
         exposure=1 / rate,

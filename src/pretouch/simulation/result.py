@@ -89,7 +89,7 @@ def _refuse_endless_runs(loop: Loop) -> None:
     if waiting * chain.rate > _MOST_BUFFERED:
         raise InvalidInputError(
             f"chain delay: up to {waiting * chain.rate:.3g} sensor readings would wait for delivery, but at most "
-            f"{_MOST_BUFFERED:,} are allowed; reduce the delay, the exposure or the jitter, or the rate of "
+            f"{_MOST_BUFFERED:,} are allowed; reduce the delay, exposure or jitter of the sensor, or its rate of "
             f"{chain.rate:g} readings per second"
         )
 
@@ -97,9 +97,9 @@ def _refuse_endless_runs(loop: Loop) -> None:
 def _refuse(span: float, step: float, name: str, what: str) -> None:
     if not span / step <= _MOST_STEPS:
         raise InvalidInputError(
-            f"{name}: found {_time(span)}, which takes {span / step:.3g} steps of {what}, expected at "
-            f"most {_time(_MOST_STEPS * step)}, which takes {_MOST_STEPS:,} steps; reduce this time to "
-            "the longest possible duration of an encounter"
+            f"{name}: found a simulated time of {_time(span)}, which takes {span / step:.3g} steps of {what}; "
+            f"expected a time of at most {_time(_MOST_STEPS * step)}, which takes {_MOST_STEPS:,} steps; reduce "
+            "this time to the longest possible duration of an encounter"
         )
 
 
@@ -260,7 +260,7 @@ class SimulationResult(Value):
 
 
 def result_of(loop: Loop) -> SimulationResult:
-    """Simulate all encounters of a simulation and return the results."""
+    """Simulate all runs that the inputs describe, and return their results."""
     shape = loop.shape
     refuse_too_many_runs(math.prod(shape))
     out, touches, _, _ = run_loop(loop, np.arange(math.prod(shape)))

@@ -38,7 +38,7 @@ Row = tuple[str, Cell]
 
 
 class PlantModel(ABC):
-    """Model of a robot whose contact surface follows the virtual object and yields to a contact force.
+    """Model of a robot that follows the position commanded by the admittance and yields to a contact force.
 
     The equation of motion is m x'' = f - friction(x') - F_contact, where f follows k (x_v - x) + d_v x_v' - d_x x' +
     m_f x_v'' at the servo's rate. A user-defined plant implements `coefficients`. A robot with more states, such as
@@ -51,7 +51,7 @@ class PlantModel(ABC):
     """Its name in a scenario file."""
 
     def system(self) -> Any:
-        """Return the `StateSpace` of a linear robot; None for robots that `coefficients` describes completely."""
+        """Return the state-space model of a linear robot; None for a robot that `coefficients` describes completely."""
         return None
 
     @abstractmethod
@@ -60,7 +60,7 @@ class PlantModel(ABC):
         # The order is m, k, d_v, d_x, m_f, rate of the servo (0: no lag), Coulomb friction, friction speed.
 
     def rows(self) -> Iterator[Row]:
-        """Yield table rows with the parameters of the robot; by default, these are all coefficients."""
+        """Yield table rows with the parameters of the robot; by default, all values that `coefficients` returns."""
         yield "robot", type(self).__name__
         for (label, unit), value in zip(_WORDS.values(), self.coefficients(), strict=True):
             yield label, Measured(value, unit)
@@ -68,9 +68,9 @@ class PlantModel(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdealPlant(PlantModel):
-    """An ideal robot without mass, which follows the virtual object exactly, as Section II of the letter assumes.
+    """An ideal robot without mass, which follows the commanded position exactly.
 
-    The position of the plant is that of the virtual object, x = x_v.
+    The position of the plant is that of the virtual object, x = x_v, as Section II of the letter assumes.
 
     It has no physical mass and no contact force, so a run ends at contact.
     """
@@ -88,7 +88,7 @@ class IdealPlant(PlantModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImpedancePlant(PlantModel):
-    """A robot with mass and impedance controller, with friction and with a force controller of finite bandwidth.
+    """An impedance-controlled robot with mass, friction and a force controller of finite bandwidth.
 
     Args:
         mass: the *physical* reflected mass at the contact point m > 0 [kg], not the virtual mass M_a.
@@ -153,7 +153,7 @@ class ImpedancePlant(PlantModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionPlant(PlantModel):
-    """A position-controlled robot, which follows the virtual object with second-order dynamics.
+    """A position-controlled robot, which follows the commanded position with second-order dynamics.
 
     The equation of motion is x'' = w^2 (x_v - x) - 2 zeta w x'.
 
@@ -213,7 +213,7 @@ def checked_numbers(model: object, values: tuple[float, ...], names: tuple[str, 
 
 
 def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the linear system from virtual force to position: admittance L(1) and robot, without Coulomb friction.
+    """Return the linear system from virtual force to robot position: admittance and robot without Coulomb friction.
 
     Returns:
         A, B and C of s' = A s + B F_p, x = C s. The state s has the virtual position and velocity, then position,
@@ -287,7 +287,7 @@ class ContactModel(ABC):
 
     @abstractmethod
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping and exponent of the contact force, and one divided by the mass of the obstacle."""
+        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
         # The fourth number says whether damping grows with depth.
 
     def rows(self) -> Iterator[Row]:
@@ -297,7 +297,7 @@ class ContactModel(ABC):
         yield "obstacle", "driven: it does not yield" if driven else f"of {format_quantity(self.obstacle_mass, 'kg')}"
 
     def force_rows(self) -> Iterator[Row]:
-        """Yield table rows with the parameters of the contact force; by default, these are all coefficients."""
+        """Yield table rows with the parameters of the contact force; by default, stiffness, exponent and damping."""
         stiffness, damping, exponent, grows, _ = self.numbers()
         yield "contact", type(self).__name__
         yield "stiffness", Measured(stiffness, "N/m^n")
@@ -338,7 +338,7 @@ class HuntCrossley(ContactModel):
             raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1")
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping and exponent of the contact force, and one divided by the mass of the obstacle."""
+        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
         return self.stiffness, self.dissipation * self.stiffness, self.exponent, True, 1 / self.obstacle_mass
 
     def force_rows(self) -> Iterator[Row]:
@@ -374,7 +374,7 @@ class SpringDamper(ContactModel):
     damping: float = quantity("N*s/m", 0.0, sign="nonnegative")
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping and exponent of the contact force, and one divided by the mass of the obstacle."""
+        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
         return self.stiffness, self.damping, 1.0, False, 1 / self.obstacle_mass
 
     def force_rows(self) -> Iterator[Row]:

@@ -1,4 +1,4 @@
-"""Run a sensor chain by itself, for robots whose motion is simulated elsewhere."""
+"""Simulate a proximity sensor alone, for robots whose motion another program simulates."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _deliver: Final = kernel("sensor_deliver", POINTER, DOUBLE, POINTER, POINTER, re
 
 
 class SensorRun:
-    """One run of a sensor chain, which converts distances to readings in the same way as `simulate`.
+    """One simulated run of a sensor, which converts distances to readings in the same way as `simulate`.
 
     Args:
         chain: the sensor chain.
@@ -79,9 +79,9 @@ class SensorRun:
         return self._values[1].value
 
     def look(self, distance: float) -> None:
-        """Pass the distance [m] at the time `next` to the sensor."""
+        """Give the sensor the distance [m] to the object at the time that `next` returns."""
         _look(self._place, distance)
 
     def deliver(self, time: float) -> bool:
-        """Deliver the newest reading that is available at a time [s], and return True if it is a new one."""
+        """Deliver the newest reading available at a given time [s]; return True if it was not delivered before."""
         return bool(_deliver(self._place, time, byref(self._values[0]), byref(self._values[1])))

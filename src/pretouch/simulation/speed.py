@@ -1,4 +1,4 @@
-"""Compute the highest approach speed at which a loop with a virtual drag is stable and reacts in time."""
+"""Compute the highest approach speed at which a control loop with a virtual drag is stable and reacts in time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LAG: Final = 0.25  # allowed motion within the lag, in detection distances; a d
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedLimit(Value):
-    """The approach speeds up to which a loop with virtual drag is stable, and up to which the loop reacts in time.
+    """Two limits of the approach speed with a virtual drag: one for a stable loop, one for a timely reaction.
 
     Args:
         stable: the approach speed v above which 2 phi g^2 |l'| exceeds the largest stable damping at some distance
@@ -51,7 +51,7 @@ def speed_limit(
     detection_distance: float,
     plant: PlantModel | None = None,
 ) -> SpeedLimit:
-    """Find the approach speeds up to which a loop with virtual drag is stable, and up to which it reacts in time.
+    """Find the highest approach speeds at which a loop with virtual drag is stable, and at which it reacts in time.
 
     Args:
         sensor: the sensor curve.

@@ -1,4 +1,4 @@
-"""Compute the largest stable gain of the sampled loop, and the lowest sensor rate at which a gain is stable."""
+"""Compute the strongest stable gain of a sampled control loop, and the lowest sensor rate that a gain needs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _FASTEST: Final = 1e6  # Hz: no proximity sensor is faster, and long forces woul
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DampingLimit(Value):
-    """The largest damping of the virtual force with which the sampled loop is stable.
+    """The largest virtual damping with which the sampled control loop is stable.
 
     The damping d, such as D_p g, does not depend on the distance.
 
@@ -56,7 +56,7 @@ class DampingLimit(Value):
 
     @property
     def is_certified(self) -> bool:
-        """True if eigenvalues confirm that the loop is stable below the limit and unstable above the limit."""
+        """True if the eigenvalues confirm a stable loop just below the limit and an unstable loop just above it."""
         if self.damping == 0:
             return self.radius_above > 1
         return self.radius_below < 1 < self.radius_above or math.isinf(self.damping)
@@ -64,7 +64,7 @@ class DampingLimit(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainLimit(Value):
-    """The strongest gain of a control law with which the sampled loop is stable, at each distance.
+    """The strongest gain with which the sampled control loop is stable, for each distance to the object.
 
     Args:
         distance: l [m], shape (n,).
@@ -113,16 +113,16 @@ class GainLimit(Value):
         n, unit = self.law.number, pretty_unit(self.law.number.unit)
         strongest = n.sign * self.allowed(margin)
         if not 0 < n.sign * finite(weakest, "weakest", n.unit) < n.sign * strongest:
+            found, most = f"{weakest:g} {unit}", f"{strongest:g} {unit}"
             raise InvalidInputError(
-                f"weakest: found {weakest:g} {unit}, expected a value between 0 and {strongest:g} {unit}, "
-                f"which is the strongest {n.name} with the required gain margin; a faster sensor allows a "
-                f"stronger {n.name}"
+                f"weakest: found {found}, expected a value between 0 and {most}, which is the strongest {n.name} with "
+                f"the required gain margin; a faster sensor allows a stronger {n.name}"
             )
         return min(strongest, weakest), max(strongest, weakest)
 
 
 def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
-    """Return distances [m] from contact to the farthest start, within the usable range of the sensor."""
+    """Return equally spaced distances [m] from contact to the start, within the usable range of the sensor."""
     low, high = sensor.valid_range
     first = max(low, 0.0)
     return np.linspace(first, max(min(farthest, high), first), _PLACES)
@@ -131,7 +131,7 @@ def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
 def passage(
     law: ContinuousLaw, scenario: Scenario, sensor: SensorModel, value: float, farthest: float
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Return the distances [m] that an encounter covers, and relative velocities if the damping depends on them."""
+    """Return the distances [m] of an encounter, and the relative velocities if the law's damping depends on them."""
     if law.degree == 1:
         return passed_distances(sensor, farthest), None
     motion = law.motion(scenario, sensor, value)
@@ -140,7 +140,7 @@ def passage(
 
 @check_arguments
 def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantModel | None = None) -> DampingLimit:
-    """Find the largest virtual damping d, such as D_p g, with which the sampled loop with admittance L(1) is stable.
+    """Find the largest virtual damping d [N s/m] with which the sampled loop of admittance and robot is stable.
 
     The linear loop is discretized exactly. Its eigenvalues reach the unit circle where 1 + d P(z) = 0 with P real and
     negative. The phase crossover of P with the smallest d is the limit, and the eigenvalues of the closed loop below
@@ -195,7 +195,7 @@ def gain_limit(
     law: ContinuousLaw = DAMPER,
     relative_velocity: ArrayLike | None = None,
 ) -> GainLimit:
-    """Find the strongest gain with which the sampled loop is stable, linearized at each distance of an encounter.
+    """Find, for each distance of an encounter, the strongest gain with which the linearized loop is stable.
 
     By default it is the gain D_p of the admittance L(1) with the virtual force L(2). For any law with a force
     proportional to its gain, it is the largest damping over the damping of the gain 1. An active drag suspends spring
@@ -231,7 +231,7 @@ def gain_limit(
 def _linearize(
     law: ContinuousLaw, sensor: SensorModel, admittance: Admittance, distance: ArrayLike, relative_velocity: Any
 ) -> tuple[FloatArray, FloatArray, Admittance]:
-    """Return the distances [m], the damping of the law at each distance for a gain of 1, and the active admittance."""
+    """Return the distances [m], the virtual damping at each distance for a gain of 1, and the active admittance."""
     # A law with unknown damping is refused.
     distances = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
     slope = np.abs(np.asarray(sensor.log_slope(distances)))
@@ -239,13 +239,13 @@ def _linearize(
     damping_of_one = np.abs(law.damping(1.0, -slope, velocity))
     if np.isnan(damping_of_one).any() and relative_velocity is None:
         raise InvalidInputError(
-            "relative_velocity: give the relative velocity l' [m/s] at each distance, because the damping by the "
-            f"law {law.kind} depends on it"
+            "relative_velocity: give the relative velocity l' [m/s] at each distance, because the damping of the "
+            f"control law {law.kind} depends on this velocity"
         )
     if np.isnan(damping_of_one).any():
         raise InvalidInputError(
-            f"law: the damping by the law {law.kind} is unknown (NaN) at some distances, but must be a number at "
-            "every distance"
+            f"law: the damping of the control law {law.kind} is unknown (NaN) at some distances, but must be a number "
+            "at every distance"
         )
     active = (
         replace(admittance, damping=0.0, stiffness=0.0) if getattr(law, "suspends_admittance", False) else admittance
@@ -302,8 +302,8 @@ def lowest_rate(
     number = law.number
     if not finite(gain, "gain", number.unit) * number.sign > 0:
         raise InvalidInputError(
-            f"gain: found {format_quantity(gain, number.unit)}, which does not mitigate the impact; expected a "
-            f"{number.mitigating} value"
+            f"gain: found {format_quantity(gain, number.unit)}, which does not mitigate the impact; values that "
+            f"mitigate it are {number.mitigating}"
         )
     _, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
     required = np.asarray(positive(margin, "margin")) * abs(gain) * float(damping_of_one.max())
@@ -333,7 +333,7 @@ def lowest_rate(
 
 
 def _last_change(spare: Callable[[float], float], top: float) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Return the highest interval below `top` in which the sign of a function changes.
+    """Return the interval in which a function changes its sign at the highest argument below `top`.
 
     If a minimum between three points of the scan may be negative, it is searched for.
     """

@@ -24,10 +24,10 @@ _ERROR: Final = 1e-9  # largest relative rounding of a condition on the matrices
 
 @dataclass(frozen=True, kw_only=True)
 class StateSpace:
-    """A linear robot w' = A w + B u, x = C w, with the states w and the inputs u = (x_v, x_v', x_v'', F).
+    """A linear robot w' = A w + B u, x = C w, with states w, position x, and commanded motion and force as inputs u.
 
-    x is the position of the contact surface. x_v is the position of the virtual object that the robot follows, and F a
-    force on the contact surface in the direction of x. All numbers are SI.
+    The inputs are u = (x_v, x_v', x_v'', F): x_v is the position of the virtual object that the robot follows, and F a
+    force on the contact surface in the direction of x. x is the position of the contact surface. All numbers are SI.
 
     Args:
         states: the names of the n states.
@@ -60,8 +60,8 @@ class StateSpace:
         jumps = np.abs(self.arrays[2] @ self.arrays[1])
         if (jumps > _ERROR * np.abs(self.arrays[1]).max() * np.abs(self.arrays[2]).max()).any():
             raise InvalidInputError(
-                f"b: the input {_INPUTS[int(jumps.argmax())]} acts directly on the velocity, but must act on the "
-                "acceleration (C B = 0); add the lag of the drive"
+                f"b: the input {_INPUTS[int(jumps.argmax())]} changes the robot's velocity directly, but may change "
+                "only its acceleration (C B = 0); add the lag of the drive to the model"
             )
         if not self.inverse_mass > 0:
             raise InvalidInputError(
@@ -83,7 +83,7 @@ class StateSpace:
 
     @cached_property
     def steady(self) -> FloatArray:
-        """The steady states at the position x = 1 m, and at a velocity of 1 m/s at x = 0, with the shape (n, 2)."""
+        """Two steady states, shape (n, 2): at rest at x = 1 m, and moving at 1 m/s through x = 0."""
         a, b, c = self.arrays
         rest = _solved(a, c, -b[:, 0], 1.0, "a virtual object at rest")
         moving = _solved(a, c, rest - b[:, 1], None, "a virtual object of constant velocity")
@@ -117,7 +117,7 @@ def _solved(a: FloatArray, c: FloatArray, right: FloatArray, output: float | Non
     error = np.abs(rows @ found - values) / scale
     if error.max() > _ERROR * max(1.0, float(np.abs(found).max())):
         raise InvalidInputError(
-            f"a: the position of the robot model does not follow {what}; check the signs and units of A and B"
+            f"a: the robot model does not follow its commanded motion, {what}; check the signs and units of A and B"
         )
     return np.asarray(found)
 
@@ -141,7 +141,7 @@ class LinearPlant(PlantModel):
         """Return the state-space model of the robot."""
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return the coefficients of a robot without drive, with the mass [kg] that a contact force accelerates."""
+        """Return coefficients that contain only the mass [kg]; the state-space model describes the rest."""
         numbers = dict.fromkeys(COEFFICIENTS, 0.0) | {"mass": 1 / self.system().inverse_mass, "friction_speed": 1.0}
         return tuple(numbers.values())
 

@@ -1,4 +1,4 @@
-"""Answer requests of the page: describe a scenario, fit a curve, solve uncertain encounters and simulate runs."""
+"""Answer requests of the studio page: read scenarios, fit curves, sample uncertain encounters, simulate runs."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def describe_scenario(files: OpenedFiles, text: str) -> dict[str, Any]:
 
 
 def ratio_of_drag(task: Task) -> str:
-    """Return the ratio of contact speed to approach speed of the drag that has the required effect."""
+    """Return contact speed divided by approach speed, for the virtual drag with the effect that the task requires."""
     from pretouch.design import design_drag  # noqa: PLC0415
 
     contact = design_drag(task).result.contact
@@ -69,7 +69,7 @@ def ratio_of_drag(task: Task) -> str:
 
 
 def texts_of(document: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield the values of the sections that the page shows, as texts or lists of texts."""
+    """Yield the values of a scenario that the page shows, as texts or lists of texts."""
     for section in SECTIONS:
         for key, value in document.get(section, {}).items():
             if isinstance(value, list) and not any(isinstance(part, dict) for part in value):
@@ -79,7 +79,7 @@ def texts_of(document: dict[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _fixed(task: Task, document: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Return sensor curve, objective terms and limits that only Python can compute, and notes on all ignored parts."""
+    """Return the parts of a scenario that only Python can compute, and notes on the parts that the page ignores."""
     from pretouch.design.problem import GainProblem  # noqa: PLC0415
     from pretouch.design.search import GainAxis  # noqa: PLC0415
     from pretouch.design.search.compiled import limit_rows, supported_terms  # noqa: PLC0415
@@ -113,7 +113,7 @@ def change_scenario(text: str, changes: dict[str, Any]) -> dict[str, Any]:
 
 
 def read_readings(files: OpenedFiles, name: str) -> dict[str, Any]:
-    """Return the readings of an uploaded calibration file, and the fit of the best curve to the usable range."""
+    """Return the readings of an uploaded calibration file, and the sensor curve that fits their usable range best."""
     from pretouch.calibration import read_calibration  # noqa: PLC0415 - SciPy, only when needed
 
     calibration = read_calibration(files.file(name))
@@ -128,7 +128,7 @@ def read_readings(files: OpenedFiles, name: str) -> dict[str, Any]:
 
 
 def fit_readings(files: OpenedFiles, name: str, window: tuple[float, float] | None) -> dict[str, Any]:
-    """Fit the best sensor curve to the readings between two distances [m], or without a window to the usable range."""
+    """Fit the best sensor curve to the readings in a window of distances [m], or by default in the usable range."""
     from pretouch.calibration import rank_models, read_calibration  # noqa: PLC0415
 
     calibration = read_calibration(files.file(name))
@@ -141,14 +141,14 @@ def fit_readings(files: OpenedFiles, name: str, window: tuple[float, float] | No
 
 
 def _cut(calibration: Calibration, near: float, far: float) -> Calibration:
-    """Return the readings between two distances [m], and all readings without an object."""
+    """Return the calibration readings between two distances [m], and all readings without an object."""
     from pretouch.calibration import Calibration as Readings  # noqa: PLC0415
 
     inside = (calibration.distances >= near - 1e-12) & (calibration.distances <= far + 1e-12)
     if np.unique(calibration.distances[inside]).size < 3:
         raise InvalidInputError(
-            f"window: found {np.unique(calibration.distances[inside]).size} distances from {1e3 * near:.4g} mm to "
-            f"{1e3 * far:.4g} mm, expected at least 3; make the window wider"
+            f"window: found {np.unique(calibration.distances[inside]).size} different distances between "
+            f"{1e3 * near:.4g} mm and {1e3 * far:.4g} mm, expected at least 3; make the window wider"
         )
     return Readings(
         distances=calibration.distances[inside],
@@ -159,7 +159,7 @@ def _cut(calibration: Calibration, near: float, far: float) -> Calibration:
 
 
 def _fit_as_dict(fit: SensorFit, verdict: str) -> dict[str, Any]:
-    """Return the data of a fit that the page draws, and the keys of a scenario file that describe the curve."""
+    """Return the data of a sensor fit that the page draws, and the scenario keys that describe the fitted curve."""
     sensor, window = fit.sensor, fit.window
     drawn = np.linspace(window.l_min, window.l_max, _POINTS)
     fields = {f"sensor.{name}": text for name, text in parameters_of(sensor).items()}
@@ -223,7 +223,7 @@ def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:
 
 
 def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | None = None) -> dict[str, Any]:
-    """Simulate one encounter on the sampled loop with sensor noise, and return its motion until contact."""
+    """Simulate one encounter with sampled controller and sensor noise, and return the motion until contact."""
     from dataclasses import replace  # noqa: PLC0415
 
     from pretouch.config import load_scenario  # noqa: PLC0415
@@ -254,5 +254,5 @@ def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | 
 
 
 def message_of(error: PretouchError, folder: Path) -> str:
-    """Return the message of an error for the page, without the folder of temporary files."""
+    """Return the message of an error for the page, without the name of the temporary folder."""
     return str(error).replace(f"{folder}/", "").replace("upload-", "")

@@ -43,7 +43,7 @@ _HEADERS: Final = {
 
 
 class _RefusedRequestError(Exception):
-    """Raised for a request that the server does not answer.
+    """Error for a request that the server refuses to answer.
 
     Args:
         status: the HTTP status code.
@@ -100,7 +100,7 @@ class Application:
         self.files.close()
 
     def _check(self, request: Any, token: str) -> None:
-        """Raise an error for a request with a foreign host or origin, or without the token."""
+        """Raise an error for a request with a foreign host or origin, or without the valid token."""
         host = request.headers.get("host", "")
         if host not in self._hosts:
             raise _RefusedRequestError(421, "host: this server answers only as 127.0.0.1 or localhost")
@@ -212,7 +212,7 @@ class _Asked:
         self._values = values
 
     def of(self, name: str, kind: type) -> Any:
-        """Return an argument, and raise an error if it has another type; an integer also counts as a float."""
+        """Return an argument of the request, or raise an error if its type is wrong; an integer counts as float."""
         value = self._values.get(name)
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
@@ -222,22 +222,22 @@ class _Asked:
 
     @property
     def text(self) -> str:
-        """The scenario file."""
+        """The text of the scenario file in the request."""
         return str(self.of("text", str))
 
     @property
     def gain(self) -> float | None:
-        """The requested gain or drag; None for that of the scenario or, if it has none, the designed one."""
+        """The gain or drag in the request; None for the one in the scenario, or else for the designed one."""
         return None if self._values.get("gain") is None else float(self.of("gain", float))
 
     @property
     def seed(self) -> int | None:
-        """The seed of the noise; None for the seed in the scenario."""
+        """The seed of the simulated noise; None for the seed in the scenario."""
         return None if self._values.get("seed") is None else int(self.of("seed", int))
 
     @property
     def window(self) -> tuple[float, float] | None:
-        """The window as two distances [m]; None for the usable range that pretouch finds."""
+        """The two distances [m] between which a curve is fitted; None for the usable range that pretouch finds."""
         if self._values.get("window") is None:
             return None
         ends = self.of("window", list)
@@ -248,7 +248,10 @@ class _Asked:
 
 async def _body(request: Any, most: int) -> bytes:
     """Return the body of a request, unless it is too large."""
-    message = f"upload: more than {most / 1e6:g} MB; reduce the file, for example by averaging repeated readings"
+    message = (
+        f"upload: found more than {most / 1e6:g} MB of data, which is the limit; reduce the file, for example by "
+        "averaging repeated readings"
+    )
     declared = request.headers.get("content-length", "0")
     if declared.isdigit() and int(declared) > most:
         raise _RefusedRequestError(413, message)

@@ -36,9 +36,11 @@ def describe_curve(sensor: SensorModel, distance: float) -> dict[str, Any]:
         return {"model": curve.name, "recess": recess, "maximum_distance": largest, **curve.parameters}
     if distance > LARGEST_START or low > 0:
         if low > 0:
-            reason = f"the curve of this sensor is valid only from {low:g} m on, but must be valid down to contact"
+            reason = f"this sensor curve is valid only at distances from {low:g} m, but must be valid down to contact"
         else:
-            reason = f"the encounter starts at {distance:g} m, but must start at {LARGEST_START:g} m or less"
+            reason = (
+                f"the encounter starts at a distance of {distance:g} m, but the page allows at most {LARGEST_START:g} m"
+            )
         return {"model": curve.name, "unusable": reason}
     reach = min(reach_to(distance), high)
     top, open_ended = next(curve_tops(sensor, max(low, 0.0), reach, _RANGE * reach))

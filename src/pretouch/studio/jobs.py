@@ -26,7 +26,7 @@ _GRACE: Final = 2.0  # time until a canceled process that has not ended is kille
 
 @dataclass(slots=True)
 class Job:
-    """A computation in a separate process.
+    """A computation of the studio that runs in a separate process.
 
     Args:
         verb: the computation, one of VERBS.
@@ -53,7 +53,7 @@ class Job:
 
 
 class Jobs:
-    """All jobs of a running studio.
+    """All computations that a running studio has started.
 
     Args:
         folder: a folder for the files of the jobs.
@@ -84,7 +84,7 @@ class Jobs:
         with self._lock:
             if sum(job.state == "running" for job in self._jobs.values()) >= _MOST:
                 raise InvalidInputError(
-                    f"jobs: {_MOST} computations are running, which is the largest allowed number; wait until one has "
+                    f"jobs: {_MOST} computations are already running, and no more are allowed; wait until one has "
                     "finished, or cancel one"
                 )
             name = secrets.token_hex(8)
@@ -102,7 +102,7 @@ class Jobs:
         return name
 
     def _listen(self, job: Job) -> None:
-        """Read the messages of a process until it ends."""
+        """Read the messages of the process of a job until the process ends."""
         try:
             while True:
                 kind, content = job.receiver.recv()
@@ -133,7 +133,7 @@ class Jobs:
             _end(job.process)
 
     def close(self) -> None:
-        """End all processes."""
+        """End the processes of all jobs."""
         for job in self._jobs.values():
             _end(job.process)
 
@@ -188,7 +188,7 @@ def _compute(verb: str, file: Path, gain: float | None, folder: Path, sender: Co
 
 
 def _sweep(task: Any, sender: Connection) -> dict[str, Any]:
-    """Compute contacts, or optimal gains, over speeds from a quarter to twice the approach speed of the encounter."""
+    """Compute contacts or optimal gains for object velocities from 0.25 to 2 times the velocity in the scenario."""
     import numpy as np  # noqa: PLC0415
 
     from pretouch.sweeps import sweep  # noqa: PLC0415
@@ -212,7 +212,7 @@ def _sweep(task: Any, sender: Connection) -> dict[str, Any]:
 
 
 def _export(task: Any, folder: Path) -> dict[str, Any]:
-    """Verify the law, write it as C source, and pack the files."""
+    """Verify the control law, write it as C source code, and pack the files into a ZIP archive."""
     from datetime import UTC, datetime  # noqa: PLC0415
 
     from pretouch.export import export_law  # noqa: PLC0415

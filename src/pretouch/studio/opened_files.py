@@ -49,7 +49,7 @@ class OpenedFiles:
         self._folder.cleanup()
 
     def _allow_files(self, text: str, folder: Path) -> None:
-        """Allow access to the files that a scenario file of the user names."""
+        """Allow access to the files whose names are in the scenario file of the user."""
         try:
             document = tomllib.loads(text)
         except tomllib.TOMLDecodeError:
@@ -121,7 +121,7 @@ class OpenedFiles:
 
 
 def _names(document: Any) -> Iterator[tuple[str, str, str]]:
-    """Yield section, key and value of every key that names a file."""
+    """Yield section, key and file name for every key of a scenario that names a file."""
     for section, key in _FILE_KEYS:
         table = document.get(section)
         name = table.get(key) if isinstance(table, dict) else None
@@ -178,7 +178,7 @@ def change_text(text: str, changes: dict[str, Any]) -> str:
 
 
 def _move_distribution(distribution: Any, before: Any, after: Any, name: str) -> None:
-    """Add the change of a value to the locations of its distribution, in place."""
+    """Shift the distribution of an uncertain input by the change of its nominal value, in place."""
     unit = SCENARIO_INPUTS[name]
     read = partial(to_si, unit=unit, name=name, bare_text=True)
     try:
@@ -192,7 +192,7 @@ def _move_distribution(distribution: Any, before: Any, after: Any, name: str) ->
 
 
 def _like(before: Any, value: Any) -> Any:
-    """Return a value as a TOML item, a number if it has no unit; the item keeps the comment of the old value."""
+    """Convert a value to a TOML item with the comment of the old value; a text without a unit becomes a number."""
     tomlkit = require("tomlkit", extra="studio")
     if isinstance(value, list):
         item = tomlkit.array()

@@ -118,7 +118,7 @@ def _page_style() -> str:
 
 
 def _figure_style() -> str:
-    """Return the style of figures in another document; the colors also follow the light and dark themes of Furo."""
+    """Return the CSS of live figures in other documents, with colors for light and dark themes, such as Furo's."""
     light, dark = _colors()
     own = ".pretouch-figure"
     return "\n".join(
@@ -148,13 +148,13 @@ def _escaped(text: str) -> str:
 
 @lru_cache(maxsize=1)
 def _data() -> dict[str, Any]:
-    """Return the compiled core, compressed with gzip and encoded as base64, and the table of units."""
+    """Return the data of the page: its compiled core, packed with gzip and base64, and the table of units."""
     try:
         content = CORE.read_bytes()
     except FileNotFoundError:
         raise BrokenCoreError(
             f"the page of pretouch studio cannot be used, because the file {CORE.name} in the folder {CORE.parent} is "
-            f"missing: {BUILD_CORE}"
+            f"missing; to build the file, {BUILD_CORE}"
         ) from None
     packed = gzip.compress(content, compresslevel=9, mtime=0)
     return {"core": base64.b64encode(packed).decode(), "units": unit_tables()}

@@ -22,7 +22,7 @@ _KINDS: Final = {"excursion", "time"}
 
 
 def scenario_of_page(file: Path) -> dict[str, Any]:
-    """Read a scenario file for a page without server.
+    """Read a scenario file, and return its values for a page that runs without a server.
 
     A calibrated sensor gets the parameters of its fitted curve, because the page cannot fit.
 
@@ -44,8 +44,8 @@ def scenario_of_page(file: Path) -> dict[str, Any]:
     reason = next(_obstacles(task, document), None)
     if reason is not None:
         raise InvalidInputError(
-            f"{file}: a page without server cannot compute this scenario, because {reason}. Leave out --output to use "
-            f"the page with its server: pretouch studio {file}"
+            f"{file}: a page without server cannot compute this scenario, because {reason}. To use the page with its "
+            f"server, leave out the option --output: pretouch studio {file}"
         )
     fields = dict(texts_of(document))
     notes = [f"This page starts with the scenario of {file.name}."]
@@ -57,7 +57,7 @@ def scenario_of_page(file: Path) -> dict[str, Any]:
         fields = {**_without("law", fields), "law.kind": "virtual-drag", "law.ratio": ratio}
     unused = [f"[{name}]" for name in document if name not in SECTIONS]
     if unused:
-        notes.append(f"It does not use {', '.join(unused)}, and the button Scenario file does not write them.")
+        notes.append(f"The page ignores the sections {', '.join(unused)}, and the button Scenario file omits them.")
     key = hashlib.sha256(repr(fields).encode()).hexdigest()[:16]
     return {"title": file.name, "key": key, "fields": fields, "note": " ".join(notes)}
 
@@ -66,25 +66,25 @@ def _obstacles(task: Task, document: dict[str, Any]) -> Iterator[str]:
     """Yield the reasons why the page cannot compute a scenario without Python."""
     curve = task.sensor.bare[0]
     if type(curve) not in IN_THE_PAGE:
-        yield f"it computes inverse power and exponential curves only, and the sensor curve is {curve.name}"
+        yield f"the page computes only inverse power and exponential sensor curves, and this curve is {curve.name}"
     if task.sensor.valid_range[0] > 0:
         yield "the sensor curve does not extend down to contact"
     if "model" in document.get("robot", {}):
         yield "[robot] names a robot model"
     if task.scenario.obstacle.course or task.scenario.reference.acceleration:
-        yield "it computes only objects without a course and references without an acceleration"
+        yield "the page computes only objects without a course and references without an acceleration"
     if task.is_admittance_free:
         yield "the admittance has bounds"
     if task.law not in (DAMPER, DRAG):
-        yield f"it computes virtual dampers and virtual drags only, and the law is {task.law.kind}"
+        yield f"the page computes only virtual dampers and virtual drags, and this control law is {task.law.kind}"
     objective = document.get("objective", {})
     if task.drag_effect is None and (task.law == DRAG or task.bounds is None or not objective):
-        yield "it needs [objective] and [gain] with bounds, or a virtual drag with an effect such as ratio"
+        yield "the page needs [objective] and [gain] with bounds, or a virtual drag with an effect such as ratio"
     elif task.drag_effect is None and (objective.get("kind") not in _KINDS or "force_scale" in objective):
-        yield 'it computes the objectives "excursion" and "time" with a velocity_scale only'
+        yield 'the page computes only the objectives "excursion" and "time" with a velocity_scale'
     others = [constraint.name for constraint in task.limits if constraint.name not in LIMITS]
     if others:
-        yield f"it computes the limits {', '.join(LIMITS)} only, and [constraints] has {', '.join(others)}"
+        yield f"the page computes only the limits {', '.join(LIMITS)}, and [constraints] has {', '.join(others)}"
 
 
 def _fitted_curve(task: Task) -> dict[str, Any]:

@@ -69,6 +69,6 @@ def _listener(port: int) -> Any:
     except OSError as error:
         listener.close()
         raise InvalidInputError(
-            f"port: {port} cannot be used ({error.strerror or error}); choose another port, or leave out --port"
+            f"port: port {port} cannot be used ({error.strerror or error}); choose another port, or leave out --port"
         ) from None
     return listener

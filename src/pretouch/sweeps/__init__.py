@@ -1,4 +1,4 @@
-"""Solve encounters or find optimal gains over a grid of inputs, in parallel and with the option to resume."""
+"""Solve encounters or find optimal gains on a grid of input values, in parallel; interrupted runs can be resumed."""
 
 from .axes import Axes, Axis
 from .executors import Progress

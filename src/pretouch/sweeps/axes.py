@@ -1,4 +1,4 @@
-"""Define the axes of a sweep, which are inputs of a task that vary over a grid."""
+"""Define the axes of a parameter sweep: the inputs that vary, and their values."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _IMPACT_UNITS: Final = {
 
 
 def with_input(task: Task, name: str, value: float) -> Task:
-    """Return a copy of the task in which an input of sensor, impact, constraints or objective has a new value."""
+    """Return a copy of the task with a new value of one input, such as a sensor parameter or a limit."""
     part, _, rest = name.partition(".")
     if part == "sensor":
         return replace(task, sensor=sensor_with(task.sensor, {rest: value}))
@@ -75,7 +75,7 @@ Axes: TypeAlias = Mapping[str, ArrayLike | Mapping[str, ArrayLike]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis(Value):
-    """One dimension of the grid of a sweep: one input, or several inputs with paired values.
+    """One axis of a sweep grid: the values of one input, or the values of several inputs that change together.
 
     Args:
         name: name of the dimension: an input, or a custom name such as `sample`.
@@ -92,7 +92,7 @@ class Axis(Value):
 
     @property
     def looped(self) -> bool:
-        """True if each value of this axis needs a separate call of the solver, as for sensor parameters."""
+        """True if each value of this sweep axis needs a separate call of the solver, as for sensor parameters."""
         return any(name not in ENCOUNTER_INPUTS for name in self.columns)
 
     def at(self, which: slice | FloatArray | Any) -> Axis:
@@ -122,8 +122,8 @@ def _axis(name: str, values: Any, units: Mapping[str, str]) -> Axis:
         return Axis(name=name, columns={name: _values(name, values, units)})
     if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in units:
         raise InvalidInputError(
-            f"axes: found {name!r} as the name of an axis of paired inputs, expected letters, digits and "
-            "underscores that are not the name of an input, such as 'sample'"
+            f"axes: found {name!r} as the name of an axis of paired inputs, expected a new name of letters, digits "
+            "and underscores, such as 'sample'"
         )
     columns = {str(member): _values(str(member), column, units) for member, column in values.items()}
     lengths = {member: len(column) for member, column in columns.items()}
@@ -189,12 +189,13 @@ def read_axis(text: str, units: Mapping[str, str]) -> tuple[str, FloatArray]:
     count = int(parts[2]) if parts[2].isdecimal() and len(parts[2]) < _DIGITS else 0
     if not 1 <= count <= _MOST:
         raise InvalidInputError(
-            f"--axis: found {parts[2]!r} as the number of values of {name}, expected a whole number from 1 to {_MOST:,}"
+            f"--axis: found {parts[2]!r} as the number of values of the input {name}, expected a whole number from 1 "
+            f"to {_MOST:,}"
         )
     if not parts[3:]:
         return name, np.linspace(start, stop, count)
     if not start * stop > 0:
         raise InvalidInputError(
-            f"--axis: found {text!r}, but logarithmic spacing needs two ends of the same sign that are not zero"
+            f"--axis: found {text!r}, but logarithmic spacing needs nonzero start and stop values of the same sign"
         )
     return name, np.geomspace(start, stop, count)

@@ -71,7 +71,7 @@ def _digest(value: dict[str, Any]) -> str:
 
 
 def make_dataset(plan: Grid, columns: Mapping[str, Any]) -> xr.Dataset:
-    """Make a dataset on the grid of a sweep; without results, the dataset contains only the axes."""
+    """Create an xarray dataset with the axes of a sweep and with its results, if there are results."""
     xarray = require("xarray")
     coords: dict[str, Any] = {}
     for axis in plan.axes:
@@ -120,7 +120,7 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
 
 
 class _DeferringFile(io.RawIOBase):
-    """A new file that stores its first write error, which the method `check` raises.
+    """File that remembers its first write error; the method `check` raises this error later.
 
     After a write error, the file ignores later writes. Without this class, HDF5 crashes the process if it cannot write
     its buffers when it closes a file.

@@ -1,4 +1,4 @@
-"""Solve a grid of encounters by calling the solvers with arrays."""
+"""Solve all encounters of a sweep grid with few solver calls, which accept arrays of inputs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .results import ALWAYS, DESIGN_CODES, OF_DESIGNS, STATUS, read
 
 
 def solve_encounters(task: Task, axes: Sequence[Axis], names: Sequence[str]) -> Columns:
-    """Return status and results of all encounters of a grid; results are NaN without contact or optimum."""
+    """Solve all encounters of a sweep grid; most results are NaN for encounters without contact or optimal gain."""
     # Each array has the shape of the grid.
     shape = tuple(map(len, axes))
     looped = [k for k, axis in enumerate(axes) if axis.looped]
@@ -75,7 +75,7 @@ def _columns(task: Task, names: Sequence[str], values: Mapping[str, NDArray[Any]
 
 
 def task_at(task: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
-    """Return the task at one point of the sweep grid, in which only inputs that cannot be arrays are changed."""
+    """Set the inputs of a task that the solver does not accept as arrays to their values at one grid point."""
     for axis, i in zip(axes, index, strict=True):
         for name, values in axis.columns.items():
             if name not in ENCOUNTER_INPUTS:

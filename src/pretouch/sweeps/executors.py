@@ -1,4 +1,4 @@
-"""Compute one block of a sweep, and measure its progress."""
+"""Compute one block (a part) of a sweep, and measure the progress of the sweep."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ class Progress(Value):
 
     @property
     def remaining(self) -> float:
-        """Estimated remaining time [s] at the present speed of computation; NaN before any encounter is computed."""
+        """Estimated remaining time [s] at the average speed of this run; NaN before any encounter is computed."""
         return (self.total - self.finished) * self.seconds / self.computed if self.computed else float("nan")
 
 
 def chunks_per_block(plan: Grid, *, workers: int = 1) -> int:
-    """Choose how many chunks of the grid form one block of work, from the duration of a trial run.
+    """Choose how many chunks of the sweep grid are computed as one block, based on the duration of a trial run.
 
     The results of the sweep do not depend on this number.
 

@@ -21,7 +21,7 @@ Columns: TypeAlias = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grid(ABC):
-    """A grid of encounters and the results to compute for each encounter; a subclass defines the computation.
+    """Abstract base class of a sweep: a grid of encounters, and the names of the results to compute.
 
     Args:
         axes: the axes, in the order of the dimensions.
@@ -38,32 +38,32 @@ class Grid(ABC):
     @property
     @abstractmethod
     def subject(self) -> str:
-        """Name of the computed results for the title of the sweep, such as `contacts`."""
+        """Word for the computed results in the title of a sweep, such as `contacts`."""
 
     @abstractmethod
     def evaluate(self, region: Region) -> Columns:
-        """Return status and results of encounters in a part of the grid, as arrays of the shape of this part."""
+        """Compute all encounters in a part of the sweep grid, and return arrays of status and results."""
 
     @abstractmethod
     def inputs(self) -> dict[str, Any]:
-        """Return all inputs that are not on an axis, in SI units and in a form that JSON can represent."""
+        """Return the values of all inputs that the sweep does not vary, in SI units and in a form for JSON."""
 
     @abstractmethod
     def input_attributes(self, name: str) -> dict[str, Any]:
-        """Return the name in plain words and the unit of an input that varies along an axis."""
+        """Return name and unit of an input that the sweep varies, as metadata for the dataset."""
 
     @abstractmethod
     def result_attributes(self, name: str) -> dict[str, Any]:
-        """Return the metadata of a result, such as its name in plain words and its unit."""
+        """Return the metadata of a computed quantity for the dataset, such as its long name and its unit."""
 
     @property
     def dims(self) -> tuple[str, ...]:
-        """The names of the dimensions of the grid."""
+        """Names of the sweep axes, one for each dimension of the grid."""
         return tuple(axis.name for axis in self.axes)
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The lengths of the dimensions of the grid."""
+        """Number of values on each axis of the sweep grid."""
         return tuple(map(len, self.axes))
 
     @property
@@ -73,16 +73,16 @@ class Grid(ABC):
 
     @property
     def chunk_grid(self) -> tuple[int, ...]:
-        """The number of chunks along each dimension of the grid."""
+        """Number of chunks along each axis of the sweep grid; one call computes one chunk."""
         return tuple(-(-n // c) for n, c in zip(self.shape, self.chunk, strict=True))
 
     @property
     def chunk_count(self) -> int:
-        """The number of chunks into which the grid is divided."""
+        """Total number of chunks into which the sweep grid is divided."""
         return math.prod(self.chunk_grid)
 
     def region(self, index: int) -> Region:
-        """Return the part of the grid that a chunk contains."""
+        """Return the part of the sweep grid that the chunk with a given index contains."""
         # Chunks are numbered along the last dimension first.
         dimensions = zip(np.unravel_index(index, self.chunk_grid), self.chunk, self.shape, strict=True)
         return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in dimensions)

@@ -41,7 +41,7 @@ _CHUNK_OF_DRAG: Final = 1 << 15  # contacts under a drag take 20 us each
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan(Grid):
-    """A planned sweep over the inputs of a task.
+    """A planned sweep: a task, the inputs of the task that vary, and the results to compute.
 
     Args:
         task: the task with the values of all inputs that are not on an axis.
@@ -56,34 +56,34 @@ class Plan(Grid):
 
     @property
     def subject(self) -> str:
-        """Name of the computed results for the title of the sweep, such as `contacts`."""
+        """Word for the computed results in the title of a sweep, such as `contacts`."""
         return "optimal gains" if self.designs else "contacts"
 
     def evaluate(self, region: Region) -> Columns:
-        """Return status and results of encounters in a part of the grid; results are NaN without contact or optimum."""
+        """Compute all encounters in a part of the sweep grid, and return arrays of status and results."""
         return solve_encounters(
             self.task, [axis.at(part) for axis, part in zip(self.axes, region, strict=True)], self.results
         )
 
     def inputs(self) -> dict[str, Any]:
-        """Return all inputs that are not on an axis, in SI units and in a form that JSON can represent."""
+        """Return the values of all inputs that the sweep does not vary, in SI units and in a form for JSON."""
         return inputs_of_task(self.task)
 
     def input_attributes(self, name: str) -> dict[str, Any]:
-        """Return the name in plain words and the unit of an input that varies along an axis."""
+        """Return name and unit of an input that the sweep varies, as metadata for the dataset."""
         number = self.task.law.number
         words = number.label if name == "gain" and self.task.law != DAMPER else spoken(name)
         return {"long_name": words, "units": inputs_of(self.task)[name] or "1"}
 
     def result_attributes(self, name: str) -> dict[str, Any]:
-        """Return the metadata of a result, such as its name in plain words and its unit."""
+        """Return the metadata of a computed quantity for the dataset, such as its long name and its unit."""
         return result_attributes(name, designs=self.designs, law=self.task.law)
 
 
 def make_plan(
     task: Task, axes: Axes, *, results: Sequence[str] | None, seed: int | None = None, chunk_size: int | None = None
 ) -> Plan:
-    """Check the request for a sweep, and divide its grid into chunks of limited size."""
+    """Check the arguments of a sweep, and divide its grid of encounters into chunks of limited size."""
     # `chunk_size` is the largest number of encounters of a chunk; None for a default size.
     if task.scenario.shape != ():
         raise InvalidInputError(
@@ -129,7 +129,7 @@ def _chunk_size(task: Task, results: tuple[str, ...]) -> int:
 
 
 def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
-    """Return the shape of the chunks into which a grid is divided, with at most `most` encounters per chunk.
+    """Return the shape of the chunks into which a sweep grid is divided, with at most `most` encounters per chunk.
 
     From the last axis to the first, an axis that fits stays whole. The first axis that does not fit is divided, and a
     chunk contains one value of each axis before.
@@ -170,8 +170,8 @@ def _check_values(plan: Plan) -> None:
     terms = plan.task.goal.terms if plan.designs else ()
     if not moving and any(term.scale == OBSTACLE_SPEED for term in terms):
         raise InvalidInputError(
-            f"scale: found {OBSTACLE_SPEED!r}, which cannot scale the speed of an obstacle at rest, because this "
-            "speed is 0; use a number in m/s"
+            f"scale: found {OBSTACLE_SPEED!r}, but the speed of this obstacle is 0 m/s and cannot scale a term of the "
+            "objective; use a number in m/s"
         )
 
 
@@ -196,9 +196,9 @@ def _check_distances(plan: Plan) -> None:
         for distance in (low + shift, high + shift):
             if not (distance > 0 and nearest <= distance <= farthest):
                 raise OutOfRangeError(
-                    f"obstacle position: an encounter starts at a distance of {distance:g} m, expected more than "
-                    f"0 m and from {nearest:g} m to {farthest:g} m, where the {plan.task.sensor.name} curve is "
-                    "valid"
+                    f"obstacle position: an encounter starts at a distance of {distance:g} m, expected a positive "
+                    f"distance from {nearest:g} m to {farthest:g} m, the valid range of the "
+                    f"{plan.task.sensor.name} curve"
                 )
 
 

@@ -21,7 +21,7 @@ _PROBES: Final = 17
 
 
 def spoken(name: str) -> str:
-    """Return the name of an input in plain words."""
+    """Return the name of an input with spaces, such as `obstacle velocity` for `obstacle.velocity`."""
     return name.replace(".", " ").replace("_", " ")
 
 
@@ -66,7 +66,7 @@ def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, An
 
 
 class _Probes:
-    """Pseudorandom states at contact. The values of a user-defined objective at these states identify it."""
+    """Pseudorandom states at contact, at which a user-defined objective is evaluated in order to identify it."""
 
     def column(self, name: str) -> FloatArray:
         """Return reproducible pseudorandom values of one quantity at contact."""

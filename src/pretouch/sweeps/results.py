@@ -64,7 +64,7 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
 
 
 def is_of_whole_motion(name: str) -> bool:
-    """Return True if computing a result needs the whole motion and so takes longer than results at contact."""
+    """Return True if a result depends on the whole motion, so that its computation takes longer."""
     return name not in OF_DESIGNS and name in QUANTITIES and QUANTITIES[name].whole
 
 
@@ -135,7 +135,7 @@ def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def sweep_as_text(dataset: xr.Dataset) -> str:
-    """Return a summary of a sweep as text."""
+    """Return a summary of a sweep as text: number of encounters per status, and ranges of inputs and results."""
     size = int(np.prod(dataset[STATUS].shape))
     statuses = ", ".join(f"{count:,} {word}" for word, count in counts(dataset).items() if count)
     lines = [f"{size:,} encounters: {statuses}", ""]

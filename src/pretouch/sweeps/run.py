@@ -150,7 +150,7 @@ def run_sweep(
 
 
 def _sweep_task(task: Task, axes: Axes) -> Task:
-    """Return the task for a sweep: without an objective if gains are given, otherwise with bounds of stable gains."""
+    """Prepare the task of a sweep: remove the objective if gains are given, else restrict bounds to stable gains."""
     names = [name for axis, values in axes.items() for name in (values if isinstance(values, Mapping) else (axis,))]
     if task.gain is not None or "gain" in names or task.objective is None:
         gain = None if task.gain is None else finite(task.gain, "gain", task.law.number.unit)
@@ -288,8 +288,8 @@ def _open_finished(plan: Grid, target: Path, *, overwrite: bool) -> xr.Dataset |
     if not overwrite or dataset is None:
         if dataset is None:
             raise OutputExistsError(
-                f"{target}: this file is not a sweep, and pretouch does not overwrite it; choose another name "
-                "with --output"
+                f"{target}: this file does not contain a sweep, and pretouch does not overwrite it; choose another "
+                "name with --output"
             )
         what = "is damaged" if equal else f"differs from this sweep in {differing_parts(dataset.attrs, plan)}"
         raise OutputExistsError(

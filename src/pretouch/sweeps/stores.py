@@ -50,8 +50,8 @@ def refuse_beyond_memory(plan: Grid) -> None:
     bytes_each = 1 + 8 * len(plan.results)
     if plan.size * bytes_each > _MOST_BYTES:
         raise InvalidInputError(
-            f"axes: the results of {plan.size:,} encounters need {plan.size * bytes_each / 1e9:,.0f} GB, but at "
-            f"most {_MOST_BYTES // bytes_each:,} encounters fit in memory. Write to a folder with "
+            f"axes: the results of {plan.size:,} encounters need {plan.size * bytes_each / 1e9:,.0f} GB, but pretouch "
+            f"keeps the results of at most {_MOST_BYTES // bytes_each:,} encounters in memory. Write to a folder with "
             "output='NAME.zarr', or use fewer values"
         )
 
@@ -69,7 +69,7 @@ class Store:
         self.plan, self.chunks_per_block, self._arrays = plan, chunks_per_block, arrays
 
     def regions(self, block: int) -> list[Region]:
-        """Return the parts of the grid that belong to a block, one part for each chunk of the block."""
+        """Return the index ranges of the sweep grid that a block contains, one for each chunk of the block."""
         first = block * self.chunks_per_block
         return [self.plan.region(i) for i in range(first, min(first + self.chunks_per_block, self.plan.chunk_count))]
 
@@ -78,15 +78,15 @@ class Store:
         return sum(math.prod(part.stop - part.start for part in region) for region in self.regions(block))
 
     def finished(self) -> BoolArray:
-        """Return which blocks of encounters are finished at this moment."""
+        """Return a boolean array that is True for each block of encounters that is finished now."""
         return np.asarray(self._arrays[LEDGER][:] == 1)
 
     def intact(self) -> BoolArray:
-        """Return which blocks of encounters are finished and undamaged."""
+        """Return a boolean array that is True for each block of encounters that is finished and undamaged."""
         return self.finished()
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Store the results of a part of the grid; this part must consist of whole chunks."""
+        """Store the results of one part of the sweep grid, which must consist of whole chunks."""
         for name, column in columns.items():
             self._arrays[name][region] = column
 
@@ -125,7 +125,7 @@ class ZarrStore(Store):
         attributes = _attributes(self.path)
         if attributes is None:
             raise OutputExistsError(
-                f"{path}: this path is not a sweep of pretouch, so pretouch does not overwrite it; choose "
+                f"{path}: this path does not contain a sweep of pretouch, so pretouch does not overwrite it; choose "
                 "another name for the output"
             )
         if attributes.get(DIGEST) != attributes_of(plan)[DIGEST]:
@@ -156,7 +156,7 @@ class ZarrStore(Store):
         super().__init__(plan, per_block, arrays)
 
     def intact(self) -> BoolArray:
-        """Return which blocks of encounters are finished and undamaged; mark damaged blocks as unfinished."""
+        """Return a boolean array that is True for each finished, undamaged block; mark damaged blocks as unfinished."""
         intact = self.finished()
         for block in np.flatnonzero(intact) if self.plan.chunk_count <= _MOST_CHECKED else ():
             intact[block] = all(map(self._is_intact, self.regions(int(block))))
@@ -182,7 +182,7 @@ class ZarrStore(Store):
         return bool(np.isin(codes, meanings).all())
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Store the results of a part of the grid; this part must consist of whole chunks."""
+        """Store the results of one part of the sweep grid, which must consist of whole chunks."""
         with self._explaining():
             super().write(region, columns)
 
@@ -286,8 +286,8 @@ def replace_sweep(path: Path) -> None:
     """Remove a stored sweep; raise an error if the path contains anything else or is being written to."""
     if not is_sweep(path):
         raise OutputExistsError(
-            f"{path}: this path is not a sweep of pretouch, so pretouch does not remove it; choose another name "
-            "for the output"
+            f"{path}: this path does not contain a sweep of pretouch, so pretouch does not remove it; choose another "
+            "name for the output"
         )
     if not remove_unused(path):
         raise OutputExistsError(
@@ -325,7 +325,7 @@ _NO_LOCKS: Final = -1  # stands for a lock on systems without locks
 
 
 def _locked(path: Path, *, exclusive: bool) -> int | None:
-    """Lock a folder for one process or for several processes; return None if the lock is not available."""
+    """Lock a folder, exclusively or shared with other processes; return None if the lock is not available."""
     if sys.platform == "win32":
         return _NO_LOCKS if path.exists() else None
     try:

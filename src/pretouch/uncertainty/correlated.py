@@ -1,4 +1,4 @@
-"""Define distributions of correlated sensor parameters and of measured samples."""
+"""Define the joint normal distribution of correlated inputs, and the distribution of measured values."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class CorrelatedNormal(JointDistribution):
 
     @property
     def root(self) -> FloatArray:
-        """A matrix square root of the covariance, which maps independent normal numbers to correlated inputs."""
+        """Matrix square root of the covariance; it maps independent standard normal samples to correlated inputs."""
         # R R^T = covariance
         covariance = np.asarray(self.covariance)
         deviation = np.sqrt(np.diag(covariance).clip(0))
@@ -89,7 +89,7 @@ class CorrelatedNormal(JointDistribution):
         return self.mean
 
     def draw(self, points: FloatArray) -> FloatArray:
-        """Draw one random sample of the correlated inputs for each given point of the unit cube."""
+        """Convert points of the unit cube to samples of the correlated inputs, one sample for each point."""
         from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
 
         return np.asarray(np.asarray(self.mean) + ndtri(points) @ self.root.T)
@@ -147,7 +147,7 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
     names = [name for name in fit.parameters if name != "scale"]
     if not names:
         raise InvalidInputError(
-            f"fit: the {fit.model} has no parameters; fit a curve with parameters, such as inverse-power"
+            f"fit: the sensor curve {fit.model!r} has no parameters; fit a curve with parameters, such as inverse-power"
         )
     indices = [list(fit.parameters).index(name) for name in names]
     covariance = fit.covariance[np.ix_(indices, indices)]

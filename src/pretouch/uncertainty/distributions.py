@@ -40,7 +40,7 @@ class JointDistribution(ABC):
 
     @abstractmethod
     def draw(self, points: FloatArray) -> FloatArray:
-        """Return one random sample of the inputs for each given point of the open unit cube."""
+        """Convert points of the open unit cube to samples of the inputs, one sample for each point."""
         # Points and samples have the shape (n, k).
 
     @abstractmethod
@@ -53,7 +53,7 @@ class JointDistribution(ABC):
 
     @abstractmethod
     def others(self, index: int, values: FloatArray) -> FloatArray:
-        """Return the conditional means of all inputs, given values of one input, with shape (k, n)."""
+        """Return the conditional means of all k inputs for n given values of one input, with shape (k, n)."""
 
     def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
         """Yield the name and a description of the distribution of each input."""
@@ -83,7 +83,7 @@ class Distribution(JointDistribution):
 
     @property
     def mean(self) -> float:
-        """The mean of the input.
+        """The mean of the uncertain input.
 
         The quadrature is of the Gauss-Legendre type.
         """
@@ -92,7 +92,7 @@ class Distribution(JointDistribution):
 
     @property
     def variance(self) -> float:
-        """The variance of the input.
+        """The variance of the uncertain input.
 
         For an interval, it is that of a uniform distribution.
         """
@@ -123,7 +123,7 @@ class Distribution(JointDistribution):
 
     @final
     def inputs(self, name: str) -> tuple[str, ...]:
-        """Return the name of the single input as a tuple."""
+        """Return a tuple with the name of the only input that has this distribution."""
         return (name,)
 
     @final
@@ -133,12 +133,12 @@ class Distribution(JointDistribution):
 
     @final
     def draw(self, points: FloatArray) -> FloatArray:
-        """Return random samples of the input, which are the quantiles of the distribution at given probabilities."""
+        """Convert probabilities to samples of the input: each sample is the quantile at one probability."""
         return np.asarray(self.quantile(points))
 
     @final
     def variance_along(self, slopes: FloatArray) -> float:
-        """Return the variance of the input multiplied by a slope."""
+        """Return the variance of the product of a slope and the input."""
         return float(slopes[0] ** 2 * self.variance)
 
     @final
@@ -148,7 +148,7 @@ class Distribution(JointDistribution):
 
     @final
     def others(self, index: int, values: FloatArray) -> FloatArray:  # noqa: ARG002
-        """Return the values as the only row, because this distribution has only one input."""
+        """Return the values as an array with one row, because this distribution has only one input."""
         return values[None]
 
 

@@ -150,7 +150,7 @@ _CENTRAL: Final = (0.025, 0.975)  # probabilities between which the value of the
 
 
 def contradictions(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorModel) -> Iterator[tuple[str, str]]:
-    """Yield name and explanation of each input whose value in the encounter does not fit its distribution.
+    """Yield each input whose value in the encounter contradicts its probability distribution, with an explanation.
 
     Otherwise a gain would be designed for one encounter and verified in others, for example at another speed.
     """
@@ -168,8 +168,8 @@ def contradictions(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorM
                 unit = units.get(member, "")
                 yield (
                     member,
-                    f"the encounter has {format_quantity(value, unit)}, but the distribution of {member} covers "
-                    f"{format_range((low, high), unit)}; change one of them, so that both describe the same encounter",
+                    f"the value in the encounter is {format_quantity(value, unit)}, but the distribution of {member} "
+                    f"covers {format_range((low, high), unit)}; change one of them, so that both agree",
                 )
 
 
@@ -297,21 +297,21 @@ class Ensemble(Value):
 
 @dataclass(frozen=True, slots=True)
 class _Stacked(Value):
-    """Results of several solver calls, stacked along the last axis."""
+    """Results of several solver calls, combined in arrays along the last axis."""
 
     parts: list[ContactResult]
 
     def column(self, name: str) -> Any:
-        """Return one quantity, such as the contact time, stacked from all solver calls."""
+        """Return one quantity, such as the contact time, from all solver calls as one array."""
         return np.stack([part.columns.column(name) for part in self.parts], axis=-1)
 
     @property
     def gradients(self) -> _Stacked:
-        """This instance itself, whose method `of` stacks the derivatives from all solver calls."""
+        """This instance itself; its method `of` returns the derivatives from all solver calls as one array."""
         return self
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivatives of a contact quantity with respect to an input, stacked from all solver calls."""
+        """Return the derivatives of a contact quantity with respect to an input, from all solver calls as one array."""
         return np.stack([part.gradients.of(quantity, by) for part in self.parts], axis=-1)
 
 
@@ -330,7 +330,7 @@ def make_ensemble(
     law: ContinuousLaw = DAMPER,
     evaluate: Evaluator | None = None,
 ) -> Ensemble:
-    """Create many encounters from samples of the inputs in which they differ.
+    """Create many encounters from one encounter and from samples of those inputs that differ.
 
     Args:
         scenario: one encounter.

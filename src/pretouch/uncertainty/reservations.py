@@ -75,7 +75,7 @@ class Reservations(Value):
 
     @property
     def is_refuted(self) -> bool:
-        """Whether contact is harder than without mitigation on a curve that fits the readings."""
+        """Whether, on any sensor curve that fits the readings, contact is harder than without mitigation."""
         return self.witness is not None and self.witness.harder_count > 0
 
     @property
@@ -91,9 +91,10 @@ class Reservations(Value):
         if not any(parts):
             return None
         if contradiction is not None and self._extension is None:
+            nearest, farthest = self._measured_span
             parts.append(
-                f"Measure the sensor output at more distances between {' and '.join(self._measured_span)}, "
-                "several times at each distance."
+                f"Measure the sensor output at more distances between {nearest} and {farthest}, several times at each "
+                "distance."
             )
         return " ".join(part for part in (self._receding, *parts) if part)
 
@@ -125,8 +126,10 @@ class Reservations(Value):
                 f"{advice}, or calibrate the sensor down to contact, with a lower amplification if its output clips"
             )
         if self.share_beyond > _DECISIVE:
-            share = f"{100 * self.share_beyond:.0f} % of the {_EFFECTS[self.degree]}"
-            parts.append(f"from the start at {start} to {far}{farthest}, which contributes {share}")
+            parts.append(
+                f"from the start at {start} to {far}{farthest}, which contributes {100 * self.share_beyond:.0f} % of "
+                f"the {_EFFECTS[self.degree]}"
+            )
             remedies.append(
                 f"calibrate the sensor out to {start} with more readings at each distance, or start the "
                 f"encounter at {far}"
@@ -190,7 +193,7 @@ class Reservations(Value):
 
     @property
     def _reasons(self) -> tuple[str, str]:
-        """The reasons why the calibration covers no distances below its smallest and above its largest distance."""
+        """Two texts: why the calibration covers no smaller distances, and why it covers no larger distances."""
         # The distances in these reasons count from the sensor's zero.
         window, near = self.report.window, self.supported[0]
         return f" ({window.start_reason})" if near >= -_NO_DISTANCE else "", f" ({window.end_reason})"
@@ -339,7 +342,7 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
 
 
 def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> float:
-    """Return the log output at a distance, or, for a virtual drag, the integral of g^2 from this distance on."""
+    """Return the log output at a distance; for a virtual drag, integrate the squared slope from this distance on."""
     # Degree 1: ln xi at the distance. Degree 2: the integral of g^2 from the distance to the start. Both within the
     # valid range.
     low, high = sensor.valid_range

@@ -96,7 +96,7 @@ def scrambled_sobol(doublings: int, dimensions: int, rng: np.random.Generator) -
 
 
 def _directions(dimension: int) -> IntArray:
-    """Return the direction numbers of one dimension as integers of 30 binary digits."""
+    """Return the Sobol direction numbers of one dimension as 30-bit integers."""
     if dimension == 0:
         numbers = [1] * _BITS
     else:

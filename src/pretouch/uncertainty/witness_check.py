@@ -99,7 +99,7 @@ class WitnessCheck(Value):
 
     @property
     def text(self) -> str:
-        """A clause with the range of contact speeds over all sensor curves that fit the readings."""
+        """Text that compares the predicted contact speed with the speeds on other curves that fit the readings."""
         low, high, predicted = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted))
         outside = (
             ""
@@ -117,7 +117,7 @@ class WitnessCheck(Value):
 
 
 def is_within(value: float, low: float, high: float) -> bool:
-    """Return True if a value lies in a range after all numbers are rounded to three digits."""
+    """Return True if a value lies in a range, with a tolerance of 0.5 % at both ends."""
     return (1 - _SHOWN) * low <= value <= (1 + _SHOWN) * high
 
 
@@ -187,7 +187,7 @@ def _speed(result: ContactResult) -> FloatArray:
 def _speeds(
     law: ContinuousLaw, scenario: Scenario, curves: tuple[PiecewiseCubic, ...], gains: FloatArray
 ) -> FloatArray:
-    """Return the contact speeds [m/s] of several encounters with each of several sensor curves."""
+    """Return the contact speed [m/s] of each encounter with each sensor curve."""
     # Encounters have the shape (n, 1), and the result (n, m) for m curves.
     if law != DAMPER:
         return np.column_stack([_speed(law.contact(scenario, curve, gains))[:, 0] for curve in curves])

@@ -1,4 +1,4 @@
-"""Verify a gain by simulating the sampled loop, and suggest improvements of the loop."""
+"""Verify a controller gain by simulating the sampled control loop, and suggest improvements of the loop."""
 
 from pretouch.design.options import VerifyOptions
 

@@ -1,4 +1,4 @@
-"""Simulate random encounters on a sampled loop, and evaluate the objective and limits of every run."""
+"""Simulate random encounters of robot and object, and evaluate objective and limits of every simulated run."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # quantities tha
 
 
 def foreseen_impact(task: Task) -> ImpactModel | None:
-    """Return the task's impact model, or else a lossless impact with the contact stiffness of the sampled loop."""
+    """Return the impact model of the task; by default, a lossless impact with the simulated contact stiffness."""
     contact, mass = task.loop.contact, task.loop.plant.coefficients()[0]
     if task.impact is not None or contact is None or mass == 0:  # an ideal robot has no mass and no contact force
         return task.impact
@@ -48,13 +48,13 @@ def foreseen_impact(task: Task) -> ImpactModel | None:
 
 
 def predicted_contact(task: Task, gain: float) -> ContactResult:
-    """Predict the contact of the nominal encounter with a gain, in continuous time and with a perfect sensor."""
+    """Predict, in continuous time and with a perfect sensor, the contact of the nominal encounter for a gain."""
     return task.law.contact(task.scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Draws:
-    """Random encounters, each with its own sensor noise.
+    """Random encounters of robot and object, each with its own sensor noise.
 
     Encounter i always has the i-th noise sequence.
     """
@@ -66,7 +66,7 @@ class Draws:
 
     @property
     def compared(self) -> int:
-        """Number of simulated runs for each tried gain and each tried change of the loop."""
+        """Number of runs in which each tried gain and each tried change of the loop is simulated."""
         return min(self.task.verify.runs, _COMPARED_SENSORS if self.sensors else _COMPARED)
 
     @property
@@ -132,17 +132,17 @@ class Requirement(NamedTuple):
 
     @property
     def is_met(self) -> bool:
-        """True if enough runs meet the condition."""
+        """True if at least the required share of the simulated runs meets the condition."""
         return self.standing >= 1 - _ROUNDING
 
     def after(self, further: int) -> Requirement:
-        """Return the requirement as it would be if a number of further runs all met it."""
+        """Return the requirement after a given number of further runs that all meet it."""
         return self._replace(held=np.concatenate([self.held, np.ones(further, dtype=bool)]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopOutcomes:
-    """Results of one gain in many simulated runs of one sampled loop."""
+    """Results of one gain in many simulated runs of one control loop."""
 
     result: SimulationResult
     objective: FloatArray  # objective of each run; infinite without contact
@@ -178,7 +178,7 @@ class LoopOutcomes:
         return min(effect.unmitigated / effect.speed, _ALMOST) if effect.is_harder else _ALMOST
 
     def best_standing(self, further: int) -> float:
-        """Return the largest score that the gain can have after some further runs."""
+        """Return the largest score that the gain can still reach after a given number of further runs."""
         return min(r.after(further).standing for r in self.requirements)
 
     @property
@@ -188,18 +188,18 @@ class LoopOutcomes:
 
     @property
     def mean(self) -> float:
-        """The mean of the objective over the runs; infinite if a run ends without contact."""
+        """The mean of the objective over the simulated runs; infinite if a run ends without contact."""
         return float(self.objective.mean())
 
     @property
     def whole_share(self) -> float:
-        """Share of the runs that end in contact and meet all limits."""
+        """Share of the simulated runs that end in contact and meet all limits."""
         held = [r.held for r in self.requirements if r.name != "contact"]
         return float(np.all([self.result.touched, *held], axis=0).mean())
 
 
 def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
-    """Return the status of a gain, such as `holds`, from limits, contact speed and gain margin alone."""
+    """Return the status of a gain, such as `holds`, judged only by limits, contact speed and gain margin."""
     # Prediction, sensor speed and calibration are ignored.
     effect, margin = outcomes.effect, outcomes.margin
     if not outcomes.is_kept or outcomes.stable < 1:
@@ -214,14 +214,14 @@ def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopProblem:
-    """The encounters with which loops and gains are compared, and reference runs of these without mitigation."""
+    """The random encounters that compare loops and gains, and their simulated runs without impact mitigation."""
 
     draws: Draws
     predicted: BoolArray  # which of the encounters end in contact in continuous time
     unmitigated: SimulationResult  # runs with gain 0 on the unchanged loop; changed loops are compared with them, too
 
     def compared(self, loop: ClosedLoop) -> ClosedLoop:
-        """Return a loop whose runs end at contact, unless objective or limits need the forces during contact."""
+        """Return a copy of the loop whose runs end at contact, unless objective or limits need contact forces."""
         task = self.draws.task
         custom = isinstance(task.goal, CustomObjective)
         needed = {constraint.quantity for constraint in task.limits}
@@ -230,7 +230,7 @@ class LoopProblem:
         return loop if custom or needed & _IN_CONTACT else replace(loop, follow_time=0.0)
 
     def changes_of_level(self, distance: FloatArray) -> tuple[float, float]:
-        """Return the largest |d ln xi / dt| [1/s] of an approach and the largest noise of ln xi at given distances."""
+        """Return the largest rate of change [1/s] and the largest noise of the log sensor output at given distances."""
         sensor, c, free = self.draws.task.sensor, self.draws.task.loop.chain, self.unmitigated
         slope, xi = np.abs(np.asarray(sensor.log_slope(distance))), np.exp(np.asarray(sensor.log_output(distance)))
         noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
@@ -243,7 +243,7 @@ class LoopProblem:
         return self.appraised(self.draws.run(loop, gain, count), loop, gain)
 
     def appraise_each(self, gains: FloatArray) -> list[LoopOutcomes]:
-        """Simulate the same encounters with each gain. Return for each gain the limits and objectives of its runs."""
+        """Simulate the same encounters with each of several gains, and compute limits and objective of each run."""
         # A gain is given up if its first runs miss a requirement so often that all runs together must miss it. All
         # runs would give the same decision, so it has no error.
         draws, loop = self.draws, self.compared(self.draws.task.loop)
@@ -261,7 +261,7 @@ class LoopProblem:
         return outcomes
 
     def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> LoopOutcomes:
-        """Compute the results of simulated runs: the objective, the limits, and the change of the contact speed."""
+        """Evaluate simulated runs: objective, limits, and change of the contact speed by the gain."""
         limits, touched = limits_of(self.draws.task.constraints), result.touched
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
         requirements = (
@@ -296,13 +296,13 @@ class LoopProblem:
 
 
 def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
-    """Return the results of selected simulated runs; time series of the result are not valid."""
+    """Return the results of selected simulated runs; do not use the method `trace` of the returned result."""
     columns = {name: column[which] for name, column in result.columns.items()}
     return SimulationResult(columns, result.contact_list[which], result.trace_of)
 
 
 def joined(first: SimulationResult, rest: SimulationResult) -> SimulationResult:
-    """Join the results of two sets of simulated runs; time series of the result are not valid."""
+    """Join the results of two sets of simulated runs; do not use the method `trace` of the joined result."""
     columns = {name: np.concatenate([column, rest.columns[name]]) for name, column in first.columns.items()}
     return SimulationResult(columns, np.concatenate([first.contact_list, rest.contact_list]), first.trace_of)
 

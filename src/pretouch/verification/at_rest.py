@@ -1,4 +1,4 @@
-"""Compute how far sensor noise moves a robot at rest, and the noise floor that keeps the robot still."""
+"""Compute how far sensor noise moves a robot at rest, and the detection threshold that prevents this motion."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _PLACES: Final = 2001  # number of distances from contact to _FARTHEST
 
 
 class _Scan(NamedTuple):
-    """A few simulated runs of a robot at rest at each of several distances, with one signal floor."""
+    """Simulated runs of a robot at rest, several at each of several distances, with one detection threshold."""
 
     loop: ClosedLoop  # the loop at rest
     places: FloatArray  # distances to the object [m]
@@ -47,7 +47,7 @@ class _Scan(NamedTuple):
 
     @property
     def mean(self) -> FloatArray:
-        """The mean over the runs of the largest motion at each distance [m]."""
+        """The largest motion [m] at each distance to the object, averaged over the simulated runs."""
         return np.asarray(self.largest.mean(axis=1))
 
 
@@ -74,25 +74,25 @@ class RestMotion(Value):
 
     @property
     def reaches_object(self) -> bool:
-        """True if the motion is as long as the distance to the object."""
+        """True if noise moves the robot by its whole distance to the object."""
         return self.motion >= self.distance * (1 - _ROUNDING)
 
     @property
     def text(self) -> str:
-        """Distance and duration of the motion, as the start of a sentence."""
+        """Start of a sentence that says how far noise moves the robot within the simulated time."""
         far = format_quantity(self.motion, "m", 3)
         return f"Sensor noise alone moves a robot at rest by up to {far} within {self.duration:g} s"
 
     def remedy(self, law: Any) -> str:
-        """Return advice on how to reduce the motion, such as a higher floor of the controller."""
+        """Return advice on how to reduce the motion of a robot at rest, such as a higher detection threshold."""
         faster = " or raise largest_rate," if law.conditioning.largest_rate is not None else ""
         if self.quiet_floor is None:
-            return f"reduce the noise of the sensor,{faster} or use a law with a dead zone"
-        return f"set floor = {self.quiet_floor:g} in [controller],{faster} and verify again"
+            return f"reduce the noise of the sensor,{faster} or use a control law with a dead zone"
+        return f"set the detection threshold floor = {self.quiet_floor:g} in [controller],{faster} and verify again"
 
 
 def motion_at_rest(task: Task, gain: float) -> RestMotion | None:
-    """Compute how far noise moves a robot at rest near an object, and which signal floor prevents this.
+    """Compute how far noise moves a robot at rest near an object, and which detection threshold prevents this.
 
     Returns:
         The motion; None if it is below 1 mm, if nothing is ever detected, or for laws whose floor is unknown.
@@ -112,7 +112,7 @@ def motion_at_rest(task: Task, gain: float) -> RestMotion | None:
 
 
 def rest_in_words(rest: RestMotion | None, law: Any) -> Iterator[str]:
-    """Yield a warning if noise moves a robot at rest, with the signal floor that prevents this."""
+    """Yield a warning if noise moves a robot at rest, with the detection threshold that prevents this."""
     if rest is None:
         return
     where, still = format_quantity(rest.distance, "m", 3), format_quantity(_STILL, "m", 3)
@@ -121,14 +121,14 @@ def rest_in_words(rest: RestMotion | None, law: Any) -> Iterator[str]:
         yield caution(
             "PT406",
             f"{rest.text}. No higher detection threshold (floor of the controller) was found that limits this motion "
-            f"to {still} and still detects objects. Reduce the noise, or use a law with a dead zone. {place}",
+            f"to {still} and still detects objects. Reduce the noise, or use a control law with a dead zone. {place}",
         )
         return
     yield caution(
         "PT406",
-        f"{rest.text}: a controller floor of {rest.quiet_floor:g} above the offset, instead of "
-        f"{law.conditioning.floor:g}, keeps this motion within {still}, but objects are then detected only from "
-        f"{format_quantity(rest.detected_from, 'm', 3)} on. {place}",
+        f"{rest.text}: a controller floor (detection threshold) of {rest.quiet_floor:g} above the offset, instead of "
+        f"{law.conditioning.floor:g}, limits this motion to {still}, but then only objects closer than "
+        f"{format_quantity(rest.detected_from, 'm', 3)} are detected. {place}",
     )
 
 
@@ -138,7 +138,7 @@ def _duration(law: Controller) -> float:
 
 
 def _quiet_floor(task: Task, gain: float, law: Controller, scan: _Scan, moved: float) -> float | None:
-    """Return a signal floor with which noise does not move a robot at rest; None if no such floor is found."""
+    """Find a detection threshold at which noise no longer moves a robot at rest; None if the search finds none."""
     # With the present floor, the robot moves by `moved` [m].
     below = law.conditioning.floor
     for _ in range(_TRIES):
@@ -174,7 +174,7 @@ def _scan(task: Task, gain: float, law: Controller, floor: float) -> _Scan | Non
 
 
 def _bound(task: Task, gain: float, scan: _Scan, until: float = math.inf) -> tuple[float, float]:
-    """Return the distance [m] at which noise moves a robot at rest most, and a 95 % bound of this motion [m].
+    """Return the distance [m] at which noise moves a robot at rest most, and a 95 % upper bound of the motion [m].
 
     The largest of 59 runs exceeds the 95 % quantile with a confidence of 95 %, since 0.95^59 = 0.048. They are other
     runs than those that find the worst distances. The robot follows the virtual object exactly. If a run exceeds
@@ -206,7 +206,7 @@ def _largest(task: Task, gain: float, loop: ClosedLoop, places: FloatArray, coun
 
 
 def _places(task: Task, law: Controller, floor: float, deviations: FloatArray) -> FloatArray:
-    """Return the farthest distance [m] at which the mean reading exceeds a floor by a noise margin, for each margin."""
+    """Return, for each noise margin, the largest distance [m] with a mean reading above the floor plus this margin."""
     # A noise margin is a number of standard deviations of the noise.
     sensor, chain = task.sensor, task.loop.chain
     low, high = sensor.valid_range

@@ -1,4 +1,4 @@
-"""Check whether a calibration is accurate enough for a gain, and say what to measure if it is not."""
+"""Check whether a sensor calibration is accurate enough for a gain, and recommend measurements if it is not."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _CLOSE: Final = 1e-9  # m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationCheck(Value):
-    """Simulated results of a gain with other sensor curves that are compatible with the calibration readings.
+    """Simulated results of one gain with many sensor curves, all of which agree with the calibration readings.
 
     Each draw is another sensor: a curve, its offset, and the misfit of the chain. The controller subtracts its
     configured offset on all of them. The loop runs without noise, so that the calibration causes all differences.
@@ -68,7 +68,7 @@ class CalibrationCheck(Value):
 
     @property
     def is_good_enough(self) -> bool:
-        """True if at least 95 % of the sensors agree with the fitted curve, and other fits of the readings do, too."""
+        """True if at least 95 % of the sampled sensors, and other fitted curves, confirm the predicted contact."""
         return self.failing <= _FAILING * self.draws and (self.witness is None or self.witness.is_supported)
 
     @property
@@ -88,7 +88,7 @@ class CalibrationCheck(Value):
         if counts:
             return (
                 f"the calibration is not good enough: pretouch simulated {self.draws} sensors that agree with the "
-                f"readings, and {counts}"
+                f"calibration readings, and {counts}"
             )
         return "the calibration is not good enough" + ("" if against is None else f": {_lower(against)}")
 
@@ -96,24 +96,22 @@ class CalibrationCheck(Value):
     def text(self) -> str:
         """A few sentences that summarize the calibration check."""
         if self.is_good_enough:
-            kept = f"{f'all but {self.failing}' if self.failing else 'all'} of {self.draws} sensors"
+            kept = f"all but {self.failing}" if self.failing else "all"
             wider = "" if self.witness is None else f", in continuous time: {self.witness.text}"
             return (
-                f"The calibration is good enough for this gain: {kept}, chosen at random from fits to the "
-                f"readings, agree with the fitted curve. {self._spread} Other curves through the readings do "
-                f"not contradict the result{wider}."
+                f"The calibration is good enough for this gain: {kept} of {self.draws} simulated sensors agree with "
+                "the fitted curve. These sensors were chosen at random from fits to the readings. "
+                f"{self._spread} Other curves through the readings do not contradict the result{wider}."
             )
         reason = f"{self.reason[:1].upper()}{self.reason[1:]}."
         against = None if self.witness is None else self.witness.headline
         second = "" if against is None or _lower(against) in self.reason else f" {against}"
-        return (
-            f"{reason} {self._spread}{second} The largest source of error in the calibration is its {self.decisive}: "
-            f"{self.remedy}."
-        )
+        source = f"The largest source of error in the calibration is its {self.decisive}: {self.remedy}."
+        return f"{reason} {self._spread}{second} {source}"
 
     @property
     def _spread(self) -> str:
-        """A sentence on the contact speed with the fitted sensor curve and with the sampled curves, without noise."""
+        """A sentence on the simulated contact speeds, without noise, with the fitted and the sampled curves."""
         text = (
             "On the sampled loop without noise, the contact speed is "
             f"{format_quantity(self.predicted, 'm/s', 3)} with the fitted curve"
@@ -127,8 +125,8 @@ class CalibrationCheck(Value):
         softer = self.predicted < self.low
         accepted = f"; up to {100 * _HARDER:.0f} % harder counts as agreement" if softer else ""
         return (
-            f"{text} So contact with the fitted curve is {('softer' if softer else 'harder')} than with "
-            f"most of these sensors{accepted}. The sensors differ in curve, offset and curve error."
+            f"{text} So the fitted curve predicts a {'softer' if softer else 'harder'} contact than most of these "
+            f"sensors{accepted}. The sensors differ in curve, offset and curve error."
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -139,7 +137,7 @@ class CalibrationCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Outcome:
-    """Contact speeds, and ratios quantity / limit, of one gain with each of several sensors.
+    """Contact speeds of one gain with each of several sensors, and limited quantities divided by their limits.
 
     Speeds are NaN and ratios infinite without contact.
     """
@@ -148,7 +146,7 @@ class _Outcome:
     ratios: FloatArray
 
     def failures(self, predicted: _Outcome) -> tuple[BoolArray, BoolArray, BoolArray]:
-        """Return for each sensor whether contact is missing, whether it is harder, and whether a limit is exceeded."""
+        """Return for each sensor if contact is missing, if it is harder than predicted, and if a limit is missed."""
         missing = np.isnan(self.speed)
         allowed = np.maximum(1.0, (1 + _ROOM) * predicted.ratios[0])
         return (
@@ -158,13 +156,13 @@ class _Outcome:
         )
 
     def badness(self, predicted: _Outcome) -> tuple[int, float]:
-        """Return the number of sensors that fail, and a quantile of the contact speed, to rank the sources of error."""
+        """Return two numbers that rank sources of error: failing sensors, and 95 % quantile of the contact speed."""
         failing = int(np.any(self.failures(predicted), axis=0).sum())
         return failing, float(np.quantile(np.where(np.isnan(self.speed), np.inf, self.speed), 0.95, method="higher"))
 
 
 def check_calibration(task: Task, report: CalibrationReport, gain: float) -> CalibrationCheck | None:
-    """Simulate the nominal encounter with other sensor curves that are compatible with the calibration readings."""
+    """Simulate the nominal encounter with many sensor curves, all of which agree with the calibration readings."""
     if report.curves is None or report.offset is None:  # too few readings to draw other curves
         return None
     chain = _without_noise(task.loop.chain)
@@ -203,7 +201,7 @@ def _without_noise(chain: SensorChain) -> SensorChain:
 
 
 def _mount(drawn: DrawnCurve, task: Task) -> DrawnCurve:
-    """Mount a randomly sampled sensor curve with the recess and the distance range of the fitted curve."""
+    """Give a randomly sampled sensor curve the mounting depth and the distance range of the fitted curve."""
     # The sensor chain already has the controller's offset.
     start = float(np.max(task.scenario.distance))
     return replace(drawn, sensor=mount(drawn, task.sensor, drawn.offset, start))
@@ -263,8 +261,8 @@ def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
         apart = format_quantity(task.loop.chain.misfit_length, "m", 2)
         return (
             f"check how the distances were set, and calibrate again with steps of at most {apart} between "
-            "distances. If the curve misses readings near contact, mount the sensor farther behind the contact "
-            "surface"
+            "distances. If the curve does not fit the readings near contact, mount the sensor farther behind the "
+            "contact surface"
         )
     where = "" if report.slope is None else f" around {format_quantity(report.slope.worst_at, 'm', 3)}"
     parts = [f"record readings at more distances, and more readings at each distance{where}"]

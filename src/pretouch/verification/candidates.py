@@ -1,4 +1,4 @@
-"""Compare several sensors, laws or robots by the verdict that each of them gets on its sampled loop."""
+"""Rank several sensors, control laws or robots by verifying a gain for each of them in simulation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ORDER: Final = (
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Candidate(Value):
-    """One candidate of a comparison, such as a sensor, with its verdict.
+    """One candidate of a comparison, such as a sensor, with the result of its verification.
 
     Args:
         name: name of the candidate.
@@ -43,7 +43,7 @@ class Candidate(Value):
 
     @property
     def status(self) -> VerdictStatus:
-        """Whether the gain holds; `no-gain` for a candidate that was refused."""
+        """Status of the candidate's gain, such as `holds`; `no-gain` if the candidate could not be verified."""
         return VerdictStatus.NO_GAIN if self.verdict is None else self.verdict.status
 
     @property
@@ -53,7 +53,7 @@ class Candidate(Value):
 
     @property
     def high_contact_speed(self) -> float:
-        """Speed at contact that 95 % of the runs stay below [m/s]; NaN if no run ends in contact."""
+        """95 % quantile of the contact speed over the simulated runs [m/s]; NaN if no run ends in contact."""
         compared = None if self.verdict is None else self.verdict.comparison("relative_velocity")
         return math.nan if compared is None or compared.simulated is None else compared.simulated.high
 
@@ -64,13 +64,13 @@ class Candidate(Value):
         return math.nan if stability is None else stability.margin
 
     def mean_of(self, quantity: str) -> float:
-        """Return the mean magnitude of a quantity over the runs, such as `largest_excursion`; NaN if unknown."""
+        """Return the mean magnitude of a quantity, such as `largest_excursion`, over the runs; NaN if unknown."""
         compared = None if self.verdict is None else self.verdict.comparison(quantity)
         return math.nan if compared is None or compared.simulated is None else compared.simulated.mean
 
     @property
     def reason(self) -> str:
-        """The main reason why the candidate does not hold; empty if it holds."""
+        """The main reason why the gain fails the verification or passes it only narrowly; empty if none."""
         if self.verdict is None:
             return self.problem
         return "; ".join(self.verdict.reasons[:1]) or ("" if self.verdict.gain is not None else self.verdict.headline)
@@ -99,7 +99,7 @@ class Candidate(Value):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CandidateComparison(Described, Value):
-    """Result of `compare_candidates`: candidates from best to worst, each with its verdict.
+    """Result of `compare_candidates`: candidates from best to worst, each with the result of its verification.
 
     A gain that holds is better than one that does not. Among equals, the lower mean contact speed is better.
 
@@ -113,7 +113,7 @@ class CandidateComparison(Described, Value):
 
     @property
     def best(self) -> Candidate | None:
-        """The best candidate that holds, at least narrowly; None if no candidate holds."""
+        """The best candidate whose gain passes the verification, at least narrowly; None if there is none."""
         first = self.candidates[0]
         return first if first.status in _ORDER[:2] else None
 
@@ -124,13 +124,17 @@ class CandidateComparison(Described, Value):
         speed = f"contact at {format_quantity(first.contact_speed, 'm/s', 3)} on average"
         if math.isnan(first.contact_speed):
             if self.best is None:
-                return f"None of the {count} candidates holds, and no candidate has a simulated run with contact."
+                return f"None of the {count} candidates meets its requirements, and no simulated run ends in contact."
             speed = "no simulated run ends in contact"
         elif self.best is None:
-            return f"None of the {count} candidates holds. {first.name} has the lowest contact speed: {speed}."
+            return (
+                f"None of the {count} candidates meets its requirements. Candidate {first.name} has the lowest contact "
+                f"speed: {speed}."
+            )
         holding = sum(c.status in _ORDER[:2] for c in self.candidates)
         narrowly = " narrowly" if first.status is VerdictStatus.HOLDS_NARROWLY else ""
-        return f"{first.name} is best of {count} candidates and holds{narrowly}: {speed}. {holding} of {count} hold."
+        hold = f"{holding} candidate{'s hold' if holding > 1 else ' holds'}"
+        return f"Candidate {first.name} is best of {count} and holds{narrowly}: {speed}. {hold}."
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as one JSON object, in SI units."""
@@ -170,15 +174,15 @@ def compare_candidates(tasks: Mapping[str, Task], *, runs: int | None = None) ->
     for name, task in tasks.items():
         if task.loop is None:
             raise InvalidInputError(
-                f"{name}: there is no sampled loop, but candidates are compared by their verdict on it; add the "
-                "sections [chain] and [controller], which pretouch init writes"
+                f"{name}: found no sampled loop, which is needed to verify and compare candidates; add the sections "
+                "[chain] and [controller], which pretouch init writes"
             )
     results = [_verified(name, task, runs) for name, task in tasks.items()]
     return CandidateComparison(candidates=tuple(sorted(results, key=_rank)))
 
 
 def _verified(name: str, task: Task, runs: int | None) -> Candidate:
-    """Verify one task; a candidate that cannot be verified keeps the reason."""
+    """Verify one task; if it cannot be verified, return a candidate with the reason."""
     if runs is not None:
         task = task.replace(verify=replace(task.verify, runs=runs))
     try:
@@ -188,7 +192,7 @@ def _verified(name: str, task: Task, runs: int | None) -> Candidate:
 
 
 def _rank(candidate: Candidate) -> tuple[int, float]:
-    """Return the sort key of a candidate: verdict first, then the mean contact speed, or 0 if no run has contact."""
+    """Return the sort key of a candidate: first the status of its gain, then the mean contact speed."""
     place, speed = _ORDER.index(candidate.status), candidate.contact_speed
     if not math.isnan(speed):
         return place, speed

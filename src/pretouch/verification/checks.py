@@ -50,7 +50,7 @@ def compare_quantities(
     runs: tuple[SimulationResult, SimulationResult],
     foreseen: tuple[ContactResult, ContactResult],
 ) -> tuple[Comparison, ...]:
-    """Compare simulated and predicted contact quantities, with the gain and without mitigation."""
+    """Compare simulated and predicted contact quantities, with and without impact mitigation."""
     contact, impact = task.loop.contact, foreseen_impact(task)
     names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
     if contact is not None and any(np.any(r.peak_force > (1 + _ROUNDING) * r.impact_force) for r in runs):
@@ -137,7 +137,7 @@ def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
         *loop_sentences(loop),
         *_force(task),
         *(uncertain or ["Encounter: the nominal one in every run; nothing is uncertain."]),
-        f"Runs: {number}; other gains, and changes of the loop, are simulated with the same noise{first}.",
+        f"Simulated runs: {number}. Other gains, and changes of the loop, are simulated with the same noise{first}.",
         "Prediction: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly.",
         "Stability: computed for the loop linearized at each distance of the nominal curve, without noise, misfit, "
         "jitter, limits and friction.",
@@ -170,7 +170,7 @@ def cautions_of(
     at_rest: RestMotion | None,
     largest_rate: float,
 ) -> tuple[str, ...]:
-    """Return the warnings of a verification, from simulated runs with the gain and without mitigation.
+    """Return the warnings of a verification, from simulated runs with and without impact mitigation.
 
     Args:
         draws: the encounters.
@@ -211,9 +211,10 @@ def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
         return
     yield caution(
         "PT402",
-        f"The controller and the prediction use different admittances: a virtual mass of {virtual.mass:g} kg, a "
-        f"damping of {virtual.damping:g} N s/m and a stiffness of {virtual.stiffness:g} N/m in the controller, "
-        f"but {a.mass:g} kg, {a.damping:g} N s/m and {a.stiffness:g} N/m in the prediction.",
+        "The controller and the prediction use different admittances: virtual mass "
+        f"{virtual.mass:g} kg, damping {virtual.damping:g} N s/m and stiffness {virtual.stiffness:g} N/m in the "
+        f"controller; virtual mass {a.mass:g} kg, damping {a.damping:g} N s/m and stiffness {a.stiffness:g} N/m in the "
+        "prediction.",
     )
 
 
@@ -227,9 +228,9 @@ def _recession(loop: ClosedLoop, largest_rate: float) -> Iterator[str]:
         yield caution(
             "PT404",
             "A broken sensor cable makes the robot jump toward the object: set largest_rate of the controller to "
-            f"{format_quantity(largest_rate, '1/s', 3)}, which ignores such readings. A broken cable "
-            "reads 0, like an object that recedes suddenly; no run here has this fault. This rate is twice the largest "
-            "rate |d ln xi / dt| of an approach, plus noise.",
+            f"{format_quantity(largest_rate, '1/s', 3)}, which ignores such readings. A broken cable gives the "
+            "reading 0, which looks like an object that suddenly recedes; the simulated runs do not contain this "
+            "fault. The value is twice the largest rate |d ln xi / dt| of an approach, plus noise.",
         )
 
 
@@ -251,7 +252,7 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
         yield caution(
             "PT405",
             f"On average, the object is first detected {format_quantity(late, 's')} after the start, at a "
-            f"distance of {near} instead of {far}, because {_why_late(loop, late)}.",
+            f"distance of {near} instead of the start distance of {far}, because {_why_late(loop, late)}.",
         )
 
 
@@ -280,11 +281,11 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
     if more <= chance or not np.any(peak > (1 + _ROUNDING) * impact):
         return
     driven = contact.obstacle_mass == np.inf
-    pushing = "the driven obstacle and the robot's drive push" if driven else "the robot's drive pushes"
+    push = " and the driven obstacle push" if driven else " pushes"
     newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
     yield caution(
         "PT407",
-        f"After the impact, {pushing} with a force of up to {newton[0]} on average, compared with "
+        f"After the impact, the robot's drive{push} with a force of up to {newton[0]} on average, compared with "
         f"{newton[1]} without mitigation. The force of the impact itself reaches {newton[2]}, "
         f"compared with {newton[3]} without mitigation.",
     )
@@ -342,5 +343,5 @@ def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
     yield caution(
         "PT411",
         f"The calibration has only {len(report.window.distances)} usable distances, which are too few to check "
-        "whether the calibration is good enough: record more distances.",
+        "whether the calibration is good enough: record readings at more distances.",
     )

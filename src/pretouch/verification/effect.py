@@ -1,4 +1,4 @@
-"""Compare contact speeds of simulated runs: with mitigation, without mitigation, and with an ideally fast sensor."""
+"""Compare simulated contact speeds with and without impact mitigation, and with an infinitely fast sensor."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _LEAST_SPEED: Final = 1e-9  # m/s: smaller speeds are not divided by
 
 
 class VerdictStatus(StrEnum):
-    """Status of a verified gain: holds, holds narrowly, does not hold, or no gain."""
+    """Whether a verified gain meets all requirements (holds), meets them narrowly, misses one, or does not exist."""
 
     HOLDS = "holds"
     HOLDS_NARROWLY = "holds-narrowly"
@@ -57,7 +57,7 @@ class VerdictStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect(Value):
-    """Change of the contact speed by a gain, over all simulated runs that end in contact.
+    """Change of the contact speed that a gain causes, averaged over all simulated runs that end in contact.
 
     If the same run ends without contact at gain 0, its unmitigated speed counts as 0.
 
@@ -97,12 +97,12 @@ class Effect(Value):
 
     @property
     def is_softer(self) -> bool:
-        """True if the gain makes contact softer by more than two standard errors."""
+        """True if the gain reduces the mean contact speed by more than two standard errors."""
         return -self.difference > self._chance
 
     @property
     def is_absent(self) -> bool:
-        """True if the gain has no effect, that is, contact is softer by less than 1 % and not harder."""
+        """True if the gain has no effect: contact is not harder, and the contact speed falls by less than 1 %."""
         return not self.is_harder and self.difference > -EFFECT * self.unmitigated
 
     @property
@@ -112,12 +112,12 @@ class Effect(Value):
 
     @property
     def excess(self) -> float | None:
-        """Relative excess of the mean contact speed over the prediction; None if no contact is predicted."""
+        """Relative increase of the simulated mean contact speed over the predicted speed; None without prediction."""
         return self.reached / self.predicted - 1 if self.predicted and self.reached is not None else None
 
     @property
     def lost(self) -> float:
-        """Share of the predicted decrease of the contact speed that is lost on the loop; 0 without a prediction."""
+        """Share of the predicted speed reduction that is lost in the sampled loop; 0 without such a prediction."""
         if self.predicted is None or self.reached is None or not self.predicted < self.unmitigated:
             return 0.0
         return (self.reached - self.predicted) / (self.unmitigated - self.predicted)
@@ -136,7 +136,7 @@ class Effect(Value):
 def effect_of(
     result: SimulationResult, unmitigated: SimulationResult, foreseen: FloatArray | None = None
 ) -> Effect | None:
-    """Compare contact speeds with the gain and without mitigation; None if no run ends in contact."""
+    """Compare contact speeds with and without impact mitigation; return None if no run ends in contact."""
     n, some = result.shape[0], result.touched
     if not some.any():
         return None
@@ -191,8 +191,8 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
         yield caution(
             "PT415",
-            f"The {number.name} has no effect in this run: the contact speed is {_text(speed)} with the "
-            f"{number.name}, and {_text(before)} without mitigation.",
+            f"The {number.name} has no effect in this run: the contact speed is {_text(speed)}, and it is "
+            f"{_text(before)} without mitigation.",
         )
 
 
@@ -204,7 +204,7 @@ def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorSpeed(Value):
-    """The noise-free contact speed with the real sensor, compared with an infinitely fast sensor.
+    """Simulated contact speeds with the real sensor and with an infinitely fast sensor, both without noise.
 
     Args:
         rate: readings per second of the loop [Hz].
@@ -246,12 +246,12 @@ class SensorSpeed(Value):
 
     @property
     def excess_in_words(self) -> str:
-        """The increase of the contact speed that 95 % of the runs do not exceed, and the allowed increase, in words."""
+        """Text on how much the contact speed increases because the sensor is slow, and on the allowed increase."""
         size, fast = "no higher than with an infinitely fast sensor", "with an infinitely fast sensor"
         if self.excess > _SHOWN_SHARE:
             size = f"up to {higher_in_words(self.excess, fast)}"
         return (
-            f"in 95 % of the runs, the contact speed is {size}; an excess of up to {100 * self.tolerance:.3g} % is "
+            f"in 95 % of the runs, the contact speed is {size}; an increase of up to {100 * self.tolerance:.3g} % is "
             "allowed"
         )
 
@@ -261,13 +261,13 @@ class SensorSpeed(Value):
 
 
 def without_noise(loop: ClosedLoop) -> ClosedLoop:
-    """Return the loop with ideal readings: without noise, jitter, quantization, dropouts or curve error."""
+    """Return a copy of the loop with ideal readings: no noise, jitter, quantization, dropouts or curve error."""
     quiet: dict[str, Any] = dict.fromkeys((*NOISES, *_FAULTS), 0.0)
     return replace(loop, chain=replace(loop.chain, **quiet), follow_time=0.0)
 
 
 def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
-    """Return the loop with an instant sensor reading at every controller step; None for user-defined laws."""
+    """Return the loop with an undelayed sensor reading at every controller step; None for user-defined laws."""
     law = loop.law
     if not isinstance(law, Controller):
         return None
@@ -278,7 +278,7 @@ def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
 def compare_with_fast_sensor(
     loop: ClosedLoop, run: Callable[[ClosedLoop], SimulationResult], quiet: SimulationResult, tolerance: float
 ) -> SensorSpeed | None:
-    """Compare the contact speed of the loop with the speed for an infinitely fast sensor; None without contact."""
+    """Compare the simulated contact speed with that for an infinitely fast sensor; None without contact."""
     fast = with_fast_sensor(without_noise(loop))
     if fast is None:
         return None

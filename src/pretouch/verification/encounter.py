@@ -1,4 +1,4 @@
-"""Simulate one encounter on the sampled loop, and compare the result with the prediction."""
+"""Simulate one encounter of robot and object with the sampled loop, and compare it with the prediction."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ Row = tuple[Cell, ...]
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SimulatedEncounter(Described, Value):
-    """Result of `simulate_encounter`: one encounter, simulated and predicted, with the gain and without mitigation.
+    """Result of `simulate_encounter`: one encounter, simulated and predicted, with and without impact mitigation.
 
     Comparisons are computed when they are first read.
 
@@ -159,7 +159,7 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def comparisons(self) -> tuple[QuantityComparison, ...]:
-        """Contact quantities of simulation and prediction, with the gain and without mitigation."""
+        """Simulated and predicted contact quantities, with and without impact mitigation."""
         runs, predictions = (self.run, self.unmitigated), (self.prediction, self.unmitigated_prediction)
         return compare_contacts(runs, predictions, self.impact, self.has_contact_force)
 
@@ -183,7 +183,7 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def flags(self) -> tuple[ReportedFlag, ...]:
-        """The flags that the controller reported during the run with the gain, in chronological order."""
+        """The status flags that the controller reported in the run with the gain, in chronological order."""
         return flags_of(self.trace, self.loop.law.period, self.run.time)
 
     @cached_property
@@ -193,7 +193,7 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def headline(self) -> str:
-        """A summary of the simulated contact, compared with the prediction and with contact without mitigation."""
+        """A sentence that compares the simulated contact with the prediction and with the unmitigated contact."""
         compared = self.comparison("relative_velocity"), self.comparison("time")
         grows = self.grows_after_impact if self.has_contact_force else None
         return headline_of(self.run, self.unmitigated, self.prediction, compared, grows)
@@ -345,8 +345,8 @@ def _comparison(e: SimulatedEncounter) -> PageSection:
     loop = e.loop
     robot, contact = (cell_as_text(next(iter(rows))[1]) for rows in (loop.plant.rows(), contact_rows(loop.contact)))
     method = (
-        f"The simulated loop has a controller step every {format_quantity(loop.law.period, 's', 3)} and sensor "
-        f"readings at {loop.chain.rate:g} Hz; its seed is {loop.seed}. Robot: {robot}. Contact: {contact}. "
+        f"In the simulation, the controller runs every {format_quantity(loop.law.period, 's', 3)}, the sensor "
+        f"measures at {loop.chain.rate:g} Hz, and the seed is {loop.seed}. Robot: {robot}. Contact: {contact}. "
         f"Method of the prediction: {e.prediction.method}."
     )
     elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None

@@ -1,4 +1,4 @@
-"""Summarize one simulated encounter: contact, detection time and warnings."""
+"""Summarize one simulated encounter of robot and object: contact, time of detection and warnings."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _OF_CONTACT: Final = ("impact_force", "peak_force", "impulse", "rebound_velocity
 
 @dataclass(frozen=True, slots=True)
 class QuantityComparison(Value):
-    """Simulated and predicted values of one quantity, with the gain and without mitigation.
+    """Simulated and predicted values of one quantity, with and without impact mitigation.
 
     Values are None if they are not available.
     """
@@ -51,7 +51,7 @@ class QuantityComparison(Value):
 
     @property
     def values(self) -> tuple[float | None, ...]:
-        """The four compared values: simulated and predicted, with the gain and without mitigation."""
+        """The four compared values of a quantity: simulated and predicted, with and without impact mitigation."""
         return self.loop, self.predicted, self.loop_unmitigated, self.predicted_unmitigated
 
     @property
@@ -66,7 +66,7 @@ class QuantityComparison(Value):
 
     @property
     def relative_difference(self) -> float | None:
-        """Relative excess of the simulated magnitude over the predicted magnitude; None if one of them is unknown."""
+        """Relative difference between simulated and predicted magnitude; None if one of them is unknown."""
         if self.loop is None or not self.predicted:
             return None
         return abs(self.loop) / abs(self.predicted) - 1
@@ -105,7 +105,7 @@ class LoopContact(Value):
 
 @dataclass(frozen=True, slots=True)
 class ReportedFlag(Value):
-    """A flag that the controller reported during a run, such as `force-limited`."""
+    """A status flag that the controller reported during a run, such as `force-limited`."""
 
     name: str  # such as `force-limited`
     meaning: str  # its meaning in words
@@ -148,8 +148,10 @@ class Detection(Value):
         text += f"{format_quantity(self.distance, 'm')} (start: {format_quantity(self.start_distance, 'm')})"
         if self.missed_share is None:
             return f"{text}."
-        missed = f"the first {100 * self.missed_share:.2g} % of the change of the log output ln xi until contact"
-        return f"{text}. The controller could not respond to {missed}."
+        return (
+            f"{text}. The first {100 * self.missed_share:.2g} % of the change of the sensor signal ln xi until contact "
+            "had no effect on the virtual force."
+        )
 
 
 _OWN: Final = "a user-defined flag"
@@ -163,7 +165,7 @@ def percent(share: float) -> str:
 
 
 def higher_in_words(excess: float, other: str = "") -> str:
-    """Return text for a relative excess of speed, such as `5 % higher than predicted`.
+    """Return text for a relative increase or decrease of a speed, such as `5 % higher than predicted`.
 
     Examples:
         >>> higher_in_words(0.12, "predicted"), higher_in_words(5.39, "predicted"), higher_in_words(-0.22)
@@ -184,7 +186,7 @@ def compare_contacts(
     impact: ImpactModel | None,
     has_force: bool,
 ) -> tuple[QuantityComparison, ...]:
-    """Compare the simulated and predicted contact quantities, with the gain and without mitigation."""
+    """Compare the simulated and predicted contact quantities, with and without impact mitigation."""
     ends = [None if p is None or not p.reached.all() else p.end for p in predictions]
 
     def row(name: str, loop: Iterable[float], predicted: Iterable[float]) -> QuantityComparison:
@@ -220,7 +222,7 @@ def contacts_of(run: SimulationResult, has_force: bool) -> tuple[LoopContact, ..
 
 
 def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[ReportedFlag, ...]:
-    """Return the flags that the controller reported, in chronological order."""
+    """Return the status flags that the controller reported in a run, in chronological order."""
     # `period` is the controller period [s]; `contact_time` may be NaN.
     flags = trace.flags.astype(np.int64)
     before = ~(trace.time >= contact_time)
@@ -324,7 +326,7 @@ def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
 
 
 def _force_sentence(run: SimulationResult, free: SimulationResult, grows: bool) -> str:
-    """Return a sentence on the contact force with the gain and without mitigation."""
+    """Return a sentence on the contact force with and without impact mitigation."""
     text = f" Impact force {_force(run.impact_force)}"
     text += f" instead of {_force(free.impact_force)} without mitigation" if free.touched else ""
     text += f", later up to {_force(run.peak_force)}" if grows else ""
@@ -347,17 +349,18 @@ def cautions_in_words(
     elif detection.missed_share is not None and detection.missed_share > _LATE:
         yield caution(
             "PT405",
-            f"The object is detected late: first at {format_quantity(detection.distance, 'm')}, so "
-            f"{100 * detection.missed_share:.2g} % of the change of the log output ln xi until contact had no "
-            f"effect. The prediction assumes detection at {format_quantity(detection.start_distance, 'm')}.",
+            f"The object is detected late, first at a distance of {format_quantity(detection.distance, 'm')}, so "
+            f"{100 * detection.missed_share:.2g} % of the change of the sensor signal ln xi until contact had no "
+            "effect. The prediction assumes detection at a distance of "
+            f"{format_quantity(detection.start_distance, 'm')}.",
         )
     approach = run.time if run.touched else run.end_time
     for flag in flags:
         if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
             yield caution(
                 "PT409",
-                f"Before contact, {flag.meaning}. This happened first after {_time(flag.since)} and lasted "
-                f"for {_time(flag.approach_duration)} in total.",
+                f"Before contact, the controller reported: {flag.meaning}. This state began after {_time(flag.since)} "
+                f"and lasted for {_time(flag.approach_duration)} in total.",
             )
     if run.contacts > 1:
         hardest = max(contacts, key=lambda contact: -contact.relative_velocity)

@@ -1,4 +1,4 @@
-"""Search for the best gain of a loop, and for the single change of the loop that helps most.
+"""Search for the best gain of a sampled control loop, and for the most helpful single change of the loop.
 
 Every candidate is simulated with the same noise as the verdict.
 """
@@ -54,13 +54,14 @@ class LoopCurve(Value):
     def __repr__(self) -> str:
         if not len(self.gain):
             return "<LoopCurve: no gain>"
-        ends = f"{self.gain[0]:g} to {self.gain[-1]:g}"
-        return f"<LoopCurve: {len(self.gain)} gains between {ends}, at most {self.runs.max()} runs for each>"
+        first, last = self.gain[0], self.gain[-1]
+        runs = f"at most {self.runs.max()} runs for each gain"
+        return f"<LoopCurve: {len(self.gain)} gains from {first:g} to {last:g}, {runs}>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss(Value):
-    """The objectives of the verified gain and of the best gain on the sampled loop, and their difference.
+    """Objective values of the verified gain and of the best gain on the sampled loop, and their difference.
 
     Args:
         predicted: the objective of the nominal encounter in continuous time; None without contact.
@@ -167,7 +168,7 @@ def find_improvements(
 
 
 def _candidates(problem: LoopProblem, verified: Verified) -> list[ChangedLoop]:
-    """Return changes of the loop that may make contact softer, sized for the fastest approach and the largest noise."""
+    """Return changes of the loop that may help, with values that suit the fastest approach and the largest noise."""
     check, rate = verified.stability, None
     if check is not None and check.margin < USUAL_MARGIN and math.isfinite(check.lowest_rate_for_margin_2):
         rate = max(check.lowest_rate_for_margin_2, check.rate)
@@ -211,7 +212,7 @@ class _Tried(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Search:
-    """Search for the best gain on the sampled loop; all gains are simulated in the same encounters with equal noise."""
+    """Search for the best gain on the sampled loop; all gains are simulated with the same encounters and noise."""
 
     problem: LoopProblem
     axis: GainAxis
@@ -219,7 +220,7 @@ class _Search:
     tried: dict[float, _Tried] = field(default_factory=dict)  # the tried gains by coordinate
 
     def merit(self, coordinate: FloatArray) -> FloatArray:
-        """Return the mean objective for several gains; infinite if a requirement is missed."""
+        """Return the mean objective of each of several gains; infinite for a gain that misses a requirement."""
         places = {round(u, _DIGITS): u for u in coordinate.tolist()}
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
@@ -233,7 +234,7 @@ class _Search:
         return np.array([one.objective if one.kept else math.inf for one in of])
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Return the mean objective for several gains, in the form that the search function needs."""
+        """Return the mean objective of each of several gains, in the form that the search algorithm needs."""
         return Landscape(objective=self.merit(coordinate), ratios=np.empty((0, len(coordinate))))
 
     @property
@@ -279,7 +280,7 @@ class _Search:
 
 
 def _best_on_loop(problem: LoopProblem, verified: Verified) -> _Search:
-    """Search for the best gain on the sampled loop, trying also the verified gain and the ideal gain."""
+    """Search for the best gain on the sampled loop; the search also tries the verified gain and the ideal gain."""
     (low, high), limit = problem.draws.task.stable_bounds(), verified.limit
     margin, sign = None, problem.draws.task.law.number.sign
     if limit is not None:
@@ -346,7 +347,7 @@ def _add_margin(candidate: ChangedLoop, before: float | None, after: float | Non
 
 
 def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
-    """Return True if a change improves what decides the score: stability, contact speed or the most missed limit."""
+    """Return True if a change improves the quantity that decides the score, such as the most missed limit."""
     if after.standing <= before.standing:
         return False
     if before.stable <= before.standing:  # the margin was decisive; it does not depend on chance
@@ -360,7 +361,7 @@ def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
 
 
 def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, float | None]:
-    """Return the relative mean decrease of the objective over all runs, and the standard error of this decrease."""
+    """Return the relative decrease of the mean objective over all runs, and the standard error of this decrease."""
     whole, _ = mean_and_error(before)
     with np.errstate(invalid="ignore"):
         fall, error = mean_and_error(before - after)

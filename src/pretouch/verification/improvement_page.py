@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Measured, PageSection, PageTable, Paragraph, Picture
+from pretouch._core.blocks import Cell, LazyBlock, Measured, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.vocabulary import words_for
 from pretouch.design.page import objective_rows
 
@@ -37,7 +37,7 @@ def best_change_section(v: Verdict) -> PageSection | None:
     best, rate = v.best_change, _rate_in_words(v)
     if best is None:
         text = (
-            "None of the tried changes improves the status of the verdict, or lowers the objective significantly "
+            "None of the tried changes improves the result of the verification, or lowers the objective significantly "
             f"and by at least 1 %. {rate}"
         ).strip()
         return PageSection(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
@@ -77,10 +77,11 @@ def _rate_in_words(v: Verdict) -> str:
     gain = v.law.number.equals(v.gain or 0.0)
     if math.isfinite(check.lowest_rate_for_margin_2):
         return (
-            f"For a law with {gain}, a gain margin of 2 needs a sensor rate of {check.lowest_rate_for_margin_2:.3g} Hz."
+            f"For a control law with {gain}, a gain margin of 2 needs a sensor rate of "
+            f"{check.lowest_rate_for_margin_2:.3g} Hz."
         )
     text = (
-        f"For a law with {gain}, no sensor rate results in a gain margin of 2, because the latency, "
+        f"For a control law with {gain}, no sensor rate results in a gain margin of 2, because the latency, "
         "the filters or the robot are too slow"
     )
     if math.isfinite(check.lowest_rate):
@@ -118,14 +119,14 @@ def _missed_most(v: Verdict) -> str:
 
 
 def changes_section(v: Verdict) -> PageSection | None:
-    """Return the report section on every tried change, most helpful change first; None if no change was tried."""
+    """Return the report section that lists all tried changes, most helpful first; None if no change was tried."""
     if not v.changes:
         return None
     n = v.compared_runs
     note = f"Each change was simulated on the same {n} run{'' if n == 1 else 's'}, with the same encounters and noise."
     if n < v.runs:
         note += (
-            f" These runs are the first of all {v.runs} runs. Changes of the gain were simulated on all {v.runs} runs."
+            f" These are the first of {v.runs} runs in total; changes of the gain were simulated on all {v.runs} runs."
         )
     head = ("change", "objective", "limits met", "gain margin", "what to do")
     rows = (*_rows_as_it_is(v), *map(_change_row, v.changes))
@@ -134,7 +135,7 @@ def changes_section(v: Verdict) -> PageSection | None:
 
 
 def _rows_as_it_is(v: Verdict) -> Iterator[Row]:
-    """Yield table rows for the unchanged loop, over the compared runs and over all runs."""
+    """Yield table rows with the results of the unchanged loop, for the compared runs and for all runs."""
     for one, runs in zip(v.unchanged, (v.compared_runs, v.runs), strict=False):
         of = f", {runs} run{'' if runs == 1 else 's'}" if len(v.unchanged) > 1 else ""
         text = "Compare changes with this row." if runs == v.compared_runs else "Compare another gain with this row."
@@ -185,13 +186,16 @@ def gain_section(v: Verdict) -> PageSection:
     caption += ". Thin gray lines are gains that miss a limit"
     caption += ", or make contact no softer than without mitigation." if tried else "."
     name = "Objective over the gain, in continuous time and on the loop"
-    known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
     picture = Picture(figure="verdict_gain", of=v, name=name, caption=caption)
     rows = tuple(objective_rows(v.definition, v.law.number))
     terms = PageTable(head=("term of the objective", "typical value", "weight"), rows=rows)
-    shown = picture if any(np.isfinite(objective).any() for objective in known) else None
+
+    def shown() -> Picture | None:
+        known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
+        return picture if any(np.isfinite(objective).any() for objective in known) else None
+
     title = "The objective over the gain" if v.gain is None else "The gain on the simulated loop"
-    return PageSection(title=title, blocks=(*_gain_blocks(v), shown, terms))
+    return PageSection(title=title, blocks=(*_gain_blocks(v), LazyBlock(make=shown), terms))
 
 
 def _gain_blocks(v: Verdict) -> Iterator[Paragraph | PageTable]:
@@ -209,19 +213,21 @@ def _loss_in_words(v: Verdict, loss: Loss) -> str:
         return "No gain was found that meets every limit on the simulated loop."
     best = f"the {best}, {v.law.number.text(loss.loop_gain)}"
     if loss.loss is None or loss.loop_objective is None:
-        compared = f"The objective of the verified gain cannot be compared with that of {best}"
-        return f"{compared}, because at least one simulated run ends without contact."
+        return (
+            f"The objective of the verified gain cannot be compared with that of {best}, because at least one "
+            "simulated run ends without contact."
+        )
     share, error = 100 * loss.loss / loss.loop_objective, 100 * (loss.loss_error or 0.0) / loss.loop_objective
     apart = _percent_with_error(share, error)
     if share > max(SIGNIFICANT * error, 0.0):
-        return f"The objective of the verified gain is {share:.3g} % worse ({apart}) than the objective of {best}."
+        return f"The objective of the verified gain is {share:.3g} % worse than that of {best} (difference {apart})."
     lacks = _lacks_in_words(v) if share < -SIGNIFICANT * error else ""
     if lacks:
         return (
-            f"The objective of the verified gain is {-share:.3g} % better ({apart}) than the objective of "
-            f"{best}, but {lacks}."
+            f"The objective of the verified gain is {-share:.3g} % better than that of {best} (difference {apart}), "
+            f"but {lacks}."
         )
-    return f"The objective of the verified gain is not significantly worse ({apart}) than the objective of {best}."
+    return f"The objective of the verified gain is not significantly worse than that of {best} (difference {apart})."
 
 
 def _best_gain_in_words(loss: Loss) -> str:

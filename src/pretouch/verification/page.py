@@ -122,14 +122,14 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
         "none is enough" if math.isinf(check.lowest_rate_for_margin_2) else f"{check.lowest_rate_for_margin_2:.3g} Hz"
     )
     name = (
-        f"sensor rate above which this gain is stable; a gain margin of 2 needs {least}; the sensor "
-        f"of the loop has {check.rate:.3g} Hz"
+        f"sensor rate above which this gain is stable; for a gain margin of 2: {least}; rate of the simulated "
+        f"sensor: {check.rate:.3g} Hz"
     )
     yield name, _rate(check.lowest_rate)
 
 
 def _findings(v: Verdict) -> Iterator[str]:
-    """Yield all reasons but the first why a gain misses its requirements, and then the limits that it meets."""
+    """Yield all reasons against a gain except the first one, and then the limits that the gain meets."""
     yield from v.reasons[1:]
     for c in v.limits:
         if c.is_met and not any(c.statement in reason for reason in v.reasons):
@@ -143,7 +143,7 @@ def _next_step(v: Verdict) -> str:
 
 
 def _next_steps(v: Verdict) -> Iterator[str]:
-    """Yield what may help, most urgent first; a text may be empty."""
+    """Yield recommendations, most urgent first; some of them may be empty texts."""
     calibration, report = v.calibration_check, v.design.problem.task.calibration
     if v.scenario.relative_velocity > 0 and not (v.reached is not None and v.reached.simulated):
         yield RECEDING
@@ -164,7 +164,7 @@ def _next_steps(v: Verdict) -> Iterator[str]:
 
 
 def _next_change(v: Verdict) -> str:
-    """Return a recommendation: more runs if only their number is too small, otherwise the most helpful change."""
+    """Recommend more simulated runs if only their number is too small, otherwise the most helpful change."""
     runs = runs_advised(v)
     if runs is not None:
         return f"simulate {runs} runs"
@@ -175,7 +175,7 @@ def _next_change(v: Verdict) -> str:
 
 
 def _next_step_without_gain(v: Verdict) -> str:
-    """Return a recommendation that may make a gain feasible."""
+    """Recommend what to change if no gain meets the requirements."""
     if v.needed_rate is None:
         return "relax a limit, widen the bounds of the gain, or detect the object earlier"
     if math.isinf(v.needed_rate):
@@ -268,13 +268,13 @@ def _reached(v: Verdict) -> str:
     if v.reached is None:
         return ""
     text = (
-        f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters; on the "
-        f"simulated loop, contact occurs in {share_in_words(v.reached.simulated)} of the {_runs(v)}"
+        f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and it occurs in "
+        f"{share_in_words(v.reached.simulated)} of the simulated runs (in total {_runs(v)})"
     )
     text += f"; {v.reached.missing} end without the predicted contact." if v.reached.missing else "."
     if v.reached.low is not None:
         text += (
-            " If contact is predicted, it also occurs on the loop with a probability of at least "
+            " If contact is predicted, it also occurs on the simulated loop with a probability of at least "
             f"{share_in_words(v.reached.low)} ({100 * v.confidence:g} % confidence)."
         )
     return text

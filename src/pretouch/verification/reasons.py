@@ -21,7 +21,7 @@ _ROUNDING: Final = 1e-9  # relative rounding error of a speed
 
 
 def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
-    """Return the status of a verified gain, and the reasons why it is not `holds`, most serious first."""
+    """Decide the status of a verified gain; if it is not `holds`, list the reasons, most serious first."""
     missed, narrow = list(_failures(v)), list(_narrow_reasons(v))
     if missed:
         return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
@@ -38,7 +38,7 @@ def no_gain_with_margin(design: GainDesign, rate: float) -> str:
         needed = f"this gain has the required margin at a sensor rate of {rounded_up(rate):g} Hz or more"
     return (
         f"at a sensor rate of {task.loop.chain.rate:g} Hz, no gain with a gain margin of "
-        f"{task.stability_margin:g} meets every limit; without the required margin, {optimum} is optimal; "
+        f"{task.stability_margin:g} meets every limit; without the required margin, {optimum} would be optimal; "
         f"{needed}"
     )
 
@@ -81,7 +81,7 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
             f"the gain has no effect: the average contact speed is {speed} with the gain, and {free} without mitigation"
         )
     elif effect is not None and effect.lost > LOST:
-        yield f"most of the mitigation is lost on the loop: contact at {_speeds(effect)}"
+        yield f"most of the predicted mitigation is lost on the simulated loop: contact at {_speeds(effect)}"
     predicted, free_end = v.predicted, v.design.no_mitigation
     if predicted is None or not predicted.reached.all():
         return
@@ -97,11 +97,11 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
 
 
 def _speeds(effect: Effect) -> str:
-    """Return the contact speeds on the loop, as predicted, and without mitigation, as text."""
+    """Return text that compares the simulated contact speed with the predicted and the unmitigated speed."""
     reached, predicted, free = (
         format_quantity(x or 0.0, "m/s", 3) for x in (effect.reached, effect.predicted, effect.unmitigated)
     )
-    return f"{reached} on average instead of the predicted {predicted}, and {free} without mitigation"
+    return f"a mean speed of {reached} (predicted speed: {predicted}; without mitigation: {free})"
 
 
 def _harder(effect: Effect) -> str:
@@ -171,7 +171,7 @@ def _runs_to_show(check: LimitCheck, confidence: float) -> int | None:
 
 
 def runs_advised(v: Verdict) -> int | None:
-    """Return how many runs would demonstrate every limit; None if more runs alone do not help."""
+    """Return the number of runs that would demonstrate every limit; None if more runs alone do not help."""
     needed = [_runs_to_show(check, v.confidence) for check in v.limits if _is_unshown(check)]
     if not needed or len(needed) != len(v.reasons) or None in needed:
         return None
@@ -184,8 +184,8 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
     effect, sensor, allowed = v.effect, v.sensor_speed, 100 * v.speed_tolerance
     if effect is not None and effect.excess is not None and v.speed_tolerance < effect.excess and effect.lost <= LOST:
         yield (
-            f"the contact speed is {higher_in_words(effect.excess, 'predicted')}, where {allowed:.3g} % is allowed: "
-            f"{_speeds(effect)}"
+            f"the contact speed is {higher_in_words(effect.excess, 'predicted')}, but an increase of only "
+            f"{allowed:.3g} % is allowed: {_speeds(effect)}"
         )
     if sensor is not None and not sensor.is_fast_enough:
         yield f"the sensor is too slow: {sensor.excess_in_words}"

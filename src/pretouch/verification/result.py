@@ -1,4 +1,4 @@
-"""Define the result of `verify_gain`: the verdict, and the distributions over all simulated runs."""
+"""Define the result of `verify_gain`: the verdict on a gain, and statistics over all simulated runs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class RunSpread(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison(Value):
-    """Predicted and simulated values of one contact quantity, with the gain and without mitigation.
+    """Predicted and simulated values of one contact quantity, with and without impact mitigation.
 
     Values are magnitudes in SI units.
 
@@ -114,7 +114,7 @@ class LimitCheck(Value):
 
     @property
     def is_met(self) -> bool:
-        """True if enough runs meet the limit."""
+        """True if at least the required share of the simulated runs meets the limit."""
         return self.held >= self.required.probability - 1e-12
 
     @property
@@ -294,10 +294,12 @@ class Verdict(Described, Value):
 
 
 def _speed(compared: Comparison | None) -> str:
-    """Return text on the mean contact speed with the gain and without mitigation."""
+    """Return text on the mean contact speed with and without impact mitigation."""
     free = None if compared is None or compared.unmitigated is None else compared.unmitigated.mean
-    without = "" if free is None else f"{format_quantity(free, 'm/s', 3)} without mitigation"
+    without = "" if free is None else format_quantity(free, "m/s", 3)
     if compared is None or compared.simulated is None:
-        return f"no run ends in contact, instead of contact at {without}" if without else "no run ends in contact"
+        if not without:
+            return "no run ends in contact"
+        return f"no run ends in contact; without mitigation, the mean contact speed is {without}"
     speed = f"contact at {format_quantity(compared.simulated.mean, 'm/s', 3)} on average"
-    return f"{speed} instead of {without}" if without else speed
+    return f"{speed} instead of {without} without mitigation" if without else speed

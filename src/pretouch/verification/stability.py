@@ -98,10 +98,10 @@ class StabilityCheck(Value):
         phase = ", at the worst phase between sensor and controller" if self.has_unknown_phase else ""
         frequency = "" if math.isnan(self.frequency) else f" at {self.frequency:.3g} Hz"
         return (
-            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. If the "
-            f"{self.limit.law.number.name} is stronger than {self.limit.law.number.text(self.strongest)}, "
-            f"the loop oscillates{frequency}, first at a distance of "
-            f"{format_quantity(self.critical_distance, 'm')}. {self._rates}."
+            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. A "
+            f"{self.limit.law.number.name} stronger than {self.limit.law.number.text(self.strongest)} makes the loop "
+            f"oscillate{frequency}, first at a distance of {format_quantity(self.critical_distance, 'm')}. "
+            f"{self._rates}."
         )
 
     @property
@@ -171,7 +171,7 @@ def check_stability(
 def rates_for_margins(
     loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, margins: Sequence[float]
 ) -> list[float]:
-    """Return the sensor rates [Hz] above which a gain has required gain margins; infinite if no rate is high enough."""
+    """Return, for each gain margin, the sensor rate [Hz] above which the gain has it; infinite if no rate suffices."""
     law: Any = loop.law
     if not gain:
         return [0.0] * len(margins)
@@ -243,7 +243,7 @@ _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
 def plausible_rate(loop: ClosedLoop, quickest: float, noise: float) -> float:
-    """Return the limit of |d ln xi / dt| [1/s] above which readings are implausible for the controller.
+    """Return the rate of change of the log sensor output [1/s] above which the controller rejects readings.
 
     It rejects a reading only if neither the fastest approach nor noise can explain the reading.
 

@@ -1,4 +1,4 @@
-"""Verify a gain in many simulated runs of the sampled loop, or simulate one encounter."""
+"""Verify a gain in many simulated runs of the sampled control loop, or simulate one encounter."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _NO_LOOP_IN_FILE: Final = (
 @check_arguments
 @with_file_location
 def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
-    """Verify whether a gain designed in continuous time, by L(1) and L(2), meets its limits on the sampled loop.
+    """Verify by simulation whether a gain that was designed in continuous time meets its limits on the sampled loop.
 
     Changes of the loop or the gain are tried to find out what would help.
 
@@ -102,12 +102,12 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
 
 
 def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[str, Any]:
-    """Return all fields of the verification result except the status of the gain and the reasons for this status."""
+    """Return all fields of the verification result except its status and the reasons for this status."""
     loop, sensor = task.loop, task.sensor
     predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
     _check_horizon(loop, predicted)
     draws = draw_encounters(task)
-    note_work(f"simulating {task.verify.runs} encounters, each without and with the gain")
+    note_work(f"simulating {task.verify.runs} encounters, each with and without impact mitigation")
     unmitigated = draws.run(loop, 0.0)
     foreseen = draws.predicted(gain)
     problem = LoopProblem(draws=draws, predicted=np.isfinite(foreseen), unmitigated=unmitigated)
@@ -157,7 +157,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
 
 
 def _rate_needed(design: GainDesign) -> float | None:
-    """Return the sensor rate [Hz] that the required margin needs; None if another requirement is unmet, too."""
+    """Return the sensor rate [Hz] that the required gain margin needs; None if other requirements fail as well."""
     task, free = design.problem.task, design.without_margin
     if free is None or task.stability_margin is None:
         return None
@@ -217,7 +217,10 @@ def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
             f"The stability of the loop is not assessed, because {task.law.number.equals(gain)} does not mitigate "
             "the impact."
         )
-    return f"The stability of the loop is unknown, because damping and timing of the law {task.law.kind} are unknown."
+    return (
+        f"The stability of the loop is unknown, because damping and timing of the control law {task.law.kind} are "
+        "unknown."
+    )
 
 
 @check_arguments
@@ -295,4 +298,5 @@ def _why_no_gain(task: Task) -> str:
     )
     number = task.law.number
     example = {"gain": -0.7, "drag": 0.014}.get(number.key, float(number.sign))
-    return f'{reason}. Choose one with --gain "{example:g} {number.unit}", or with gain={example:g} in Python'
+    value = f"{example:g} {number.unit}"
+    return f'{reason}. Choose a gain with the option --gain "{value}", or with gain={example:g} in Python'

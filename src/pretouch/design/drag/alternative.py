@@ -52,17 +52,17 @@ def drag_alternative(design: GainDesign) -> PageSection | None:
     accelerations = [pretty_unit(format_quantity(float(r.end.largest_acceleration), "m/s^2")) for r in runs]
     text = (
         f"With a virtual drag of the same excursion ({DRAG.number.equals(drag)}), the contact speed "
-        f"would be {format_quantity(after, 'm/s')} instead of {format_quantity(before, 'm/s')}, and "
-        f"the largest acceleration would be {accelerations[0]} instead of {accelerations[1]}."
+        f"would be {format_quantity(after, 'm/s')} instead of {format_quantity(before, 'm/s')}. "
+        f"The largest acceleration would be {accelerations[0]} instead of {accelerations[1]}."
     )
     if not push:
-        text += f" The virtual drag reduces every approach speed to {100 * after / speed:.3g} % of its value."
+        text += f" With this virtual drag, the contact speed is {100 * after / speed:.3g} % of every approach speed."
     table = LazyBlock(make=lambda: _comparison(design, run, drag, with_drag))
     return PageSection(title="Comparison with the virtual drag", blocks=(Paragraph(text=text, brief=True), table))
 
 
 def _comparison(design: GainDesign, run: ContactResult, drag: float, with_drag: ContactResult) -> PageTable:
-    """Return a table that compares the optimal gain with virtual drags of equal excursion and equal contact speed."""
+    """Return a table that compares the optimal gain with virtual drags of the same excursion or contact speed."""
     scenario, sensor = design.scenario, design.sensor
     columns = {"the optimal gain": run, f"same excursion, {DRAG.number.equals(drag)}": with_drag}
     if not push_of(scenario):

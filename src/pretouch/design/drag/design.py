@@ -88,7 +88,7 @@ def why_no_drag(scenario: Scenario) -> str:
 
 
 def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
-    """Return the drag phi [N s^2] that a task requires, and the largest approach speed [m/s] for this drag."""
+    """Return the drag phi [N s^2] that meets a requirement, and the approach speed [m/s] up to which it does."""
     speed = effect.largest_speed or -float(task.scenario.relative_velocity)
     mass, distance = float(task.scenario.admittance.mass), float(task.scenario.distance)
     drag, kept = replace(effect, largest_speed=speed).drag(task.sensor, distance, mass, task.impact)

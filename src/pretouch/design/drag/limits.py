@@ -78,7 +78,7 @@ class DragEffect(Value):
 
     @property
     def chosen(self) -> tuple[str, Any, str]:
-        """Name, value and SI unit of the quantity that the drag must reach, such as the excursion."""
+        """Name, value and SI unit of the requirement for the virtual drag, such as the largest excursion."""
         return next((f.name, v, _UNITS[f.name]) for f in fields(self) if (v := getattr(self, f.name)) is not None)
 
     def drag(
@@ -167,7 +167,7 @@ def allowed_speed(
 
 
 def _last(keeps: Callable[[FloatArray], Any], high: FloatArray) -> FloatArray:
-    """Return the largest numbers up to `high` for which a condition is true, by repeated refinement of a grid.
+    """Return the largest values up to `high` at which a condition is true, by repeated refinement of a grid.
 
     The condition takes a grid for each number, one per row.
     """
@@ -226,9 +226,9 @@ def strongest_by_excursion(  # noqa: PLR0917
         on = on[over[on] <= 0]
         if (never := on[high[on] == strongest[on]]).size:
             raise InvalidInputError(
-                f"excursion: the limit of {limits[never[0]]:g} m cannot be reached: even the strongest drag of the "
-                f"search, with the speed ratio {_STRONGEST:g}, retreats less; choose the drag by its speed ratio "
-                "instead"
+                f"excursion: the limit of {limits[never[0]]:g} m cannot be reached: even with the strongest drag "
+                f"(contact speed / approach speed = {_STRONGEST:g}), the robot retreats less; choose the drag by this "
+                "speed ratio instead"
             )
         low[on], under[on], high[on] = high[on], over[on], np.minimum(2 * high[on], strongest[on])
     drag, reached = high.copy(), limits.copy()
@@ -250,7 +250,7 @@ def strongest_by_excursion(  # noqa: PLR0917
 
 
 def strongest_by_peak(sensor: SensorModel, distance: ArrayLike, mass: float, limit: ArrayLike) -> Any:
-    """Find the strongest virtual drag whose peak acceleration per squared approach speed stays within a limit.
+    """Find the strongest virtual drag within a limit of the ratio of peak acceleration to squared approach speed.
 
     This peak is not monotone in phi.
 
@@ -277,7 +277,7 @@ def strongest_by_peak(sensor: SensorModel, distance: ArrayLike, mass: float, lim
 
 
 def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, limit: FloatArray) -> FloatArray:
-    """Find the strongest drags within limits of the peak acceleration, for one-dimensional arrays.
+    """Find the strongest virtual drag for each limit in an array: peak acceleration / (approach speed)^2.
 
     Returns:
         phi [N s^2] of each.
@@ -298,9 +298,9 @@ def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, l
     excess = excess_of(high[:, None], slice(None))[:, 0]
     if (never := np.flatnonzero((strongest < top) & (excess <= 0))).size:
         raise InvalidInputError(
-            f"acceleration: the limit of {limit[never[0]]:g} 1/m on acceleration divided by squared approach "
-            f"speed is too large to choose a virtual drag: even the strongest drag of the search (speed ratio "
-            f"{_STRONGEST:g}) stays below it; choose the drag by its speed ratio instead"
+            f"acceleration: the limit of acceleration / (approach speed)^2, {limit[never[0]]:g} 1/m, cannot be "
+            f"reached: even the strongest drag (contact speed / approach speed = {_STRONGEST:g}) stays below it; "
+            "choose the drag by this speed ratio instead"
         )
     for _ in range(_PASSES):
         on = np.flatnonzero(excess > _MET)
@@ -316,6 +316,6 @@ def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, l
         steepness[on] = np.clip((excess[on] - rest) / np.log(high[on] / new), 0.0, 1.0)
         high[on], excess[on] = new, rest
     raise InvalidInputError(
-        f"acceleration: the search for a virtual drag failed for a limit of {limit[on[0]]:g} 1/m on "
-        "acceleration divided by squared approach speed; change the limit slightly"
+        "acceleration: the search found no virtual drag for the limit of acceleration / (approach speed)^2, "
+        f"{limit[on[0]]:g} 1/m; change the limit slightly"
     )

@@ -64,9 +64,9 @@ def drag_page(design: DragDesign) -> Page:
         warnings.append(
             caution(
                 "PT311",
-                "the virtual drag was designed for an object with constant velocity, but this object accelerates "
-                f"{('toward' if acceleration > 0 else 'away from')} the robot at "
-                f"{pretty_unit(format_quantity(abs(acceleration), 'm/s^2'))}",
+                "the virtual drag was designed for an object with constant velocity, but this object accelerates at "
+                f"{pretty_unit(format_quantity(abs(acceleration), 'm/s^2'))} in the direction "
+                f"{('toward' if acceleration > 0 else 'away from')} the robot",
             )
         )
     if -float(design.scenario.relative_velocity) > design.largest_speed:
@@ -143,7 +143,7 @@ def letters_optimum(design: DragDesign) -> GainDesign | None:
 
 
 def speeds_of(design: DragDesign) -> tuple[float, float, float]:
-    """Return the lowest and highest approach speed [m/s] of the report, and the approach speed of the task."""
+    """Return the lowest and the highest approach speed [m/s] in the report, and the approach speed of the task."""
     speed = -float(design.scenario.relative_velocity)
     top = design.largest_speed if math.isfinite(design.largest_speed) else _SPEEDS[-1]
     return min(_SPEEDS[0], speed), max(top, speed), speed
@@ -251,7 +251,7 @@ def _speeds(design: DragDesign) -> PageSection:
 def _add_letter_columns(
     design: DragDesign, letter: GainDesign, head: list[str], columns: list[tuple[Any, str]], starts: Scenario
 ) -> tuple[list[str], list[tuple[Any, str]]]:
-    """Add contact speed, excursion and acceleration for the optimal gain of the virtual damper to a table."""
+    """Add table columns with contact speed, excursion and acceleration for the optimal gain of the virtual damper."""
     end = DAMPER.contact(starts, design.sensor, letter.gain).end
     names = ("relative_velocity", "displacement", "largest_acceleration")
     more = [(np.abs(getattr(end, name)), unit_of(name)) for name in names]

@@ -249,7 +249,7 @@ class DragLimits(Value):
         return float(self.strong.drag / self.weak.drag * self.weak.peak)
 
     def contact_speed_bound(self, speed: ArrayLike, acceleration: ArrayLike) -> Any:
-        """Return an upper bound of the contact speed [m/s] for every drag that varies between the two limits."""
+        """Return a contact speed [m/s] that no virtual drag between the weak and the strong drag exceeds."""
         return self.weak.contact_speed_bound(speed, acceleration)
 
 
@@ -286,8 +286,8 @@ def predict_drag(
     """
     if sensor.valid_range[0] > 0:
         raise InvalidInputError(
-            f"sensor: the sensor curve is valid only from {sensor.valid_range[0]:g} m on, but the contact speed "
-            "depends on the curve down to 0 m; mount the sensor behind the contact surface (recess)"
+            f"sensor: the sensor curve is valid only at distances above {sensor.valid_range[0]:g} m, but the contact "
+            "speed depends on the curve down to 0 m; mount the sensor behind the contact surface (recess)"
         )
     result = encounter(sensor, mass, distance, drag, 1.0, 0.0)
     end = result.contact

@@ -21,7 +21,7 @@ _NOTHING: Final = 1e-9  # an acceleration below this share of the deceleration t
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class BoundComparison(Value):
-    """Excursion and acceleration of encounters, and the smallest values that any controller needs.
+    """Excursion and acceleration of encounters, compared with the smallest possible values for any controller.
 
     Args:
         acceleration: the largest acceleration of the encounter [m/s^2].

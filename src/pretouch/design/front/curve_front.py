@@ -87,20 +87,20 @@ class _Samples:
         self.at = every[order]
 
     def halve(self, which: BoolArray) -> bool:
-        """Halve the selected intervals; return False if no interval was selected."""
+        """Halve selected intervals of the free parameter; return False if no interval is selected."""
         where = np.flatnonzero(which)
         self.add(0.5 * (self.at[where] + self.at[where + 1]))
         return len(where) > 0
 
     def find_ends(self) -> None:
-        """Locate the ends of the Pareto front by halving each interval of which only one end is on the front."""
+        """Locate the ends of the Pareto front by bisection of the free parameter."""
         for _ in range(_HALVINGS):
             best = non_dominated(self.values)
             if not self.halve((best[1:] != best[:-1]) & (np.diff(self.at) > 1e-13)):
                 return
 
     def fill(self) -> None:
-        """Halve the intervals of the Pareto front whose ends differ much in a compared quantity."""
+        """Add points to the Pareto front where a compared quantity differs much between neighboring points."""
         for _ in range(_FINEST):
             best = non_dominated(self.values)
             with np.errstate(invalid="ignore"):
@@ -110,7 +110,7 @@ class _Samples:
 
 
 def _thin_out(values: FloatArray, best: BoolArray) -> BoolArray:
-    """Remove points of the Pareto front that lie close to other points, but keep its ends and minima."""
+    """Remove Pareto points close to their neighbors, except the ends and the smallest value of each quantity."""
     kept, front = best.copy(), np.flatnonzero(best)
     if not len(front):
         return kept

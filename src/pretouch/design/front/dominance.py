@@ -15,7 +15,7 @@ _FLAT: Final = 1e-12  # a quantity that varies less than this along the front, r
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundFront:
-    """A Pareto front: parameters and quantities of its points, and of all evaluated encounters."""
+    """The points of a Pareto front and all evaluated encounters, with their parameters and quantities."""
 
     at: FloatArray  # coordinates of the points, shape (n, size)
     values: FloatArray  # quantities of the points, shape (n, k)
@@ -35,7 +35,7 @@ class FoundFront:
         scanned: tuple[FloatArray, FloatArray],
         between: FloatArray,
     ) -> FoundFront:
-        """Make a Pareto front, and estimate its error from scanned encounters and encounters between its points."""
+        """Make a Pareto front, and estimate its error by comparison with other evaluated encounters."""
         approximation_error = np.inf
         if len(at):
             extent, others = extent_of(values), np.concatenate([scanned[1], between])

@@ -160,7 +160,7 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
     if not choice.distance_to_front > _BEHIND:
         return "The choice lies on the Pareto front."
     text = (
-        "The front is better than your choice in every quantity, by at least "
+        "The Pareto front improves every quantity of your choice by at least "
         f"{100 * choice.distance_to_front:.2g} % of its range."
     )
     if len(front.quantities) == 2:
@@ -168,7 +168,7 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
         one, other = front.number.entry(first), front.number.entry(second)
         best = front.of(first)[front.meets(**{second: choice.values[second]})].min()
         least, chosen = (format_quantity(float(value), one.unit) for value in (best, choice.values[first]))
-        text += f" With the same {other.short}, the {one.short} can be {least} instead of {chosen}."
+        text += f" At equal {other.short}, the front reduces the {one.short} from {chosen} to {least}."
     return text
 
 
@@ -179,9 +179,8 @@ def _evidence(front: ParetoFront) -> PageSection:
         ("Pareto front", f"{_count(len(front.gain), 'point')} in {_count(pieces, 'piece')}"),
         (
             "largest error",
-            f"the error of the Pareto front is at most {100 * front.approximation_error:.2g} % of its "
-            "range: no other design that the search evaluated improves all quantities by more than this "
-            "error",
+            "no other evaluated design improves every quantity by more than "
+            f"{100 * front.approximation_error:.2g} % of the range of this quantity",
         ),
     )
     return PageSection(title="Evidence", titled=True, blocks=(PageTable(rows=rows, wraps=True, brief=True),))

@@ -68,14 +68,12 @@ class _FrontPoints:
         self.at = np.empty((0, trials.freedom.size))
         self.values = np.empty((0, len(extent)))
 
-    def add(self, at: FloatArray | None) -> None:
-        """Add a new point to the Pareto front if no other point dominates it, and remove dominated points."""
-        if at is None:
+    def add(self, point: tuple[FloatArray, FloatArray] | None) -> None:
+        """Add a new point, with its objectives, if no other point dominates it, and remove dominated points."""
+        if point is None:
             return
-        values = self.trials.values(at[None])
-        if not np.isfinite(values).all():
-            return
-        at_all, values_all = np.concatenate([self.at, at[None]]), np.concatenate([self.values, values])
+        at, values = point
+        at_all, values_all = np.concatenate([self.at, at[None]]), np.concatenate([self.values, values[None]])
         best = np.flatnonzero(non_dominated(values_all))
         best = best[np.argsort(values_all[best, 0], kind="stable")]
         self.at, self.values = at_all[best], values_all[best]
@@ -83,10 +81,12 @@ class _FrontPoints:
     def search(self, start: FloatArray, origin: FloatArray) -> None:
         """Move a starting point to the Pareto front by a local search; if the search fails, add the starting point."""
         point = advance(self.trials, start, origin, self.extent)
-        self.add(start if point is None else point[0])
+        if point is None and np.isfinite(values := self.trials.values(start[None])).all():
+            point = start, values[0]
+        self.add(point)
 
     def fill(self) -> None:
-        """Search further points in wide gaps between neighboring points of a Pareto front of two quantities."""
+        """Search for more points in wide gaps of a Pareto front of two quantities."""
         if self.values.shape[1] != 2:
             return
         for _ in range(_ROUNDS):
@@ -99,7 +99,7 @@ class _FrontPoints:
                 return
 
     def between(self) -> FloatArray:
-        """Search for further points between the points of the Pareto front, and return the quantities there."""
+        """Search for more points between the points of the Pareto front, and return their quantities."""
         return self._between_two() if self.values.shape[1] == 2 else self._between_many()
 
     def _between_two(self) -> FloatArray:
@@ -112,7 +112,7 @@ class _FrontPoints:
                 break
             start, corner = self.at[i : i + 2].mean(axis=0), self.values[i : i + 2].max(axis=0)
             if (point := advance(self.trials, start, corner, self.extent)) is not None:
-                values.append(self.trials.values(point[0][None]))
+                values.append(point[1][None])
                 most = max(most, self._missed(values[-1])[0])
         return np.concatenate(values)
 
@@ -128,13 +128,13 @@ class _FrontPoints:
         values = self.trials.values(mixed)
         worst = np.argsort(-self._missed(values), kind="stable")[:_MOVED]
         moved = [advance(self.trials, mixed[i], values[i], self.extent) for i in worst]
-        return np.concatenate([values, *(self.trials.values(point[0][None]) for point in moved if point is not None)])
+        return np.concatenate([values, *(point[1][None] for point in moved if point is not None)])
 
     def _missed(self, values: FloatArray) -> FloatArray:
         return shortfall(values / self.extent, self.values / self.extent)
 
     def pieces(self) -> IntArray:
-        """Return for each point of the Pareto front the number of its connected piece; wide gaps separate pieces."""
+        """Return to which connected piece of the Pareto front each point belongs; wide gaps separate the pieces."""
         if self.values.shape[1] != 2:
             return np.zeros(len(self.values), dtype=np.int64)
         gap = (np.abs(np.diff(self.values, axis=0)) / self.extent).max(axis=1)

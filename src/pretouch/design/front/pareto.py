@@ -37,7 +37,7 @@ _LEAST: Final = 1e-3  # depth below which a front counts as straight
 def find_knee(
     trials: Trials, at: FloatArray, values: FloatArray, scanned: FloatArray, scanned_values: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """Return the coordinates of the knee of a Pareto front, and its depth relative to the size of the front."""
+    """Return the coordinates of the knee of a Pareto front, and its depth below the plane through the ends."""
     # The result is None for a front that is straight, bulges outward, or has no trade-off.
     low, extent = values.min(axis=0), np.ptp(values, axis=0)
     if len(values) < 3 or not (extent > 0).all():
@@ -52,7 +52,7 @@ def find_knee(
         refined = np.array([minima[0].coordinate]) if minima else best
     else:
         minimum = descend(trials, best, 1 / extent)
-        refined = best if minimum is None else minimum
+        refined = best if minimum is None else minimum[0]
     both = np.stack([best, refined])
     sums = ((trials.values(both) - low) / extent).sum(axis=1)
     depth = float((1 - sums.min()) / np.sqrt(values.shape[1]))
@@ -152,7 +152,7 @@ def _why_no_bound(trials: Trials) -> str:
 
 
 def _bound(trials: Trials) -> PhysicalBound | None:
-    """Return the physical bound for every controller that keeps the task's limits of acceleration and speed."""
+    """Return the best values that any controller can reach within the task's limits of acceleration and speed."""
     limits = {c.name: c.limit for c in trials.constraints}
     if _why_no_bound(trials) or "acceleration" not in limits:
         return None
@@ -179,7 +179,7 @@ class _FrontPointMaker:
         return tuple(p for p in points if p is not None)
 
     def chosen(self, choice: float | Choice) -> FrontPoint | None:
-        """Return the user's choice as a point; None if the choice has no gain or does not result in contact."""
+        """Return the user's choice as a point of the plot; None if it has no gain or does not result in contact."""
         if isinstance(choice, (int, float)):
             unit = self.trials.encounters.task.law.number.unit
             return self.point("choice", self.trials.freedom.scenario, float(finite(choice, "choice", unit)))
@@ -191,7 +191,7 @@ class _FrontPointMaker:
         return self.point("choice", scenario, float(choice.gain))
 
     def point(self, name: str, scenario: Scenario, gain: float, depth: float | None = None) -> FrontPoint | None:
-        """Compute an encounter and return its parameters and contact quantities as a point; None without contact."""
+        """Compute an encounter, and return its parameters and contact quantities; None if it ends without contact."""
         trials = self.trials
         result: ContactResult = trials.encounters.solve(scenario, gain)
         if not result.reached.all():

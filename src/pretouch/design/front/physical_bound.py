@@ -93,7 +93,7 @@ class PhysicalBound(Value):
         return float_or_array(np.where(early, free, late))
 
     def excursion(self, contact_speed: ArrayLike) -> Any:
-        """Return the smallest excursion with which a robot can reach a contact speed.
+        """Return the smallest excursion [m] with which a robot can reach a given contact speed.
 
         Args:
             contact_speed: w = |l'| >= 0 at contact [m/s]; it broadcasts with the acceleration limit.
@@ -116,17 +116,17 @@ class PhysicalBound(Value):
         return float_or_array(np.where(in_time, needed, np.nan))
 
     def time(self, contact_speed: ArrayLike) -> Any:
-        """Return the time [s] until contact if the robot retreats by the smallest excursion; NaN if impossible."""
+        """Return the time [s] until contact with the smallest excursion; NaN if the contact speed is out of reach."""
         return float_or_array(self._time(np.asarray(self.excursion(contact_speed))))
 
     def least_acceleration(self, contact_speed: ArrayLike) -> Any:
-        """Return the smallest acceleration [m/s^2] with which a robot can reach a contact speed [m/s]."""
+        """Return the smallest acceleration [m/s^2] with which a robot can reach a given contact speed [m/s]."""
         # For every excursion, it is (v^2 - w^2) / (2 l0) - a.
         w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
         return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 
     def _slow(self, w: FloatArray) -> FloatArray:
-        """Return the excursion at which a braking obstacle's speed is the robot's top speed plus the contact speed."""
+        """Return the excursion at which a braking obstacle exceeds the robot's top speed by the contact speed."""
         if self.acceleration <= 0:
             return np.full(np.shape(w), np.nan)
         return np.asarray((self.velocity**2 - (w + self.speed_limit) ** 2) / (2 * self.acceleration) - self.distance)

@@ -171,7 +171,8 @@ class ParetoFront(Answer):
             return f"The Pareto front of {traded} has {len(self.gain)} points and no knee."
         quantities = zip(names, self.knee.values.values(), self.units, strict=True)
         values = ", ".join(f"{name} {format_quantity(value, unit)}" for name, value, unit in quantities)
-        return f"The knee of the Pareto front of {traded} is the design with {self._chosen(self.knee)}: {values}."
+        chosen = self._chosen(self.knee)
+        return f"The knee of the Pareto front of {traded} is the design with {chosen}, which results in {values}."
 
     @property
     def free_units(self) -> dict[str, str]:

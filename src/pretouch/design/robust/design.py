@@ -134,7 +134,8 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
             what = "an obstacle with a course" if task.evaluate is None else "evaluate"
             raise InvalidInputError(
                 f"measure: found WorstCase with {what}, expected Expected, Quantile or ConditionalValueAtRisk: the "
-                "search for the worst encounter needs gradients, which exist only for the motion L(1) with L(9)"
+                "search for the worst encounter needs gradients, which exist only in continuous time and for an "
+                "obstacle with constant acceleration"
             )
         for limit in limits:
             if limit.probability < 1:

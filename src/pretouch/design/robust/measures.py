@@ -33,7 +33,7 @@ class Measure(ABC):
 
     @abstractmethod
     def of(self, values: Any) -> Any:
-        """Return the risk measure of values along the last axis; infinite if values that affect it are infinite."""
+        """Compute the risk measure of objectives along the last axis; it is infinite if relevant ones are infinite."""
 
     @abstractmethod
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
@@ -121,7 +121,7 @@ class _AtProbability(Measure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantile(_AtProbability):
-    """The quantile of the objective: a given share of the encounters has no larger objective.
+    """The quantile of the objective, which a given share of the encounters does not exceed.
 
     Args:
         probability: in (0, 1).

@@ -1,4 +1,4 @@
-"""Define results of a robust design: one gain in many random encounters, and the risk measure over the gain."""
+"""Define results of a robust design: random encounters with one gain, and the risk measure for each gain."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def importance_section(importance: tuple[InputImportance, ...]) -> PageSection |
 
 
 def price_section(design: RobustDesign) -> PageSection | None:
-    """Return the report section on the improvement that is possible if one uncertain input were known exactly."""
+    """Return the report section on the gains that would be optimal if one uncertain input were known exactly."""
     if not design.prices:
         return None
     caption = (
@@ -112,13 +112,14 @@ _NEXT: Final = {
 
 
 def _findings(v: Validation) -> Iterator[str]:
-    """Yield one sentence per limit, which states the share of new random encounters that meet the limit."""
+    """Yield one sentence per limit that states which share of new random encounters meets the limit."""
     for outcome in v.limits:
         c, p = outcome.required.constraint, outcome.required.probability
         required = "always" if p == 1 else f"{100 * p:g} %"
         label, limit = outcome.limited.words, format_quantity(c.limit, outcome.limited.unit)
         yield (
-            f"{label} stays within {limit} in {share_in_words(outcome.held)} of the fresh samples ({required} required)"
+            f"{label} stays within the limit of {limit} in {share_in_words(outcome.held)} of the fresh samples "
+            f"({required} required)"
         )
 
 
@@ -198,7 +199,7 @@ def _outcome(design: RobustDesign, v: Validation) -> PageSection:
     note = (
         f"The results come from {v.samples} fresh encounters that the design did not use. The "
         f"{design.nominal_name} is optimal if every input has its given value{ideal}. The loss compares the "
-        "objectives of the robust gain and this gain in the same encounters. All numbers are predicted, not "
+        "objective with this gain and with the robust gain, in the same encounters. All numbers are predicted, not "
         "measured."
     )
     head = (f"on {v.samples} fresh samples ({100 * v.confidence:g} % confidence)", *design.compared)
@@ -228,7 +229,7 @@ def _constraints(v: Validation) -> PageSection:
         f'{100 * v.confidence:g} % (Clopper and Pearson). "Demonstrated" means that this bound reaches the '
         'required probability. "Within chance" means that the samples do not contradict the required '
         "probability. If an optimal design lies on a constraint, fresh samples often cannot demonstrate the "
-        "required probability: require a slightly larger one."
+        "required probability: require a slightly larger probability."
     )
     head = ("constraint", "limit", "required in", "met in", "at least", "quantile at the required share", "state")
     return _section("Constraints", head, (_limit_row(o, v) for o in v.limits), note)

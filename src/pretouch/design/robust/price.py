@@ -47,7 +47,7 @@ class Price(Value):
 
     @property
     def loss(self) -> FloatArray:
-        """Relative increase of the objective with the robust gain instead of the optimal gain, for each input value."""
+        """Relative increase of the objective if the robust gain replaces the optimal gain, for each input value."""
         return self.robust / self.best - 1
 
     def __repr__(self) -> str:
@@ -87,7 +87,7 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
 
 
 def price_of_gain(problem: GainProblem, price: Price, gain: float) -> Price:
-    """Repeat a comparison for another gain; the optimal gains are reused, because they do not depend on it."""
+    """Compare another gain with the optimal gains of an earlier comparison, without a new search."""
     task = problem.task
     return replace(price, robust=_objectives(task, _ensemble(task, price.name, price.value), gain))
 

@@ -70,7 +70,7 @@ class RobustProblem(GainProblem):
         return objective[0], ratios[:, 0]
 
     def criterion(self, which: int) -> Criterion:
-        """Return the objective (index -1) or the ratio |quantity| / limit of one constraint as a criterion."""
+        """Return the search criterion for the objective (index -1) or for the ratio |quantity| / limit of one limit."""
         if which < 0:
             return merit(self.task.goal, self.ensemble.speed, self.task.impact)
         return ratio(self.limits[which].constraint, self.task.impact)
@@ -80,7 +80,7 @@ class RobustProblem(GainProblem):
         return self.is_differentiable and self.criterion(which).has_gradients
 
     def slope(self, result: ContactResult, name: str, which: int = -1) -> FloatArray:
-        """Return the derivative of the objective (index -1) or of a constraint ratio with respect to one input."""
+        """Return the derivative of the objective (index -1) or a ratio |quantity| / limit with respect to an input."""
         of = along(partial(self.ensemble.slope, result), name, self.ensemble.scenario.obstacle.velocity)
         return self.criterion(which).slope(result.end, of)
 
@@ -118,7 +118,7 @@ class RobustProblem(GainProblem):
         return all(bool(touches_later(*ensemble.at(i)).all()) for i in range(len(ensemble)))
 
     def _parts(self, gains: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-        """Yield, per block of gains: measures, constraint ratios, and lower bounds of the measure at stronger gains."""
+        """Yield risk measures, ratios |quantity| / limit and lower bounds for stronger gains, per block of gains."""
         block = _BLOCK if self.ensemble.evaluator is None else _BLOCK_OF_EVALUATOR
         step = max(1, block // len(self.ensemble))
         for start in range(0, len(gains), step):
@@ -131,7 +131,7 @@ class RobustProblem(GainProblem):
             )
 
     def _evaluate(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return objectives, constraint ratios, and lower bounds of the objectives for all stronger gains."""
+        """Return objectives, ratios |quantity| / limit, and lower bounds of the objectives for all stronger gains."""
         result = self.ensemble.contacts(gains[:, None])
         reached, state, speed = result.reached, result.end, self.ensemble.speed
         objective = appraise(self.task.goal, state, reached, speed, self.task.impact)

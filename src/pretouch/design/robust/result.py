@@ -209,7 +209,7 @@ class RobustDesign(Answer):
         return price_of_robustness(self.problem, name, count, self.gain if gain is None else gain)
 
     def price_of(self, gain: float, price: Price) -> Price:
-        """Repeat a comparison for a different gain, and reuse its optimal gains.
+        """Compare a different gain with the optimal gains of an earlier comparison.
 
         Args:
             gain: the compared gain.
@@ -314,9 +314,8 @@ def _conflict(design: RobustDesign) -> str:
         if magnitude > c.limit:
             reasons.append(
                 f"the {c.name} cannot be limited to {format_quantity(c.limit, unit)} "
-                f"{('in every sample' if p == 1 else f'in {100 * p:g} % of the samples')}; the smallest limit "
-                f"that can be met as often is {format_quantity(magnitude, unit)}, with "
-                f"{design.number.equals(gain)}"
+                f"in {100 * p:g} % of the samples; the smallest limit that a gain meets as often is "
+                f"{format_quantity(magnitude, unit)}, with {design.number.equals(gain)}"
             )
     if reasons:
         return "; ".join(reasons)

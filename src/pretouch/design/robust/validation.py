@@ -36,7 +36,7 @@ class LimitOutcome(Value):
     magnitude: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the results of the test for one constraint as one JSON object, in SI units."""
+        """Return the validation result of one constraint as one JSON object, in SI units."""
         c, p = self.required.constraint, self.required.probability
         constraint = {"name": c.name, "limit": c.limit, "unit": self.limited.unit, "probability": p}
         return {**constraint, "held": self.held, "held_at_least": self.low, "magnitude": self.magnitude}
@@ -97,7 +97,7 @@ class Validation(Value):
         return "met in every sample" if outcome.held == 1 else "met, not demonstrated"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the results of the test as one JSON object, in SI units."""
+        """Return the results of the validation as one JSON object, in SI units."""
         names = ("samples", "confidence", "value", "low", "high", "nominal", "nominal_breaks", "reached")
         document = {name: getattr(self, name) for name in names}
         return {**document, "loss_of_nominal": self.loss, "constraints": self.limits}

@@ -100,7 +100,7 @@ def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, 
 
 
 def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
-    """Return encounters from which the worst-case search starts: corners, middle and inner points of the ranges."""
+    """Return the start points of the worst-case search: corners, middle and inner points of the input ranges."""
     corners = np.array(list(product(*box.values())))
     middle = np.array([[0.5 * (low + high) for low, high in box.values()]])
     inside = sample_inputs({name: Interval(low=low, high=high) for name, (low, high) in box.items()}, _INSIDE)
@@ -108,7 +108,7 @@ def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
 
 
 def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], gain: float, which: int) -> Function:
-    """Return a function that computes the objective (index -1) or a constraint ratio from the uncertain inputs."""
+    """Return a function of the uncertain inputs: the objective (index -1) or a ratio |quantity| / limit."""
     # The function also returns the gradient.
     names = tuple(box)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
@@ -142,7 +142,7 @@ def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], ga
 def _worst(
     maximum: CertifiedMaximum, lower: float, names: tuple[str, ...], problem: RobustProblem, gain: float
 ) -> WorstEncounter:
-    """Return the worst encounter at a gain, with a lower bound of the worst objective for all gains."""
+    """Return the worst encounter with one gain, and a lower bound of the worst-case objective of every gain."""
     values = problem.values(gain)[0]
     points = np.stack([problem.ensemble.values[name] for name in names], axis=1)
     deciding = np.unique(points[values >= lower * (1 - _DECIDING)], axis=0)

@@ -86,7 +86,7 @@ def maximize_on_box(function: Function, low: FloatArray, high: FloatArray, *, to
 
 
 def _range_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Estimate the range of a function's gradient in each box of inputs from its middle and its corners."""
+    """Estimate the range of the gradient in each box of inputs, from the middle and the corners of the box."""
     change = np.abs(slopes[:, 1:] - slopes[:, :1]).max(axis=1)
     beyond = _BEYOND * change
     return slopes.min(axis=1) - beyond, slopes.max(axis=1) + beyond, change
@@ -95,7 +95,7 @@ def _range_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _halve(
     lows: FloatArray, highs: FloatArray, change: FloatArray, collapsed: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Halve each box of inputs along the input that changes the function most."""
+    """Halve each box of inputs along the input that makes the upper bound least precise."""
     # Boxes that have just lost a dimension stay whole.
     width = highs - lows
     axis = np.argmax(change * width, axis=1)

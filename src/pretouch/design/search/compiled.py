@@ -121,14 +121,14 @@ def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, flo
 
 
 def limit_rows(problem: GainProblem, limits: Iterable[Constraint]) -> list[tuple[float, float, float]] | None:
-    """Return limits in the form of the compiled search; None if that search cannot compute one of them."""
+    """Convert limits to the format of the compiled search; None if it cannot compute a limited quantity."""
     found = [(_row(c.quantity, problem.task.impact), c.limit) for c in limits]
     rows = [(row[0], row[1] / limit, row[2]) for row, limit in found if row is not None]
     return rows if len(rows) == len(found) else None
 
 
 def _row(quantity: str, impact: ImpactModel | None) -> tuple[float, float, float] | None:
-    """Return row of the compiled result, factor and exponent that yield a quantity; None if there is no such row."""
+    """Return how to compute a quantity from the compiled result: row, factor and exponent; None if impossible."""
     factor, exponent = 1.0, 1.0
     if quantity == "impact_force" and isinstance(impact, ElasticImpact):
         quantity, factor, exponent = "relative_velocity", float(impact.peak_force(1.0)), impact.speed_exponent
@@ -151,7 +151,7 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
 
 @cache_by_curve(256)
 def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, Any, Any, float, float, bool, Any]:
-    """Return the arguments of the compiled search that describe the sensor curve, and the arrays with its data."""
+    """Return the arguments of the compiled search that describe the sensor curve, and the arrays of curve data."""
     slope, ends, falling = float(sensor.log_slope(0.0)), sensor.valid_range, falls(sensor, reach)
     if linear:
         return slope, None, None, *ends, falling, None

@@ -81,7 +81,7 @@ class Freedom:
         return scenario, float(self.gain(at[None])[0])
 
     def chain(self, at: FloatArray) -> tuple[tuple[tuple[str, float], ...], ...]:
-        """Return which physical inputs each search coordinate changes, with the derivatives of these inputs."""
+        """Return the derivatives of physical inputs, such as the stiffness, with respect to each search coordinate."""
         point = at[None]
         low, high = self.axis.span
         gain = float(self.gain(point)[0])
@@ -123,7 +123,7 @@ def make_freedom(
     if law == DRAG and not (natural_frequency is None and damping_ratio is None):
         raise InvalidInputError(
             f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: remove these bounds, "
-            "because a virtual drag suspends the admittance, whose stiffness and damping do not affect the "
+            "because a virtual drag suspends the admittance, so that stiffness and damping do not affect the "
             "encounter"
         )
     if scenario.shape:

@@ -20,7 +20,7 @@ _AT_END = 1e-9  # distance from a bound, as a share of the range of u, within wh
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainAxis:
-    """The search variable for the gain: proportional to weak gains, and logarithmic in strong gains.
+    """The search variable for the gain: linear for weak gains, and logarithmic for strong gains.
 
     The coordinate is u = asinh(gain / s) with a gain s.
 

@@ -39,7 +39,7 @@ def _cached_rows(trials: Trials, scale: FloatArray) -> Evaluation:
     return evaluate
 
 
-def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArray | None:
+def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     """Minimize a weighted sum of objectives within limits and bounds; return None if the result is not feasible."""
     count, ratios = len(trials.measures), len(trials.constraints)
     rows = _cached_rows(trials, np.ones(count + ratios))
@@ -51,12 +51,12 @@ def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArra
         (lambda z: 1 - _INSIDE - rows(z)[0][count:], lambda z: -rows(z)[1][count:]) if ratios else None,
         [(0.0, 1.0)] * len(start),
     )
-    return _to_feasible(trials, np.clip(minimum, 0.0, 1.0), lambda z: float(weights @ trials.values(z[None])[0]))
+    return _to_feasible(trials, np.clip(minimum, 0.0, 1.0), lambda values: float(weights @ values))
 
 
 def advance(
     trials: Trials, start: FloatArray, origin: FloatArray, scale: FloatArray
-) -> tuple[FloatArray, float] | None:
+) -> tuple[FloatArray, FloatArray] | None:
     """Search along a given direction for a point of the Pareto front; return None if the search fails."""
     # The search minimizes t subject to quantities <= origin + t scale (Pascoletti and Serafini 1984).
     count = len(trials.measures)
@@ -80,12 +80,7 @@ def advance(
         (slack, slack_slope),
         [*[(0.0, 1.0)] * len(start), (None, None)],
     )
-
-    def ray_parameter(z: FloatArray) -> float:
-        return float((trials.values(z[None])[0] / scale - goal).max())
-
-    at = _to_feasible(trials, np.clip(minimum[:-1], 0.0, 1.0), ray_parameter)
-    return None if at is None else (at, ray_parameter(at))
+    return _to_feasible(trials, np.clip(minimum[:-1], 0.0, 1.0), lambda values: float((values / scale - goal).max()))
 
 
 def _minimize(value: Any, slope: Any, start: FloatArray, slack: Any, bounds: Any) -> FloatArray:
@@ -98,18 +93,18 @@ def _minimize(value: Any, slope: Any, start: FloatArray, slack: Any, bounds: Any
     return np.asarray(result.x, dtype=np.float64)
 
 
-def _to_feasible(trials: Trials, at: FloatArray, value: Callable[[FloatArray], float]) -> FloatArray | None:
-    """Return a point or its copy on nearby bounds, whichever is better; None if neither is feasible."""
+def _to_feasible(
+    trials: Trials, at: FloatArray, merit: Callable[[FloatArray], float]
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the better of a point and its copy on nearby bounds, with objectives; None if neither is feasible."""
+    if not np.isfinite(at).all():
+        return None
     moved = np.where(at <= _NEAR, 0.0, np.where(at >= 1 - _NEAR, 1.0, at))
-    inner, bound = _if_feasible(trials, at), _if_feasible(trials, moved)
-    if inner is None or bound is None or np.array_equal(at, moved):
-        return bound if inner is None else inner
-    inner_value = value(inner)
-    return bound if value(bound) <= inner_value + _SAME * abs(inner_value) else inner
-
-
-def _if_feasible(trials: Trials, at: FloatArray) -> FloatArray | None:
-    return at if np.isfinite(at).all() and np.isfinite(trials.values(at[None])).all() else None
+    points = np.stack([at, moved])
+    values = trials.values(points)
+    inner, bound = (merit(v) if np.isfinite(v).all() else np.inf for v in values)
+    best = int(bound <= inner + _SAME * abs(inner)) if np.isfinite(inner) else 1
+    return (points[best], values[best]) if np.isfinite(values[best]).all() else None
 
 
 def kkt_residual(trials: Trials, at: FloatArray, weights: FloatArray) -> tuple[float, tuple[str, ...], FloatArray]:

@@ -80,7 +80,7 @@ would need three times as many gains. Nine coordinates per round reach the same 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Landscape(Value):
-    """Objective and constraint ratios at many values of the search variable.
+    """Objective and ratios |quantity| / limit at many values of the search variable.
 
     Args:
         objective: the objective, shape (n,), or several, shape (k, n); infinite without contact.
@@ -139,7 +139,7 @@ class Scan(Value):
 
 
 def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) -> Scan:
-    """Evaluate a function at points of its range, halving the intervals until interpolation is accurate.
+    """Evaluate a function on a grid, and halve the grid's intervals until interpolation is accurate.
 
     An interval is halved while the cubic through four neighbors misses an objective in its middle by more than
     `resolved`, or while feasibility changes over it and it is wider than 1e-3 of the axis. Halving ends at intervals

@@ -45,7 +45,7 @@ class Trials:
         return self.encounters.solve(self.freedom.scenarios(at), self.freedom.gain(at))
 
     def rows(self, at: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return objectives and constraint ratios of each search point, and whether each point results in contact."""
+        """Return objectives and ratios |quantity| / limit of each search point, and whether it results in contact."""
         result = self.run(at)
         reached = np.asarray(result.reached)
         rows = self.rows_of(result)
@@ -62,7 +62,7 @@ class Trials:
         return np.where(self.feasible(rows)[:, None], rows[:, : len(self.measures)], np.inf)
 
     def differentiate(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return objectives and constraint ratios at one search point, with their derivatives."""
+        """Return objectives and ratios |quantity| / limit at one search point, with their derivatives."""
         # They are infinite, with zero derivatives, without contact.
         # Derivatives are exact if the result has gradients for all quantities of a row, else differences are used.
         if not self._has_gradients:
@@ -75,15 +75,15 @@ class Trials:
 
     @property
     def _has_gradients(self) -> bool:
-        """Whether the derivatives of all objectives and constraint ratios are known exactly."""
+        """True if all objectives and constraints have exact derivatives."""
         return self.encounters.is_differentiable and all(criterion.has_gradients for criterion in self.criteria)
 
     def rows_of(self, result: ContactResult) -> FloatArray:
-        """Return objectives and constraint ratios of computed encounters."""
+        """Return objectives and ratios |quantity| / limit of computed encounters."""
         return np.stack([np.asarray(c.value(result), dtype=np.float64) for c in self.criteria], axis=-1)
 
     def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:
-        """Return the exact derivatives of objectives and constraint ratios."""
+        """Return the exact derivatives of objectives and of ratios |quantity| / limit."""
         gradients, state = result.gradients, result.end
         chain = self.freedom.chain(at)
         names = {name for inputs in chain for name, _ in inputs}
@@ -94,7 +94,7 @@ class Trials:
         return slopes
 
     def _differences(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return objectives and constraint ratios, with derivatives by finite differences of fourth order."""
+        """Return objectives and ratios |quantity| / limit, with derivatives by finite differences."""
         size = len(at)
         steps = _NODES + np.clip(0.0, 2 - at / _STEP, (1 - at) / _STEP - 2)[:, None]  # away from the bounds
         points = np.repeat(at[None], 1 + 5 * size, axis=0)

@@ -19,18 +19,18 @@ _READ_FLAG: Final = 0x0001  # Linux, linux/i2c.h: I2C_M_RD
 
 
 class I2cBus(Protocol):
-    """Interface of an I2C bus on which one message may write registers and read the answer."""
+    """Interface of an I2C bus that can write to a device and read its answer in one transfer."""
 
     def transfer(self, address: int, data: bytes, count: int = 0) -> bytes:
-        """Write bytes to a device, then read `count` bytes after a repeated start."""
+        """Write bytes to an I2C device, then read `count` bytes after a repeated start condition."""
 
     def close(self) -> None:
-        """Release the bus."""
+        """Release the I2C bus."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class I2cPart(Value):
-    """The registers of a proximity sensor at an I2C bus.
+    """Registers, address and settings of a proximity sensor on an I2C bus.
 
     Args:
         name: name of the part.
@@ -89,7 +89,7 @@ I2C_PARTS: Final = {
 
 
 class I2cSource:
-    """A VCNL4040 or a VCNL4010 at an I2C bus.
+    """A proximity sensor on an I2C bus: VCNL4040 or VCNL4010.
 
     Args:
         part: name of the part.
@@ -108,8 +108,8 @@ class I2cSource:
         identity = self._transfer(self._part.identity, len(self._part.expected))
         if identity != self._part.expected:
             raise SourceError(
-                f"{self.name}: found the identity 0x{identity.hex()}, expected 0x{self._part.expected.hex()}; the "
-                "device is another part"
+                f"{self.name}: found the device ID 0x{identity.hex()}, expected 0x{self._part.expected.hex()}; another "
+                "kind of sensor is connected"
             )
         for message in self._part.setup:
             self._transfer(message)
@@ -123,7 +123,7 @@ class I2cSource:
         return [SourceReading(float(int.from_bytes(data, "big" if self._part.high_first else "little")))]
 
     def close(self) -> None:
-        """Release the bus."""
+        """Release the I2C bus."""
         self._bus.close()
 
     def why_silent(self) -> str:
@@ -132,7 +132,7 @@ class I2cSource:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """No sentences, because every transfer gives a reading."""
+        """Remarks on skipped input: always empty, because every transfer returns a reading."""
         return ()
 
     def _transfer(self, data: bytes, count: int = 0) -> bytes:
@@ -146,7 +146,7 @@ class I2cSource:
 
 
 class _Message(ctypes.Structure):
-    """One part of an I2C transfer, as `struct i2c_msg` of Linux."""
+    """One message of an I2C transfer, with the layout of the Linux structure `i2c_msg`."""
 
     _fields_ = (
         ("address", ctypes.c_uint16),
@@ -157,13 +157,13 @@ class _Message(ctypes.Structure):
 
 
 class _Messages(ctypes.Structure):
-    """A combined I2C transfer, as `struct i2c_rdwr_ioctl_data` of Linux."""
+    """A combined I2C transfer, with the layout of the Linux structure `i2c_rdwr_ioctl_data`."""
 
     _fields_ = (("messages", ctypes.POINTER(_Message)), ("count", ctypes.c_uint32))
 
 
 class LinuxBus:
-    """An I2C bus of Linux, `/dev/i2c-N`.
+    """An I2C bus under Linux, with the device file `/dev/i2c-N`.
 
     Args:
         number: number of the bus.
@@ -183,7 +183,7 @@ class LinuxBus:
             raise InvalidInputError(f"{path}: {remedies.get(error.errno or 0, error.strerror)}") from None
 
     def transfer(self, address: int, data: bytes, count: int = 0) -> bytes:
-        """Write bytes to a device, then read `count` bytes after a repeated start."""
+        """Write bytes to an I2C device, then read `count` bytes after a repeated start condition."""
         import fcntl  # noqa: PLC0415 - not on Windows
 
         sent, received = ctypes.create_string_buffer(data, len(data)), ctypes.create_string_buffer(max(count, 1))
@@ -195,5 +195,5 @@ class LinuxBus:
         return received.raw[:count]
 
     def close(self) -> None:
-        """Close the bus."""
+        """Close the device file of the I2C bus."""
         os.close(self._file)

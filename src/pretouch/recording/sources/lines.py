@@ -26,7 +26,7 @@ _NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineFormat(Value):
-    """Where a line of text has the output and the distance.
+    """Format of text lines: which column or key has the sensor output, and which one has the distance.
 
     Args:
         column: number of the column from 1, its name in a header line, or a key of JSON objects; empty if each line
@@ -47,7 +47,7 @@ class LineFormat(Value):
 
 
 class LineParser:
-    """Splits bytes into lines, parses the readings, and counts the lines that are none.
+    """Parser that splits bytes into lines, converts lines to readings, and counts lines without a reading.
 
     Args:
         name: the source, for messages.
@@ -62,7 +62,7 @@ class LineParser:
         self._example = b""
 
     def feed(self, data: bytes) -> list[SourceReading]:
-        """Parse the complete lines in new bytes; an incomplete last line waits for its end."""
+        """Parse the complete lines in new bytes; keep an incomplete last line until the rest of it arrives."""
         self._bytes += len(data)
         self._no_text += sum(byte not in _TEXT for byte in data)
         *lines, self._rest = (self._rest + data).replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n")
@@ -75,35 +75,37 @@ class LineParser:
         return [reading for line in lines if (reading := self._parse(line)) is not None]
 
     def finish(self) -> None:
-        """Count an incomplete last line, whose number may be cut off, as skipped."""
+        """Skip and count an incomplete last line at the end of the input, because its number may be cut off."""
         self._half += bool(self._rest.strip())
         self._rest = b""
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on the lines that were skipped."""
+        """Remarks on the lines that were skipped."""
         notes = []
         if self._skipped:
-            lines = "1 line" if self._skipped == 1 else f"{self._skipped:,} lines"
-            notes.append(f"{self._name}: skipped {lines} without a reading, for example {self._shown}.")
+            plural = "" if self._skipped == 1 else "s"
+            notes.append(
+                f"{self._name}: skipped {self._skipped:,} line{plural} without a reading, for example {self._shown}."
+            )
         if self._half:
-            notes.append(f"{self._name}: the last line was skipped, because its end is missing.")
+            notes.append(f"{self._name}: skipped the last line, because it is incomplete.")
         return tuple(notes)
 
     def why_silent(self) -> str:
-        """Return a clause that explains from the received bytes why there are no readings."""
+        """Return part of a sentence that explains why the received bytes contain no readings."""
         if self._bytes >= _FEW and self._no_text > _NO_TEXT * self._bytes:
             return (
-                f"{self._no_text} of {self._bytes} received bytes are no text, so the baud rate is probably wrong: "
-                "give the rate of the device with --baud, often 9600 or 115200"
+                f"{self._no_text} of {self._bytes} received bytes are not text, so the baud rate is probably wrong: "
+                "set the baud rate of the device with --baud, often 9600 or 115200"
             )
         if self._skipped:
             return (
-                f"{self._skipped} lines arrived without a reading, for example {self._shown}: send one number per "
-                "line, columns or JSON objects, and choose with --column"
+                f"{self._skipped} lines arrived without a reading, for example {self._shown}: send one number, columns "
+                "or a JSON object per line, and choose the column or key with --column"
             )
         if self._bytes:
-            return f"{self._bytes} bytes arrived without a line end: end each reading with a line feed"
+            return f"{self._bytes} bytes arrived without a line end: send a line feed after each reading"
         return "nothing was received: check the device and its connection"
 
     @property
@@ -116,7 +118,7 @@ class LineParser:
         self._example = self._example or line
 
     def _parse(self, line: bytes) -> SourceReading | None:
-        """Parse one line; a line without a reading is counted."""
+        """Return the reading in one line of text; count a line without a reading as skipped."""
         text = line.strip().decode("utf-8", "replace")
         if not text or text.startswith("#"):
             return None
@@ -146,7 +148,7 @@ class LineParser:
         return self._of_cells(named, "columns")
 
     def _of_cells(self, cells: Mapping[str, str], kind: str) -> SourceReading | None:
-        """Return the reading in the named cells of a line."""
+        """Return the reading of a line from its cells, which are named by column or key; None if there is none."""
         distance = None
         if self._format.distance_column:
             cell = cells.get(self._format.distance_column)
@@ -160,13 +162,13 @@ class LineParser:
         return None if output is None else SourceReading(output, distance)
 
     def _only(self, cells: Mapping[str, str], kind: str) -> str:
-        """Return the only column with a number besides the distance; raise an error if there are several."""
+        """Return the only numeric column besides the distance; raise an error if there are several."""
         numbers = [name for name, cell in cells.items() if _number(cell) is not None and name not in self._header]
         numbers = [name for name in numbers if name != self._distance_number]
         if len(numbers) > 1:
             raise SourceError(
-                f"{self._name}: each line has {len(numbers)} numbers, in the {kind} {', '.join(numbers)}; choose one "
-                f"with --column, for example --column {numbers[0]}"
+                f"{self._name}: each line has {len(numbers)} numbers; choose one of their {kind} with --column: "
+                f"{', '.join(numbers)}"
             )
         return numbers[0] if numbers else ""
 
@@ -177,10 +179,10 @@ class LineParser:
 
 
 def _cell(value: Any) -> str:
-    """Return a value of a JSON object as the text of a table cell; null is no object."""
+    """Convert a value of a JSON object to the text of a table cell; null, for no object, becomes empty."""
     return "" if value is None else str(value)
 
 
 def _number(cell: str) -> float | None:
-    """Return the finite number in a cell, or None."""
+    """Return the finite number in a table cell; None if the cell does not contain one."""
     return float(cell) if _NUMBER.fullmatch(cell) and math.isfinite(float(cell)) else None

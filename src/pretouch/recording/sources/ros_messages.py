@@ -1,4 +1,4 @@
-"""Define the ROS 2 messages that a live topic may have, for the DDS library `cyclonedds`.
+"""Define the ROS 2 message types that pretouch reads from live topics, for the DDS library `cyclonedds`.
 
 The members and their order are those of the message definitions of ROS 2. Members that a later version of ROS adds at
 the end, such as `variance` of Range, are ignored.
@@ -14,7 +14,7 @@ from typing import Any
 
 @cache
 def message_types() -> Any:
-    """Return the message types by their names in ROS, as attributes of one object."""
+    """Return an object whose attributes are the ROS message types, such as `Range`."""
     from cyclonedds.idl import IdlStruct  # noqa: PLC0415 - an extra
     from cyclonedds.idl.annotations import autoid, final  # noqa: PLC0415
     from cyclonedds.idl.types import float32, float64, int32, uint8, uint32  # noqa: PLC0415
@@ -23,7 +23,7 @@ def message_types() -> Any:
     @final
     @autoid("sequential")
     class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):  # type: ignore[misc, call-arg]
-        """Time of a message."""
+        """Time stamp of a ROS message, builtin_interfaces/Time."""
 
         sec: int32
         nanosec: uint32
@@ -32,7 +32,7 @@ def message_types() -> Any:
     @final
     @autoid("sequential")
     class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):  # type: ignore[misc, call-arg]
-        """Time and coordinate frame of a message."""
+        """Time stamp and coordinate frame of a ROS message, std_msgs/Header."""
 
         stamp: Time
         frame_id: str
@@ -70,6 +70,6 @@ def message_types() -> Any:
 
 
 def reading_members() -> dict[Any, str]:
-    """Return the message types that a topic may have, each with the name of the member that has the reading."""
+    """Return a dictionary that maps each supported message type to the name of its member with the reading."""
     types = message_types()
     return {types.Range: "range", types.Float64: "data", types.Float32: "data"}

@@ -14,7 +14,7 @@ _WAIT: Final = 0.1  # s, longest time of one call of `read`
 
 
 class SerialSource:
-    """A sensor at a serial port that sends lines of text.
+    """A sensor that sends lines of text to a serial port.
 
     Args:
         port: name of the port, such as `/dev/ttyUSB0`; None for the only port of this machine.
@@ -39,11 +39,12 @@ class SerialSource:
         except (OSError, TypeError) as error:  # pyserial raises TypeError if the port is closed while it reads
             self._parser.finish()
             raise SourceError(
-                f"{self.name}: the connection was lost ({getattr(error, 'strerror', None) or error}); check the plug"
+                f"{self.name}: the serial connection was lost ({getattr(error, 'strerror', None) or error}); check the "
+                "plug"
             ) from None
 
     def close(self) -> None:
-        """Close the port."""
+        """Close the serial port."""
         self._port.close()
 
     def why_silent(self) -> str:
@@ -52,12 +53,12 @@ class SerialSource:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on the lines that were skipped."""
+        """Remarks on the lines that were skipped."""
         return self._parser.notes
 
 
 def _ports() -> list[tuple[str, str]]:
-    """Return the names and descriptions of all serial ports with a device."""
+    """Return the names and descriptions of all serial ports to which a device is connected."""
     listed: Any = require("serial.tools.list_ports", extra="record").comports()
     return sorted((port.device, port.description) for port in listed if port.hwid != "n/a")
 
@@ -72,7 +73,9 @@ def _only_port() -> str:
             "--port: this machine has no serial port with a device; connect the sensor, or choose another source with "
             "--topic, --i2c or --stdin"
         )
-    raise InvalidInputError(f"--port: {len(ports)} devices are connected; choose one with --port: {_listed(ports)}")
+    raise InvalidInputError(
+        f"--port: {len(ports)} serial devices are connected; choose one of them with --port: {_listed(ports)}"
+    )
 
 
 def _listed(ports: list[tuple[str, str]]) -> str:
@@ -92,7 +95,10 @@ def _cannot_open(name: str, baud: int, error: Exception) -> InvalidInputError:
     elif number in {errno.EAGAIN, errno.EBUSY}:
         remedy = "another program uses the port; close that program, for example a serial monitor"
     elif isinstance(error, ValueError):
-        remedy = f"the port has no baud rate of {baud}; give that of the device with --baud, such as 9600 or 115200"
+        remedy = (
+            f"the port does not support the baud rate {baud}; set the baud rate of the device with --baud, such as "
+            "9600 or 115200"
+        )
     else:
         remedy = f"the port cannot be opened ({getattr(error, 'strerror', None) or error}); check --port and --baud"
     return InvalidInputError(f"{name}: {remedy}")

@@ -1,4 +1,4 @@
-"""Define the interface of a source of sensor readings."""
+"""Define the interface of a source of sensor readings, such as a serial port."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 
 class SourceReading(NamedTuple):
-    """One reading of a sensor, with its distance if the source reports distances.
+    """One sensor reading, with the distance of the object if the source reports distances.
 
     `distance` is in m, infinite without an object, and None if the source reports no distance.
     """
@@ -16,7 +16,7 @@ class SourceReading(NamedTuple):
 
 
 class ReadingSource(Protocol):
-    """Interface of everything that readings come from, such as a serial port.
+    """Interface of a source of sensor readings, such as a serial port.
 
     `name` identifies the source in messages. `unit` is the unit of its outputs, or None if the source does not know it.
     """
@@ -25,14 +25,14 @@ class ReadingSource(Protocol):
     unit: str | None
 
     def read(self) -> list[SourceReading] | None:
-        """Wait up to a tenth of a second, and return the readings that have arrived; None after the last one."""
+        """Wait up to a tenth of a second, and return the readings that have arrived; None after the last reading."""
 
     def close(self) -> None:
-        """Release the device or file behind the source."""
+        """Release the device or file that the readings come from."""
 
     def why_silent(self) -> str:
         """Return a clause that explains why no readings arrive, and what to do."""
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on input that was skipped."""
+        """Remarks on input that was skipped or lost."""

@@ -28,7 +28,7 @@ class StandardInput:
         self._file = sys.stdin.fileno()
 
     def read(self) -> list[SourceReading] | None:
-        """Wait up to a tenth of a second, and return the readings that have arrived; None at the end."""
+        """Wait up to a tenth of a second, and return the readings that have arrived; None at the end of the input."""
         if os.name != "nt" and not select.select([self._file], [], [], _WAIT)[0]:
             return []
         data = os.read(self._file, _CHUNK)
@@ -46,5 +46,5 @@ class StandardInput:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on the lines that were skipped."""
+        """Remarks on the lines that were skipped."""
         return self._parser.notes

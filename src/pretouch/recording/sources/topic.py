@@ -1,4 +1,4 @@
-"""Read a sensor from a live ROS 2 topic through DDS, without ROS."""
+"""Read a sensor from a live ROS 2 topic through DDS, without a ROS installation."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class TopicSource:
         return [SourceReading(float(getattr(m, self._field))) for m in messages if hasattr(m, self._field)]
 
     def close(self) -> None:
-        """Release the reader and its connection to the network."""
+        """Close the DDS reader and its connection to the network."""
         self._reader = self._participant = None
 
     def why_silent(self) -> str:
@@ -72,21 +72,21 @@ class TopicSource:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes on how many messages were lost on the way; empty if none were lost."""
+        """A remark on how many messages of the publisher were lost; empty if none were lost."""
         lost = self._lost()
-        return (f"{self.name}: {lost:,} messages were lost on the way from the publisher.",) if lost else ()
+        return (f"{self.name}: {lost:,} messages were lost between the publisher and pretouch.",) if lost else ()
 
     def _lost(self) -> int:
         return 0 if self._reader is None else int(self._reader.get_sample_lost_status().total_count)
 
 
 def _full_name(kind: Any) -> str:
-    """Return the name of a message type in DDS."""
+    """Return the DDS name of a message type."""
     return str(kind.__idl_typename__)
 
 
 def _published_type(participant: Any, topic: str, kinds: Mapping[str, Any]) -> Any:
-    """Return the message type of a published topic; raise an error that lists the topics if it is missing."""
+    """Return the message type of a topic; if nobody publishes it, raise an error that lists the existing topics."""
     from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication  # noqa: PLC0415 - an extra
 
     publications: Any = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
@@ -97,9 +97,11 @@ def _published_type(participant: Any, topic: str, kinds: Mapping[str, Any]) -> A
     if topic not in types:
         listed = ", ".join(sorted(name for name in types if name.startswith("rt/"))) or "none"
         raise InvalidInputError(
-            f"--topic: nobody published {topic} within {_DISCOVERY:g} s; topics on this network: {listed}. Start the "
-            "node, and check ROS_DOMAIN_ID (--domain)"
+            f"--topic: found no publisher of {topic} within {_DISCOVERY:g} s; topics on this network: {listed}. Start "
+            "the node that publishes it, and check ROS_DOMAIN_ID (--domain)"
         )
     if types[topic] not in kinds:
-        raise InvalidInputError(f"--topic: {topic} has the type {types[topic]}, expected one of {', '.join(kinds)}")
+        raise InvalidInputError(
+            f"--topic: {topic} has the message type {types[topic]}, expected one of {', '.join(kinds)}"
+        )
     return kinds[types[topic]]

@@ -1,7 +1,7 @@
-"""pretouch designs the gain of a controller that softens impacts with proximity sensors, without collision tests.
+"""pretouch designs controllers that use proximity sensors to soften impacts.
 
-Calibrate the sensor, describe the encounter, and get the optimal gain, the contact that it results in, the margins and
-the evidence:
+No collision tests are needed. Calibrate the sensor, describe the encounter, and get the optimal gain, the contact that
+it results in, the margins and the evidence:
 
     >>> import pretouch as pt
     >>> sensor = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
@@ -37,7 +37,8 @@ def __getattr__(name: str) -> Any:
 
 
 def _hint(name: str) -> str:
-    """Return a suggestion for an unknown public name, such as `did you mean verify_gain?`, or an empty text."""
+    """Suggest a similar name for an unknown public name."""
+    # The text is empty if no public name is similar.
     from difflib import get_close_matches  # noqa: PLC0415 - only for mistakes
 
     similar = [known for known in __all__ if len(name) > 2 and name.lower() in known.lower()]

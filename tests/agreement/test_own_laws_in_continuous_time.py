@@ -337,7 +337,8 @@ def test_a_plant_that_is_held_off_goes_along_until_the_admittance_lets_go() -> N
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, 1j, np.array([1.0, 2.0]), np.array([1.0]), "1", None, True])
 def test_a_force_that_is_no_number_is_refused_in_one_sentence(wrong: Any) -> None:
     with pytest.raises(
-        InvalidInputError, match=r"force: the custom law own returned .* at a distance of .* m and a rate d ln xi/dt of"
+        InvalidInputError,
+        match=r"force: the custom law own returned .*, expected .*\. The distance is .* m, and the rate d ln xi/dt is",
     ) as told:
         find_contact(APPROACH, POWER, 1.0, law=own(lambda *_: wrong))
     assert "\n" not in str(told.value)

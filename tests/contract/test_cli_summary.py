@@ -211,7 +211,7 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
                 pt.verify_gain(loop_task().replace(verify=pt.VerifyOptions(runs=2), gain=-0.7), changes=False).warnings
             ),
             "moves a robot at rest by up to",
-            "a controller floor (detection threshold) of",
+            "raise the controller floor from",
         ),
         (
             lambda: (
@@ -229,8 +229,8 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
         ),
         (
             lambda: pt.simulate_encounter(with_floor(loop_task(), 15e3).replace(gain=-0.7)).warnings,
-            "of the change of the sensor signal ln xi until contact had no effect",
-            "The object is detected late, first at a distance of",
+            "of the signal change had no effect",
+            "lower the floor, or use a faster sensor",
         ),
     ],
 )

@@ -180,9 +180,9 @@ def test_a_library_that_is_not_as_it_was_built_is_refused_in_one_sentence(tmp_pa
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith(
-        f"pretouch: the compiled core of pretouch cannot be used (file {library.name} in the folder "
-        f"{tmp_path}, set by PRETOUCH_LIBRARY), because this file {what}"
+        f"pretouch: the compiled core of pretouch cannot be used, because the file {library.name} {what}"
     )
+    assert f". The file is in the folder {tmp_path}, set by PRETOUCH_LIBRARY. Reinstall pretouch by pip" in done.stderr
     assert done.stderr.endswith("run python native/build.py\n")
     assert done.stderr.count("\n") == 1
 

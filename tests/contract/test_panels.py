@@ -344,7 +344,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "no curve": (lambda: panel(curves=[X]), r"^curves: found ndarray, expected Curve"),
     "six": (
         lambda: panel(*[line()] * 6),
-        r"^curves: found 6 curves in one panel, but there are only 5 line styles; use quiet=True",
+        r"^curves: found 6 curves in one panel, but there are only 5 line styles\. Use quiet=True",
     ),
     "map without unit": (
         lambda: panel(map=Map(x=[0, 1], y=[0, 1], values=np.eye(2)), title="height"),
@@ -353,7 +353,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "map of a row": (lambda: Map(x=[0, 1], y=[0], values=[[0, 1]]), r"^map: values: found 2 finite values of shape"),
     "map turned": (
         lambda: Map(x=[0, 1], y=[0, 1, 2], values=np.ones((2, 3))),
-        r"found .* of shape \(2, 3\), expected an array of the shape \(3, 2\), with one row for each y and one column",
+        r"found .* of shape \(2, 3\), expected an array of the shape \(3, 2\)\. The array needs one row for each y",
     ),
     "map of nothing": (lambda: Map(x=[0, 1], y=[0, 1], values=np.full((2, 2), np.nan)), r"found 0 finite values"),
     "map on log": (

@@ -94,7 +94,7 @@ def test_a_loop_that_no_memory_holds_is_refused_with_its_key(
     code, _, err = run(verb, "loop.toml", "--gain", "-0.7")
     assert code == 2
     assert what in err
-    assert "; expected a time of at most" in err
+    assert ". Expected a time of at most" in err
 
 
 # --- numbers with which no search ends, or that no robot has
@@ -103,8 +103,8 @@ def test_a_loop_that_no_memory_holds_is_refused_with_its_key(
 NO_ADMITTANCE = (
     "the natural frequency of 3.162e+07 rad/s is too high, because no control loop is faster than 10,000 rad/s"
 )
-NO_SENSOR = "expected at least 1e-06 m; check the parameters of the curve and their units"
-NO_ROBOT = "natural frequency of 5e+08 rad/s, expected at most 1,000,000 rad/s; check the units"
+NO_SENSOR = "expected at least 1e-06 m. Check the parameters of the curve and their units"
+NO_ROBOT = "natural frequency is 5e+08 rad/s, expected at most 1,000,000 rad/s. Check the units"
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_one_distance_far_beyond_all_others_is_a_typing_error_or_means_no_object
     assert (code, out) == (2, "")
     assert (
         "sensor.csv: found the distance 99.999 m, which is implausible, because it is 1,111 times the next smaller "
-        "distance of 0.09 m;" in err
+        "distance of 0.09 m. Correct the distance, or" in err
     )
     assert "write inf if no object was present" in err
 

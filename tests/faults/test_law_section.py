@@ -109,10 +109,10 @@ def test_a_margin_that_leaves_no_drag_is_placed(write):
     with pytest.raises(ScenarioFileError) as refused:
         pt.design_gain(load_scenario(write(text)))
     told = str(refused.value)
-    assert told.startswith(
-        f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: at a sensor rate of "
-    )
-    assert "has the required gain margin of 1e+06. The bounds are 0.001 to 0.2 N*s^2, and the strongest drag " in told
+    assert told.startswith(f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: no drag within ")
+    assert "has the required gain margin of 1e+06. At a sensor rate of " in told
+    assert " Hz, the strongest drag with this margin is " in told
+    assert ", but the bounds are 0.001 to 0.2 N*s^2. Choose" in told
     assert ". Choose a smaller margin" in told
 
 

@@ -37,7 +37,7 @@ MISTAKES = [
     (IN_CHAIN, "noise = true", "noise", "chain.noise", "found true, expected a sensor output"),
     (IN_CHAIN, 'drift = "2 V/s"', "drift", "chain.drift", 'found "2 V/s", expected counts'),
     (IN_CHAIN, 'drift = "2 counts"', "drift", "chain.drift", "a sensor output per second, a number or text in V/s or"),
-    (IN_CHAIN, 'exposure = "5 ms"', "exposure", "chain.exposure", "longer than the period of 0.004 s"),
+    (IN_CHAIN, 'exposure = "5 ms"', "exposure", "chain.exposure", "expected at most the period of 0.004 s"),
     (IN_CHAIN, 'jitter = "2 ms"', "jitter", "chain.jitter", "at most a quarter of the sensor's period of 0.004 s"),
     (IN_CHAIN, "dropout = 1", "dropout", "chain.dropout", "found 1, expected a probability below 1"),
     (IN_CHAIN, 'highest = "-1 counts"', "highest", "chain.highest", "expected more than the lower clipping limit"),
@@ -212,7 +212,7 @@ def test_a_bare_curve_is_in_the_unit_of_the_part_and_must_be_of_its_size(write, 
         "line 3: sensor.scale: the sensor output at contact is 0.4877, which is below the controller's floor of 60"
         in told
     )
-    assert "well above the floor; give outputs, noise and floor in counts, the unit of VCNL4010" in told
+    assert "well above the floor. Give outputs, noise and floor in counts, the unit of VCNL4010" in told
 
 
 def test_without_any_other_unit_the_outputs_of_a_loop_share_one(message):
@@ -237,9 +237,10 @@ def test_a_margin_that_leaves_no_gain_is_placed(write):
             verb()
         told = str(refused.value)
         assert told.startswith(
-            f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: at a sensor rate of "
+            f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: no gain within "
         )
-        assert "has the required gain margin of 1000. The bounds are -10 to -0.01 N*s, and" in told
+        assert "has the required gain margin of 1000. At a sensor rate of " in told
+        assert ", but the bounds are -10 to -0.01 N*s. Choose" in told
 
 
 @pytest.mark.parametrize(

@@ -135,7 +135,7 @@ MISTAKES = [
     ("obstacle.position =", "obstacle.positon =", "obstacle.positon", "uncertainty.obstacle.positon", "an unknown"),
     ("plant.velocity", "plnt.velocity", "plnt", "uncertainty.plnt", 'expected "plant"'),
     ("admittance.damping = { uniform", "admittance.damping = { interval", "admittance.d",
-     "uncertainty.admittance.damping.interval", 'measure = "tail-mean" needs probabilities; use uniform'),
+     "uncertainty.admittance.damping.interval", 'measure = "tail-mean" needs probabilities. Use uniform'),
     ('["9 N*s/m", "11 N*s/m"]', '["-11 N*s/m", "-9 N*s/m"]', "[uncertainty]", "uncertainty", "found -10 N*s/m"),
     ("admittance.damping = {", "admittance.natural_frequency = { uniform = [4, 6] }\nadmittance.damping = {",
      "[uncertainty]", "uncertainty", "give either damping and stiffness, or natural frequency"),

@@ -213,7 +213,7 @@ def test_a_distance_without_a_unit_that_no_sensor_reaches_is_asked_about(write, 
         "obstacle.position: found 60, expected a quantity with its unit, because the number is implausibly large in "
         "the default unit m" in text
     )
-    assert 'did you mean "60 mm"? Otherwise write "60 m"' in text
+    assert 'Did you mean "60 mm"? Otherwise write "60 m"' in text
     assert load_scenario(write(replaced('"42.2 mm"', '"60 m"'))).scenario.distance == 60.0
     assert load_scenario(write(replaced('"42.2 mm"', "5"))).scenario.distance == 5.0
 

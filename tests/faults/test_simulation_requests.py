@@ -26,7 +26,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
     ("make", "message"),
     [
         (lambda: pt.SensorChain(rate=0.0), "rate: found 0 Hz, which must be positive"),
-        (lambda: pt.SensorChain(rate=100.0, exposure=0.02), "longer than the period of 0.01 s"),
+        (lambda: pt.SensorChain(rate=100.0, exposure=0.02), "expected at most the period of 0.01 s"),
         (lambda: pt.SensorChain(rate=100.0, delay=-1e-3), "delay: found -0.001 s, which must not be negative"),
         (lambda: pt.SensorChain(rate=100.0, jitter=0.003), "at most a quarter of the sensor's period"),
         (lambda: pt.SensorChain(rate=100.0, dropout=1.0), "below 1"),
@@ -52,7 +52,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
             lambda: pt.simulation.LoopTiming(rate=100.0, exposure=0.004, delay=0.001),
             "expected at least half of the exposure",
         ),
-        (lambda: pt.simulation.LoopTiming(rate=100.0, exposure=0.02, delay=0.1), "longer than the period"),
+        (lambda: pt.simulation.LoopTiming(rate=100.0, exposure=0.02, delay=0.1), "expected at most the period"),
         (
             lambda: pt.simulation.LoopTiming(rate=100.0, sections=[(1.0, 0.0)]),
             "sections: found the filter coefficients",
@@ -66,12 +66,12 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         (
             lambda: simulate(horizon=5e9),
             "loop horizon: found a simulated time of 5e+09 s, which takes 5e+12 steps of a controller with a period of "
-            "1 ms; expected a time of at most 2e+04 s",
+            "1 ms. Expected a time of at most 2e+04 s",
         ),
         (
             lambda: simulate(horizon=10.0, chain=pt.SensorChain(rate=1e9)),
             "loop horizon: found a simulated time of 10 s, which takes 1e+10 steps of a sensor with 1e+09 readings per "
-            "second; expected",
+            "second. Expected",
         ),
         (
             lambda: simulate(horizon=10.0, plant=pt.simulation.PositionPlant(mass=1.0, bandwidth=1e5)),
@@ -107,7 +107,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
             lambda: pt.simulation.gain_limit(
                 SENSOR, ADMITTANCE, pt.simulation.LoopTiming(rate=15.0), distance=0.0
             ).bounds(weakest=-1.0),
-            "a faster sensor allows a stronger gain",
+            "A faster sensor allows a stronger gain",
         ),
         (
             lambda: pt.simulation.largest_damping(

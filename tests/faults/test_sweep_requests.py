@@ -112,7 +112,7 @@ def test_a_distance_beyond_the_range_of_some_curve_of_the_sweep_is_found_beforeh
     monkeypatch.setattr(plan.Plan, "evaluate", forbidden)
     short = pt.Recessed(sensor=replace(CURVED, maximum_distance=0.06), recess=0.0)
     axes = {"sensor.recess": [0.0, 0.01, 0.02], "obstacle.position": [0.03, 0.042]}
-    with pytest.raises(InvalidInputError, match=r"starts at a distance of 0\.042 m, expected .* 0\.04 m"):
+    with pytest.raises(InvalidInputError, match=r"starts at a distance of 0\.042 m\. Expected .* 0\.04 m"):
         pt.sweep(pt.Task(SCENARIO, short, gain=-0.5), axes)
 
 

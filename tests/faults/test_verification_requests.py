@@ -74,6 +74,6 @@ def test_the_law_of_a_task_is_that_of_its_loop(verb: Callable[[pt.Task], Any]) -
         verb(task.replace(law="virtual-damper"))
     with pytest.raises(
         pt.errors.InvalidInputError,
-        match=r"^law: found 'friction', expected a law in continuous time: one of .* virtual-damper, virtual-drag, ",
+        match=r"^law: found 'friction', expected a law in continuous time\. Use one .* virtual-damper, virtual-drag, ",
     ):
         task.replace(law="friction")

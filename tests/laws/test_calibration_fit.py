@@ -280,7 +280,7 @@ def test_repeats_that_differ_anywhere_are_no_copies():
 def test_distances_beyond_ten_meters_are_doubted():
     measured = noisy("inverse-power", 8)
     large = Calibration(distances=1000 * measured.distances, outputs=measured.outputs, no_object=measured.no_object)
-    doubt = "PT114: The distances reach 50 m, which is too far for a proximity sensor: if they are in millimeters, "
+    doubt = "PT114: The distances reach 50 m, which is too far for a proximity sensor: for millimeters, use the "
     assert any(reason.startswith(doubt) for reason in rank_models(large).reasons)
     rising = Calibration(distances=1000 * measured.distances, outputs=-measured.outputs)
     assert any(reason.startswith(doubt) for reason in rank_models(rising).reasons)

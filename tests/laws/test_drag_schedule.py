@@ -74,7 +74,7 @@ def test_a_constant_is_the_best_of_the_rising_ones_where_reflectance_is_hardly_k
     assert 0 <= found.gap + 1e-12 < 1e-5
     assert found.lower_bound > found.constant.excursion - 1e-5
     assert found.verdict.startswith("a constant virtual drag with an excursion of ")
-    assert "every rising drag schedule with the same steps of ln xi has an excursion of at least" in found.verdict
+    assert "Every rising drag schedule with the same steps of ln xi needs at least" in found.verdict
 
 
 def test_that_a_constant_is_best_follows_from_thresholds_alone() -> None:
@@ -107,7 +107,7 @@ def test_it_is_worth_it_where_reflectance_is_known() -> None:
         assert found.verdict.startswith("compared with a constant drag, the drag schedule is worthwhile:")
         assert found.gap < 1e-5
     assert (
-        "the excursion is 12 % smaller (30.0 mm instead of 34.2 mm), but the peak acceleration is 2."
+        "the excursion is 12 % smaller (30.0 mm instead of 34.2 mm). The peak acceleration is 2."
         in scheduled("20 %").verdict
     )
     assert 1e3 * scheduled("20 %", rails=WIDE).largest_excursion == pytest.approx(28.3, abs=0.1)
@@ -276,9 +276,9 @@ def test_rails_may_be_given_by_ratios() -> None:
         ({"ratio": [0.1, 0.2]}, "ratio: found .* expected a single speed ratio"),
         (
             {"rails": (0.1, 0.9)},
-            r"rails: .* approach speed is 0.26, but .* are 0.87\d* and 0.297",
+            r"rails: .* approach speed is 0.26, expected a ratio between 0.87\d* .* and 0.297",
         ),
-        ({"rails": (1.1, 2.0)}, "rails: .* approach speed is 0.26, but"),
+        ({"rails": (1.1, 2.0)}, "rails: .* approach speed is 0.26, expected a ratio between"),
         ({"rails": (2.0, 0.5)}, "rails: found .* two positive factors, the smaller factor first"),
         ({"rails": (1.0,)}, "rails: found .* two positive factors, the smaller factor first"),
         ({"rails": (0.0, 2.0)}, "rails: found 0, which must be positive"),

@@ -89,5 +89,5 @@ def test_a_table_has_no_parameters() -> None:
 def test_tails_that_hold_impossible_curves_are_refused() -> None:
     fit = fitted("inverse-power")
     wide = replace(fit, covariance=fit.covariance * 1e4)
-    with pytest.raises(InvalidInputError, match=r"impossible curves \(.*\); calibrate with more readings"):
+    with pytest.raises(InvalidInputError, match=r"impossible curves \(.*\)\. Calibrate with more readings"):
         parameter_distribution(wide)

@@ -181,7 +181,7 @@ def test_a_curve_that_starts_beyond_contact_asks_for_a_recess(letter_encounter: 
     curve = InversePower(scale=1e-4, distance_offset=0.002, exponent=2.0, minimum_distance=0.01)
     design = design_gain(Task(letter_encounter, curve, F1, bounds=BOUNDS))
     assert design.status is DesignStatus.NO_CONTACT
-    assert "set its recess to this distance" in " ".join(design.warnings)
+    assert "mount the sensor this far behind the contact surface, and set its recess" in " ".join(design.warnings)
     sunk = design_gain(Task(letter_encounter, Recessed(sensor=curve, recess=0.01), F1, bounds=BOUNDS))
     assert sunk.status is DesignStatus.OPTIMAL
 

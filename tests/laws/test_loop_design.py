@@ -306,7 +306,7 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
                     evaluate=NOISY,
                 )
             ),
-            "WorstCase with evaluate",
+            "WorstCase does not work with evaluate",
         ),
         (
             lambda: pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={})),

@@ -262,7 +262,7 @@ UNLAWFUL = {
     ),
     "noise": (
         _custom(noisy(straight, 0.01), forty),
-        "in a second call; a sensor curve must always return the same number",
+        r"in a second call\. A sensor curve must always return the same number",
     ),
     "noisy slope": (_custom(straight, noisy(forty, 1.0)), "1/m in a second call"),
     "rising": (
@@ -271,14 +271,14 @@ UNLAWFUL = {
     ),
     "rising beside the surface": (
         _custom(lambda d: -100 * (d - 0.02) ** 2, lambda d: -200 * (d - 0.02)),
-        "the slope is 4 1/m at a distance of 0 m, but must not be positive.*maximum_distance, or use the class Rec",
+        "the slope is 4 1/m at a distance of 0 m, but must not be positive.*maximum_distance.*use the class Recessed",
     ),
     "slope 10 % off": (
         _custom(straight, lambda d: 1.1 * forty(d)),
-        "the average slope is -44 1/m between .* but ln xi changes by -40 1/m there; the slope must be the",
+        r"the average slope is -44 1/m between .* but ln xi changes by -40 1/m there\. The slope must be the",
     ),
     "slope 0.3 % off": (_custom(straight, lambda d: 1.003 * forty(d)), r"the average slope is -40\.12 1/m"),
-    "jump": (_custom(lambda d: -40 * d - 0.1 * (d > 0.02), forty), "the slope must be the derivative of ln xi"),
+    "jump": (_custom(lambda d: -40 * d - 0.1 * (d > 0.02), forty), "The slope must be the derivative of ln xi"),
     "flat": (_custom(lambda d: 0 * d, lambda d: 0 * d), "found a slope of 0 1/m at every distance"),
     "raises": (
         _custom(lambda _: {}["slope"], forty),

@@ -86,8 +86,8 @@ def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
         (
             [velocity_limit(0.1, 0.99)],
             NARROWLY,
-            "60 runs, which demonstrates only a probability of 95.12 % (95 % confidence), but 99 % is required; "
-            "if the share stays the same, 299 runs are enough",
+            "60 runs, which does not demonstrate the required 99 %. These runs demonstrate only a probability of "
+            "95.12 % (95 % confidence); with the same share, 299 runs are enough",
         ),
         ([pt.Constraint(name="excursion", limit=0.0985)], NARROWLY, "is met with a margin of only"),
     ],
@@ -417,8 +417,8 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     task = task.replace(loop=replace(task.loop, seed=seed))
     (said,) = (text for text in pt.verify_gain(task, changes=False).warnings if "robot at rest" in text)
     found = re.search(
-        r"by up to ([\d.]+) mm within 30 s: a controller floor \(detection threshold\) of ([\d.]+) above the offset, "
-        r"instead of 100, limits this motion to 1 mm, but then only objects closer than ([\d.]+) mm are detected\. ",
+        r"by up to ([\d.]+) mm within 30 s: raise the controller floor from 100 to ([\d.]+)\. This detection threshold "
+        r"above the offset limits this motion to 1 mm\. Then only objects closer than ([\d.]+) mm are detected\. ",
         said,
     )
     assert found is not None

@@ -227,9 +227,9 @@ def test_no_noise_is_halved_that_is_not_there_and_a_misfit_is_calibrated_away() 
     said = {c.name: c for c in candidates_of(loop_of(misfit=0.03, misfit_length=0.005), **APPROACH)}
     assert {"noise", "add-median", "add-low-pass"}.isdisjoint(said)
     assert said["calibration"].sentence == (
-        "Calibrate again to reduce the error of the sensor curve (misfit) from 3 % to 1.5 % of the signal: "
-        "record more distances, set the distances more exactly, "
-        "or mount the sensor farther behind the contact surface, where its curve fits better."
+        "Calibrate again to reduce the error of the sensor curve (misfit) from 3 % to 1.5 % of the signal. "
+        "Record more distances, set the distances more exactly, "
+        "or mount the sensor farther behind the contact surface."
     )
     chain = said["calibration"].loop.chain
     assert (chain.misfit, chain.misfit_length) == (0.015, 0.005)

@@ -153,8 +153,8 @@ BOTH = {"natural_frequency": (2.0, 12.0)}
 def test_bounds_without_a_gain_that_mitigates_are_refused_with_the_sign(verb: Any) -> None:
     task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=QUICK, bounds=(0.01, 10.0), verify=pt.VerifyOptions(runs=2))
     expected = (
-        "bounds: the range from 0.01 to 10 N s makes the robot chase the object, because a gain that mitigates the "
-        "impact is negative. Did you mean -10 to -0.01 N s?"
+        "bounds: the range from 0.01 to 10 N s makes the robot chase the object, because a mitigating gain is "
+        "negative. Did you mean -10 to -0.01 N s?"
     )
     with pytest.raises(pt.errors.InvalidInputError) as refused:
         verb(task)
@@ -166,7 +166,7 @@ def test_bounds_without_a_gain_that_mitigates_are_refused_with_the_sign(verb: An
 def test_bounds_of_a_drag_are_positive_and_those_with_both_signs_are_searched() -> None:
     drag = pt.Task(SCENARIO, SENSOR, OBJECTIVE, law="virtual-drag", bounds=(-0.1, -1e-3))
     with pytest.raises(
-        pt.errors.InvalidInputError, match=r"a drag that mitigates the impact is positive. Did you mean 0\.001 to 0\.1"
+        pt.errors.InvalidInputError, match=r"a mitigating drag is positive. Did you mean 0\.001 to 0\.1"
     ):
         pt.design_gain(drag)
     both = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-10.0, 0.5)))
@@ -313,7 +313,7 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     assert grows
     for values in (result.peak_force, free.peak_force, result.impact_force, free.impact_force):
         assert f"{values.mean():.4g} N" in said[0]
-    assert "the robot's drive and the driven obstacle push with a force of up to " in said[0]
+    assert "the robot's drive and the driven obstacle push with a mean peak force of " in said[0]
     light = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e7, obstacle_mass=0.2))
     other = verdict(light, gain=-0.7463, runs=20, changes=False)
     assert not any(text.startswith("PT407: After the impact") for text in other.warnings)

@@ -116,7 +116,7 @@ def test_where_no_change_is_enough_the_rate_that_would_be_is_named_or_what_forbi
     late = verdict(loop_of(rate=250.0, delay=0.1), gain=-0.7463, runs=2, constraints=strict)
     assert late.stability is not None
     assert late.stability.lowest_rate_for_margin_2 == math.inf
-    assert "no sensor rate results in a gain margin of 2, because the latency, the filters" in str(late)
+    assert "no sensor rate results in a gain margin of 2: latency, filters or robot are too slow" in str(late)
 
 
 def test_a_change_that_costs_margin_says_what_is_left_of_it() -> None:
@@ -142,7 +142,7 @@ def test_a_gain_that_only_the_required_margin_excludes_is_refused_with_the_rate_
     assert "infeasible with a required gain margin of 2 and a sensor rate of 8 Hz: the relative_vel" in slow.headline
     advice = re.search(r"read the sensor at (\d+) Hz instead of 8 Hz", page_of(slow).next_step)
     assert advice is not None
-    assert f"has the required margin at a sensor rate of {advice[1]} Hz or more" in slow.reasons[0]
+    assert f"This gain has the required margin at a sensor rate of {advice[1]} Hz or more" in slow.reasons[0]
     free = verdict(loop_of(rate=8.0, exposure=170e-6), constraints=[velocity_limit(0.1)], runs=2, changes=False).gain
     for share, same in ((1.0, True), (0.5, False)):
         faster = loop_of(rate=share * float(advice[1]), exposure=170e-6)
@@ -154,7 +154,7 @@ def test_a_gain_that_only_the_required_margin_excludes_is_refused_with_the_rate_
 def test_the_rate_is_not_advised_if_no_rate_gives_the_margin_or_if_the_limit_cannot_be_met_anyway() -> None:
     late = verdict(loop_of(delay=0.06), constraints=[velocity_limit(0.1)], stability_margin=2.0)
     assert late.needed_rate == math.inf
-    assert "no sensor rate gives it this margin" in late.reasons[0]
+    assert "No sensor rate gives it this margin" in late.reasons[0]
     assert "no sensor rate results in the required gain margin" in page_of(late).next_step
     hard = verdict(loop_of(rate=8.0), constraints=[velocity_limit(1e-3)], stability_margin=2.0)
     assert hard.needed_rate is None

@@ -1,1 +1,4 @@
-"""Provide code that all packages of pretouch share: errors, units, argument checks and compiled code."""
+"""Provide the code that all packages of pretouch share.
+
+It contains errors, units, argument checks and the compiled code.
+"""

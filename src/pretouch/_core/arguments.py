@@ -1,4 +1,4 @@
-"""Check the arguments of public functions and the fields of dataclasses against their type annotations.
+"""Check arguments and dataclass fields against their type annotations.
 
 `check_arguments` decorates a function; `check_declared` of fields.py calls `rules_of_fields`. A rule is made once,
 when its function or class is first used. Checking an argument whose type was accepted before takes one lookup.
@@ -31,7 +31,7 @@ RULES_ATTRIBUTE: Final = "_rules_of_fields"
 
 
 class _Allowed(NamedTuple):
-    """The argument values that a type annotation allows, and their description for error messages.
+    """The argument values allowed by a type annotation.
 
     Args:
         quick: types whose values are all allowed; if `by_type`, accepted types are added.
@@ -68,7 +68,7 @@ class Rule:
         self._name, self._allowed, self.default, self.quick = name, kind, default, kind.quick
 
     def check(self, value: Any, before: str = "") -> Any:
-        """Check the type of an argument, and return its value converted to a plain Python type such as float.
+        """Check and convert the value of one argument.
 
         Args:
             value: the argument.
@@ -96,7 +96,7 @@ _Rules: TypeAlias = tuple[tuple[Rule | None, ...], Rule | None, dict[str, Rule]]
 
 
 def check_arguments(function: F) -> F:
-    """Decorate a function so that the types of its arguments are checked at each call.
+    """Check the types of a function's arguments at each call.
 
     Args:
         function: an annotated function; parameters annotated with Any are not checked.
@@ -163,9 +163,10 @@ def _rules_of_function(function: Callable[..., Any]) -> _Rules:
 
 
 def rules_of_fields(cls: Any) -> dict[str, Rule]:
-    """Return the type check of each field of a dataclass, except for fields that hold physical quantities.
+    """Return the type checks of the fields of a dataclass.
 
-    The rules are cached in the class, as RULES_ATTRIBUTE, and are freed with it.
+    Fields that hold physical quantities are not included. The rules are cached in the class, as RULES_ATTRIBUTE, and
+    are freed with it.
     """
     rules: dict[str, Rule] = {}
     for f in fields(cls):
@@ -183,7 +184,7 @@ def rules_of_fields(cls: Any) -> dict[str, Rule]:
 
 
 class _TypeCheckingOnly(type):
-    """Placeholder for a class that a module imports only for static type checking.
+    """Placeholder for a class imported only for static type checking.
 
     Values are checked by the name of their class.
     """
@@ -195,7 +196,7 @@ class _TypeCheckingOnly(type):
 
 
 class _Namespace(dict[str, Any]):
-    """Dictionary of the names in a module; the lookup of a missing name returns a placeholder class."""
+    """Dictionary of a module's names with placeholders for missing names."""
 
     def __missing__(self, name: str) -> Any:
         if hasattr(builtins, name):
@@ -204,7 +205,10 @@ class _Namespace(dict[str, Any]):
 
 
 def _evaluate(annotation: Any, names: Mapping[str, Any]) -> Any:
-    """Return the type that a type annotation denotes, or `Any` if the annotation cannot be evaluated."""
+    """Return the type described by an annotation.
+
+    The result is `Any` if the annotation cannot be evaluated.
+    """
     if annotation is Parameter.empty:
         return Any
     try:
@@ -230,7 +234,10 @@ _NUMBERS: Final = _Allowed({float, int, np.float64}, are_numbers, "a number or a
 
 
 def _allowed(annotation: Any) -> _Allowed | None:
-    """Return the argument values that a type annotation allows, or None if the annotation allows every value."""
+    """Return the argument values that a type annotation allows.
+
+    The result is None if every value is allowed.
+    """
     origin, parts = get_origin(annotation), get_args(annotation)
     if annotation is ArrayLike or origin is np.ndarray:
         return _NUMBERS
@@ -243,7 +250,10 @@ def _allowed(annotation: Any) -> _Allowed | None:
 
 
 def _composed(origin: Any, parts: tuple[Any, ...]) -> _Allowed | None:
-    """Return the argument values that a `Union`, `Literal` or container type annotation allows."""
+    """Return the values allowed by a composed type annotation.
+
+    Composed annotations are `Union`, `Literal` and container types.
+    """
     if origin in {Union, types.UnionType}:
         return _any_of([_allowed(part) for part in parts])
     if origin is Literal:
@@ -320,7 +330,10 @@ def _sequence(kind: _Allowed | None) -> _Allowed:
 
 
 def _mapping(key: Any, value: Any) -> _Allowed:
-    """Return the values that an annotation such as `Mapping[str, float]` allows; only the types of keys are checked."""
+    """Return the values allowed by a `Mapping` annotation.
+
+    Only the types of the keys are checked.
+    """
     keys, values = _allowed(key), _allowed(value)
 
     def fits(candidate: Any) -> bool:
@@ -351,5 +364,5 @@ def _members(protocol: type) -> list[str]:
 
 
 def _has(value: Any, name: str) -> bool:
-    """Return True if a value has an attribute, without calling the getter of a property."""
+    """Check for an attribute without calling a property getter."""
     return hasattr(type(value), name) or hasattr(value, name)

@@ -1,4 +1,4 @@
-"""Describe the content of a report once for all output media: terminal, notebook and HTML.
+"""Describe a report independently of its output medium.
 
 A result is described once, as a `Page`. The terminal shows the headline, the warnings and the blocks that are marked as
 brief. A notebook shows the headline, the warnings and the first brief table. A report shows everything, with figures.
@@ -41,7 +41,7 @@ class Measured(Value):
 
 @dataclass(frozen=True, slots=True)
 class Named(Value):
-    """The name and the symbol of a quantity, shown together in one table cell."""
+    """A table cell with the name and symbol of a quantity."""
 
     words: str
     symbol: str = ""
@@ -52,7 +52,9 @@ Cell: TypeAlias = str | Measured | Named
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageTable(Value):
-    """A table in a report; the first cell of each row is the name of the row.
+    """A table in a report.
+
+    The first cell of each row is the name of the row.
 
     Args:
         rows: the rows, all with the same number of cells.
@@ -95,7 +97,7 @@ class Listing(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture(Value):
-    """A figure in a report, which is drawn only when the report is shown.
+    """A figure in a report, drawn when the report is shown.
 
     Args:
         figure: name of a function of `pretouch.report.plots`; any name if `of` is a Matplotlib figure.
@@ -121,7 +123,7 @@ class Film(Picture):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Code(Value):
-    """A text in a report that readers can copy, such as a scenario file.
+    """A text in a report for readers to copy.
 
     If it has a title, readers can collapse it.
     """
@@ -133,7 +135,7 @@ class Code(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Download(Value):
-    """A file that is embedded in a report and that readers can save.
+    """A file embedded in a report for download.
 
     Args:
         name: name of the file.
@@ -151,7 +153,9 @@ class Download(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageSection(Value):
-    """A titled section of a report; the terminal shows only those of its parts that are marked as brief.
+    """A titled section of a report.
+
+    The terminal shows only the parts that are marked as brief.
 
     Args:
         title: the title.
@@ -170,13 +174,15 @@ class PageSection(Value):
 
     @property
     def brief(self) -> bool:
-        """Whether the terminal shows any part of this report section, such as a table or a paragraph."""
+        """Whether the terminal shows any part of this report section."""
         return any(block.brief for block in self.blocks)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LazyBlock(Value):
-    """A part of a report, such as a figure, that is computed only when the report is written, because it takes long.
+    """A part of a report with deferred computation.
+
+    The part, such as a figure, is computed when the report is written, because it takes long.
 
     Args:
         make: returns the block; None if there is nothing to show.
@@ -191,7 +197,7 @@ Block: TypeAlias = PageSection | PageTable | Paragraph | Listing | Picture | Cod
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page(Value):
-    """Content of a report, independent of the output medium: headline, warnings, tables and figures.
+    """The content of a report for any output medium.
 
     Args:
         kind: kind of the result, such as `Gain design`.
@@ -227,23 +233,35 @@ class Page(Value):
         object.__setattr__(self, "blocks", tuple(block for block in self.blocks if block is not None))
 
     def with_blocks(self, *blocks: Block | None) -> Page:
-        """Return a copy of this report with additional tables, figures or paragraphs at its end."""
+        """Return a copy of this report with additional blocks.
+
+        The blocks, such as tables, figures or paragraphs, are added at the end.
+        """
         return replace(self, blocks=(*self.blocks, *blocks))
 
 
 def named(name: str, *, magnitude: bool = False) -> Named:
-    """Return a table cell with name and symbol of a quantity; `magnitude` puts bars around the symbol, as in |v|."""
+    """Return a table cell with the name and symbol of a quantity.
+
+    `magnitude` puts bars around the symbol, as in |v|.
+    """
     return named_entry(QUANTITIES[name], magnitude=magnitude)
 
 
 def named_entry(q: Entry, *, magnitude: bool = False) -> Named:
-    """Return a table cell with name and symbol of a quantity; `magnitude` puts bars around the symbol, as in |v|."""
+    """Return a table cell with the name and symbol of a quantity.
+
+    `magnitude` puts bars around the symbol, as in |v|.
+    """
     with_bars = magnitude and q.is_magnitude and q.symbol and "|" not in q.symbol
     return Named(q.words, f"|{q.symbol}|" if with_bars else q.symbol)
 
 
 def tables_of(blocks: Iterable[Block]) -> Iterator[PageTable]:
-    """Yield all tables in a list of report parts, including tables inside sections."""
+    """Yield all tables in a list of report blocks.
+
+    Tables inside sections are included.
+    """
     for block in blocks:
         if isinstance(block, PageTable):
             yield block
@@ -298,7 +316,7 @@ def _label(text: str) -> str:
 
 
 def _parts(blocks: Iterable[Block]) -> Iterator[str]:
-    """Yield the plain text of those parts of a report that the terminal shows."""
+    """Yield the plain text of the brief report blocks."""
     for block in blocks:
         if not block.brief:
             continue
@@ -320,7 +338,10 @@ def plain_text(text: str) -> str:
 
 
 def cell_as_text(cell: Cell) -> str:
-    """Format a table cell as plain text, with a hyphen for a missing number."""
+    """Return a table cell as plain text.
+
+    A missing number becomes a hyphen.
+    """
     if isinstance(cell, Named):
         return cell.words
     if not isinstance(cell, Measured):
@@ -331,9 +352,10 @@ def cell_as_text(cell: Cell) -> str:
 
 
 class InNotebooks:
-    """Base class of results that Jupyter notebooks show as a headline, a figure and a table.
+    """Base class of results with a display in Jupyter notebooks.
 
-    Each class gives the name of the function that makes its page, so that results do not import the report.
+    The display consists of a headline, a figure and a table. Each class gives the name of the function that makes its
+    page, so that results do not import the report.
     """
 
     __slots__ = ()
@@ -342,7 +364,7 @@ class InNotebooks:
     """Name of the function that makes the page, with its module, such as `pretouch.design.page:gain_page`."""
 
     def plot(self) -> Any:
-        """Draw the main figure of this result, the one that its report shows first.
+        """Draw the main figure of this result.
 
         The functions in `pretouch.plots` draw all other figures.
 
@@ -359,7 +381,10 @@ class InNotebooks:
 
 
 class Described(InNotebooks):
-    """Base class of results for which `str(result)` is a short report for the terminal."""
+    """Base class of results with a short report as text.
+
+    `str(result)` returns this report, which the terminal shows.
+    """
 
     __slots__ = ()
 

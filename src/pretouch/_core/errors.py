@@ -11,11 +11,14 @@ class PretouchError(Exception):
 
 
 class InvalidInputError(PretouchError, ValueError):
-    """Raised for an invalid input; the message gives the value, the allowed values and a remedy."""
+    """Raised for an invalid input.
+
+    The message gives the value, the allowed values and a remedy.
+    """
 
 
 class UnitError(InvalidInputError):
-    """Raised for text that is not a quantity, or for a quantity with a wrong unit."""
+    """Raised for an invalid quantity or a wrong unit."""
 
 
 class OutOfRangeError(InvalidInputError):
@@ -23,7 +26,7 @@ class OutOfRangeError(InvalidInputError):
 
 
 class CalibrationDataError(InvalidInputError):
-    """Raised for a calibration file that cannot be interpreted as distances and sensor outputs.
+    """Raised for a calibration file without usable distances and sensor outputs.
 
     Args:
         message: what is wrong; it may quote the file.
@@ -42,7 +45,10 @@ class CalibrationDataError(InvalidInputError):
 
 
 class ScenarioFileError(InvalidInputError):
-    """Raised for a mistake in a scenario file; the message gives line, key, value and what is expected."""
+    """Raised for a mistake in a scenario file.
+
+    The message gives the line, the key, the value and what is expected.
+    """
 
 
 class OutputExistsError(InvalidInputError):
@@ -50,26 +56,35 @@ class OutputExistsError(InvalidInputError):
 
 
 class MissingExtraError(PretouchError):
-    """Raised if an optional library is needed but not installed; the message says how to install it."""
+    """Raised if a required optional library is not installed.
+
+    The message says how to install the library.
+    """
 
 
 class SourceError(PretouchError):
-    """Raised if a source of sensor readings fails, for example an unplugged sensor; the message says what to do."""
+    """Raised if the source of the sensor readings fails.
+
+    An example is an unplugged sensor. The message says what to do.
+    """
 
 
 class BrokenCoreError(PretouchError, ImportError):
-    """Raised if the compiled library of pretouch is missing, damaged or of another version.
+    """Raised if the compiled library of pretouch cannot be used.
 
-    The message gives the remedy.
+    The library is missing, damaged or of another version. The message gives the remedy.
     """
 
 
 class ResultUnavailableError(PretouchError):
-    """Raised if a requested part of a result does not exist, such as the contact speed of a run without contact."""
+    """Raised if a requested part of a result does not exist.
+
+    An example is the contact speed of a run without contact.
+    """
 
 
 def require(module: str, *, extra: str = "sweep") -> Any:
-    """Import an optional library, or raise an error that says how to install the library.
+    """Import an optional library.
 
     Args:
         module: name of the module.

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extensions:
-    """Lookup of classes by name, both built-in classes and classes that installed packages offer as entry points.
+    """Lookup of built-in and installed classes by name.
 
-    Entry points are read only if a name is not built in, because reading them takes time. A package cannot replace a
-    built-in kind.
+    Other packages offer their classes as entry points. Entry points are read only if a name is not built in, because
+    reading them takes time. A package cannot replace a built-in kind.
 
     Args:
         group: the group of entry points, such as "pretouch.laws".
@@ -32,7 +32,9 @@ class Extensions:
     problem: Callable[[str, Any], str]
 
     def find(self, name: str) -> Any:
-        """Return the class with this name, built in or imported from an installed package; return None if unknown.
+        """Return the class with a given name.
+
+        The class is built in or imported from an installed package. The result is None for an unknown name.
 
         Raises:
             InvalidInputError: an entry point is broken, or its name is used twice.
@@ -83,7 +85,7 @@ class Extensions:
 
 
 def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
-    """Create a function that checks class and name of a Python entry point, and returns what is wrong as text.
+    """Create a check for the class and name of an entry point.
 
     Args:
         base: the base class; if a subclass has an attribute `kind` or `name`, this attribute must equal the name of the
@@ -109,7 +111,10 @@ def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
 
 
 def _incomplete(value: Any) -> str:
-    """Return the reason why a scenario file cannot create instances of a class; empty if there is none."""
+    """Return why a scenario file cannot create a class.
+
+    The text is empty if there is no reason.
+    """
     missing = ", ".join(sorted(getattr(value, "__abstractmethods__", ())))
     if missing:
         return f"the class lacks the methods {missing}"

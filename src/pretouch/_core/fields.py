@@ -1,4 +1,7 @@
-"""Declare dataclass fields with unit, sign and example value, and check the values of these fields."""
+"""Declare and check dataclass fields for physical quantities.
+
+A declaration gives the unit, the sign and an example value of the field.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,9 @@ def quantity(
     infinite: bool = False,
     **others: Any,
 ) -> Any:
-    """Declare a dataclass field that holds a number, or an array of numbers, in SI units.
+    """Declare a dataclass field for a physical quantity.
+
+    The value is a number or an array of numbers in SI units.
 
     Args:
         unit: SI unit; empty for a pure number; OUTPUT or OUTPUT_RATE for a sensor output;
@@ -64,7 +69,10 @@ def flag(default: bool) -> Any:
 
 
 def count(least: int, default: int, example: str) -> Any:
-    """Declare an integer dataclass field with a smallest allowed value, which the dataclass itself checks."""
+    """Return an integer dataclass field with a smallest allowed value.
+
+    The dataclass itself checks the value.
+    """
     return field(default=default, metadata={"least": least, "example": example})
 
 
@@ -75,14 +83,17 @@ def declared(cls: Any) -> tuple[Any, ...]:
 
 
 def units_of_fields(cls: Any) -> dict[str, str]:
-    """Return a dictionary from field name to SI unit for all physical quantities of a dataclass."""
+    """Return the SI units of a dataclass by field name.
+
+    Only physical quantities are included.
+    """
     return {f.name: f.metadata["unit"] for f in declared(cls)}
 
 
 def check_declared(value: Any, *, arrays: bool = False, before: str = "", instead: str = "") -> None:
-    """Check every field of a frozen dataclass, and convert physical quantities to floats.
+    """Check every field of a frozen dataclass.
 
-    Dataclasses call this function in `__post_init__`.
+    Physical quantities are converted to floats. Dataclasses call this function in `__post_init__`.
 
     Args:
         value: the instance.
@@ -100,9 +111,10 @@ def check_declared(value: Any, *, arrays: bool = False, before: str = "", instea
 
 
 def check_types(value: Any, before: str = "") -> None:
-    """Check the types of all fields of a frozen dataclass except its physical quantities.
+    """Check the field types of a frozen dataclass.
 
-    Dataclasses call this function in `__post_init__`. It converts NumPy numbers to Python numbers.
+    Physical quantities are not checked. Dataclasses call this function in `__post_init__`. It converts NumPy numbers to
+    Python numbers.
 
     Args:
         value: the instance.
@@ -120,7 +132,7 @@ def check_types(value: Any, before: str = "") -> None:
 
 @cache
 def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
-    """Return the lower limit of each physical quantity of a dataclass, prepared for a fast check."""
+    """Return the lower limits of a dataclass's physical quantities."""
     # Each entry has the name, the lower limit, whether the limit itself is excluded, and the field.
     ends = {"positive": (0.0, True), "nonnegative": (0.0, False)}
     checks = []
@@ -131,7 +143,7 @@ def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
 
 
 def _check_one(value: Any, f: Field[Any], *, arrays: bool, before: str, instead: str) -> None:
-    """Check the value of one dataclass field against all rules; called if a quick check did not accept the value."""
+    """Check one dataclass field against all its rules."""
     number, metadata = getattr(value, f.name), f.metadata
     if number is None and f.default is None:
         return

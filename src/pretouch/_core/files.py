@@ -28,7 +28,9 @@ _ABANDONED: Final = 3600.0  # s without a change, after which a temporary file i
 
 
 def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callable[[str], InvalidInputError]) -> bytes:
-    """Read a regular file of limited size, and refuse devices and pipes, because they may never end.
+    """Read a regular file of limited size.
+
+    Devices and pipes are refused, because reading them may never end.
 
     Args:
         path: the file.
@@ -52,7 +54,9 @@ def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callab
 
 
 def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Raise an error if an output path is an input file, or a link to an input file.
+    """Refuse to overwrite an input file.
+
+    Links to an input file are refused too.
 
     Args:
         path: the output file.
@@ -74,10 +78,11 @@ def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
 
 
 def temporary_path(target: Path) -> Path:
-    """Return an unused path for a temporary file, in the same folder as the target file.
+    """Return an unused path for a temporary file.
 
-    The caller renames the temporary file to the target when the file is complete. This function also removes temporary
-    files of the same target that a killed process left behind, one hour after their last change.
+    The path is in the folder of the target file. The caller renames the temporary file to the target when the file is
+    complete. This function also removes temporary files of the same target that a killed process left behind, one hour
+    after their last change.
 
     Args:
         target: the file to be written.
@@ -105,7 +110,7 @@ def remove_tree(path: Path) -> None:
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
-    """Write a UTF-8 text file atomically, and replace an existing file only if `overwrite` is true.
+    """Write a UTF-8 text file atomically.
 
     The text is written to a temporary file in the same folder first, so that a crash leaves no partial file. Unless
     `overwrite` is true, renaming the temporary file fails if the target exists.
@@ -128,7 +133,7 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Fal
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool = False) -> Path:
-    """Write bytes to a file atomically, and replace an existing file only if `overwrite` is true.
+    """Write a binary file atomically.
 
     Args:
         path: the file; its folder must exist.
@@ -157,7 +162,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
     except FileExistsError:
         raise OutputExistsError(
             f"{named}: this {'folder' if target.is_dir() else 'file'} already exists, and pretouch does not "
-            "overwrite it; choose another name with --output, or replace the file with --force (overwrite=True "
+            "overwrite it. Choose another name with --output, or replace the file with --force (overwrite=True "
             "in Python)"
         ) from None
     except FileNotFoundError:
@@ -168,7 +173,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
 
 
 def _write_through(path: Path, content: bytes) -> None:
-    """Write a new file, and return only when its content has reached the disk."""
+    """Write a new file and flush it to the disk."""
     binary = getattr(os, "O_BINARY", 0)  # exists on Windows only
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | binary, 0o666)
     try:
@@ -193,7 +198,9 @@ def _move_to_free_name(source: Path, target: Path) -> None:
 
 
 def sign(html: str) -> str:
-    """Add a `generator` tag to an HTML report, with a hash that shows later whether the report was changed.
+    """Sign an HTML report of pretouch.
+
+    The signature is a `generator` tag with a hash. The hash shows later whether the report was changed.
 
     Args:
         html: a page with a `<head>`; an earlier signature is replaced.
@@ -219,7 +226,7 @@ def sign(html: str) -> str:
 
 
 def is_own_unchanged(path: str | os.PathLike[str]) -> bool:
-    """Return True if a file is an HTML report of pretouch that nobody has changed since it was written.
+    """Check whether a file is an unchanged HTML report of pretouch.
 
     Args:
         path: the file, which need not exist.
@@ -244,7 +251,7 @@ def _digest(text: str) -> str:
 
 
 def as_json(value: Mapping[str, Any], *, indent: int | None = 2) -> str:
-    """Serialize a dictionary, such as the content of a result, as standard JSON.
+    """Serialize a dictionary as standard JSON.
 
     Args:
         value: the object.
@@ -290,7 +297,10 @@ def plain(value: Any) -> Any:
 
 
 def with_kind(value: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass as a dictionary, with the class name under the key `kind`."""
+    """Return a dataclass as a dictionary with its class name.
+
+    The class name has the key `kind`.
+    """
     return {"kind": type(value).__name__, **{f.name: getattr(value, f.name) for f in fields(value)}}
 
 
@@ -298,7 +308,8 @@ _LISTS: Final = (list, tuple, set, frozenset)
 
 
 def _plain_one(value: Any) -> Any:
-    """Convert a single value to a JSON-compatible type; NaN and infinity become None."""
+    """Convert a single value to a JSON-compatible type."""
+    # NaN and infinity become None.
     if isinstance(value, Enum):
         return plain(value.value)
     if hasattr(value, "tolist"):  # NumPy scalars and arrays

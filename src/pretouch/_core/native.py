@@ -42,7 +42,10 @@ _word: Final = ctypes.c_size_t.from_address
 
 
 def _data_offset() -> int | None:
-    """Return the byte offset of the data pointer in a NumPy array object, or None if the offset is unknown."""
+    """Return the offset of a NumPy array's data pointer [bytes].
+
+    The result is None if the offset is unknown.
+    """
     if sys.implementation.name != "cpython":
         return None
     probe, offset = np.zeros(1), object.__basicsize__  # the data pointer is the first field in NumPy's ABI
@@ -54,7 +57,8 @@ _DATA_OFFSET: Final = _data_offset()
 
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL:
-    """Load the compiled library, and use its code for this processor, or for the variant in `PRETOUCH_VARIANT`."""
+    """Load the compiled library for this processor."""
+    # PRETOUCH_VARIANT selects the code for another processor; see `variant`.
     default = Path(__file__).with_name(f"libpretouch{_SUFFIXES.get(sys.platform, '.so')}")
     path = Path(os.environ.get(_LIBRARY) or default)
     _check_file(path)
@@ -75,7 +79,8 @@ def _library() -> ctypes.CDLL:
 
 
 def _check_file(path: Path) -> None:
-    """Check that a compiled library is complete and unchanged, because a damaged one could crash Python."""
+    """Check that a compiled library is complete and unchanged."""
+    # A damaged library could crash Python.
     try:
         content = path.read_bytes()
         record = json.loads(path.with_name(f"{path.name}.json").read_bytes())
@@ -98,13 +103,16 @@ def _check_file(path: Path) -> None:
 def _broken(path: Path, what: str) -> BrokenCoreError:
     origin = f", set by {_LIBRARY}" if os.environ.get(_LIBRARY) else ""
     return BrokenCoreError(
-        f"the compiled core of pretouch cannot be used (file {path.name} in the folder {path.parent}{origin}), "
-        f"because this file {what}. Reinstall pretouch by pip; in a source tree, run python native/build.py"
+        f"the compiled core of pretouch cannot be used, because the file {path.name} {what}. The file is in "
+        f"the folder {path.parent}{origin}. Reinstall pretouch by pip; in a source tree, run python native/build.py"
     )
 
 
 def variant() -> str:
-    """Return the processor variant whose compiled code pretouch runs: `base`, `avx2` or `avx512`."""
+    """Return the processor variant of the compiled code in use.
+
+    The variants are `base`, `avx2` and `avx512`.
+    """
     best = _library().pretouch_best_variant()  # _library has checked PRETOUCH_VARIANT
     return os.environ.get(_SWITCH) or VARIANTS[best]
 
@@ -136,7 +144,9 @@ def kernel(name: str, *arguments: Any, result: Any = None) -> Callable[..., Any]
 
 
 def entry(name: str) -> int:
-    """Return the address of a function in the compiled library, so that other compiled code can call the function.
+    """Return the address of a function in the compiled library.
+
+    Other compiled code can call the function at this address.
 
     Args:
         name: name of the function without `pretouch_`.
@@ -171,7 +181,7 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
 
 
 def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _FLOAT) -> int:
-    """Check the shape of a NumPy array, and return the memory address of its data.
+    """Return the memory address of an array of required shape.
 
     Args:
         array: see `address`.
@@ -193,7 +203,9 @@ def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _
 
 
 def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Return memory address and strides of an array that a compiled function fills with results.
+    """Return the address and strides of an output array.
+
+    A compiled function fills the array with results.
 
     Args:
         array: see `address`; only its last axis must be contiguous.
@@ -208,15 +220,17 @@ def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ..
     *steps, last = array.strides
     if array.shape != shape or (last != _FLOAT.itemsize and array.size) or not array.flags.aligned:
         raise TypeError(
-            f"the compiled function needs an aligned array of type float64 and shape {shape} with contiguous rows, but "
-            f"received type {array.dtype} and shape {array.shape} with strides {array.strides}"
+            f"the compiled function needs an aligned array of type float64 and shape {shape} with contiguous rows. "
+            f"It received type {array.dtype} and shape {array.shape} with strides {array.strides}"
         )
     start = address(array[..., :0])  # an empty slice is contiguous
     return (start, *[step // _FLOAT.itemsize for step in steps])
 
 
 def columns(arrays: Sequence[NDArray[np.float64]], count: int | None = None) -> bytes:
-    """Pack memory address and stride (0 or 1) of each NumPy array into bytes, as compiled functions expect them.
+    """Pack the addresses and strides of arrays for compiled functions.
+
+    Each stride is 0 or 1.
 
     Args:
         arrays: arrays with one number for all encounters, or one number for each encounter.
@@ -246,9 +260,10 @@ _CAPSULE_POINTER.argtypes, _CAPSULE_POINTER.restype = (ctypes.py_object, ctypes.
 
 
 class Structure(ctypes.Structure):
-    """Base class of C structures in Python; two structures are equal if all their bytes are equal.
+    """Base class of C structures in Python.
 
-    Instances can be pickled and copied. Do not change a field while the instance is a key of a dictionary.
+    Two structures are equal if all their bytes are equal. Instances can be pickled and copied. Do not change a field
+    while the instance is a key of a dictionary.
     """
 
     _fields_: ClassVar[Any]
@@ -296,7 +311,9 @@ def copy_of(memory: T) -> T:
 
 
 def location(memory: Any, name: str) -> tuple[int, int]:
-    """Return address and size in bytes of the memory that a compiled function reads.
+    """Return the address and size of an argument's memory [bytes].
+
+    A compiled function reads this memory.
 
     Args:
         memory: a ctypes structure or a contiguous NumPy array; it must outlive the call that takes the address.
@@ -319,7 +336,7 @@ def location(memory: Any, name: str) -> tuple[int, int]:
 
 
 def machine_code(function: Any) -> int | None:
-    """Return the address of a compiled function, or None if the function is written in Python.
+    """Return the memory address of a compiled function.
 
     Args:
         function: a scipy.LowLevelCallable, a capsule (as in Cython), a ctypes function, an object with an `address`

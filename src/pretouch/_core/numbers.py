@@ -50,7 +50,11 @@ def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
 
 
 def positive(value: ArrayLike, name: str, unit: str = "") -> Any:
-    """Check that every number is finite and positive, and return a float or a read-only array."""
+    """Check that numbers are finite and positive.
+
+    Returns:
+        A float or a read-only array.
+    """
     checked = finite(value, name, unit)
     if type(checked) is float and checked > 0:
         return checked
@@ -59,7 +63,11 @@ def positive(value: ArrayLike, name: str, unit: str = "") -> Any:
 
 
 def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
-    """Check that every number is finite and not negative, and return a float or a read-only array."""
+    """Check that numbers are finite and not negative.
+
+    Returns:
+        A float or a read-only array.
+    """
     checked = finite(value, name, unit)
     if type(checked) is float and checked >= 0:
         return checked
@@ -68,7 +76,14 @@ def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
 
 
 def checked_probability(value: Any, name: str = "probability") -> float:
-    """Check that a number lies between 0 and 1, both excluded, and return the number as a float."""
+    """Check that a probability lies between 0 and 1.
+
+    Returns:
+        The number as a float; 0 and 1 are not allowed.
+
+    Raises:
+        InvalidInputError: the number is not between 0 and 1.
+    """
     number = float(finite(value, name))
     if not 0 < number < 1:
         raise InvalidInputError(f"{name}: found {number:g}, expected a number between 0 and 1, such as 0.95")
@@ -76,12 +91,16 @@ def checked_probability(value: Any, name: str = "probability") -> float:
 
 
 def float_or_array(value: Any) -> Any:
-    """Convert a 0-dimensional array to a float, and return any other array unchanged."""
+    """Convert a 0-dimensional array to a float.
+
+    Returns:
+        A float, or another array unchanged.
+    """
     return float(value) if np.ndim(value) == 0 else value
 
 
 def finite_or_none(value: Any) -> float | None:
-    """Return a number as a float, or None if the number is infinite or NaN.
+    """Convert a finite number to a float.
 
     Args:
         value: a number.
@@ -94,14 +113,22 @@ def finite_or_none(value: Any) -> float | None:
 
 
 def is_number(value: Any) -> bool:
-    """Return True if a value is a single real number of Python or NumPy, but not a boolean."""
+    """Check whether a value is a single real number.
+
+    Returns:
+        True also for a number of NumPy; False for a boolean.
+    """
     if isinstance(value, np.ndarray):
         return value.ndim == 0 and value.dtype.kind in "iuf" and not np.ma.is_masked(value)
     return isinstance(value, Real | Decimal) and not isinstance(value, bool)
 
 
 def as_float(value: Any) -> float:
-    """Convert a number to a float; return infinity on overflow, and NaN for a value that is not a number."""
+    """Convert a number to a float without raising an error.
+
+    Returns:
+        Infinity on overflow, and NaN for a value that is not a number.
+    """
     try:
         return float(value)
     except OverflowError:
@@ -111,19 +138,28 @@ def as_float(value: Any) -> float:
 
 
 def is_whole(value: Any) -> bool:
-    """Return True if a value is an integer of Python or NumPy, but not a boolean."""
+    """Check whether a value is an integer.
+
+    Returns:
+        True also for an integer of NumPy; False for a boolean.
+    """
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def are_numbers(value: Any) -> bool:
-    """Return True if a value is a number, an array or a nested list of numbers; NaN and infinity are allowed."""
+    """Check whether a value contains only numbers.
+
+    Returns:
+        True for a number, an array or a nested list of numbers, including NaN and infinity.
+    """
     if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
         return True
     return _numbers(value) is not None
 
 
 def _numbers(value: ArrayLike) -> FloatArray | None:
-    """Copy numbers into a float array; return None for text, booleans, complex or masked values."""
+    """Copy numbers into a float array."""
+    # The result is None for text, booleans, complex or masked values.
     try:
         if isinstance(value, list | tuple) and bool in map(type, value):
             return None
@@ -154,23 +190,31 @@ def _in(unit: str) -> str:
 
 
 def chebyshev_nodes(count: int) -> FloatArray:
-    """Return the roots of the Chebyshev polynomial of degree `count` in descending order."""
+    """Return the roots of a Chebyshev polynomial in descending order."""
     return np.asarray(np.cos((np.arange(count) + 0.5) * np.pi / count))
 
 
 def chebyshev_extremes(degree: int) -> FloatArray:
-    """Return the points between -1 and 1 at which a Chebyshev polynomial of a given degree has its extremes."""
+    """Return the extreme points of a Chebyshev polynomial.
+
+    The points lie between -1 and 1.
+    """
     return np.asarray(np.cos(np.arange(degree + 1) * np.pi / degree))
 
 
 def chebyshev_sum(terms: FloatArray, z: FloatArray | float) -> FloatArray:
-    """Evaluate several Chebyshev series, each at one point; each column of `terms` has the coefficients of a series."""
+    """Return the values of several Chebyshev series, each at one point.
+
+    Each column of `terms` has the coefficients of a series.
+    """
     return np.asarray(np.polynomial.chebyshev.chebval(z, terms, tensor=False))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChebyshevBasis:
-    """Chebyshev polynomials at given nodes, with matrices that convert function values at the nodes to coefficients.
+    """Chebyshev polynomials at given nodes, with fitting matrices.
+
+    The matrices convert function values at the nodes to coefficients.
 
     Args:
         nodes: the nodes, shape (n,).
@@ -190,7 +234,9 @@ class ChebyshevBasis:
 
 @lru_cache
 def chebyshev_basis(at: tuple[float, ...] | int, degree: int | None = None) -> ChebyshevBasis:
-    """Create a basis of Chebyshev polynomials at Chebyshev nodes or at other nodes.
+    """Create a basis of Chebyshev polynomials.
+
+    The nodes are Chebyshev nodes or given points.
 
     Args:
         at: the number of nodes, or the nodes themselves, in [-1, 1].

@@ -1,4 +1,7 @@
-"""Report the progress of a long computation to a callback function, about once per second."""
+"""Report the progress of a long computation.
+
+A callback function receives the progress about once per second.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,10 @@ _INTERVAL: Final = 1.0  # time between two calls [s]
 
 
 class _Progress:
-    """Counter of solved encounters that reports its progress to a listener function at most once per second."""
+    """Counter of solved encounters for progress reports.
+
+    It calls a listener function at most once per second.
+    """
 
     def __init__(self, listener: Listener) -> None:
         self._listener, self._start, self._solved = listener, time.monotonic(), 0
@@ -46,9 +52,9 @@ _current: _Progress | None = None
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Call a listener function about once per second with the progress of the code in a `with` block.
+    """Report progress to a listener inside a `with` block.
 
-    The listener is called in the thread that does the work.
+    The listener is called about once per second. The listener is called in the thread that does the work.
 
     Args:
         listener: function of a sentence, such as `12,000 encounters solved in 3 s, still running`.
@@ -65,12 +71,15 @@ def listening(listener: Listener) -> Iterator[None]:
 
 
 def note_solved(count: int) -> None:
-    """Add `count` to the number of solved encounters that is reported to the progress listener."""
+    """Count solved encounters for the progress report."""
     if _current is not None:
         _current.add(count)
 
 
 def note_work(work: str) -> None:
-    """Report to the progress listener which step of a computation begins, for example `trying changes, 3 of 9`."""
+    """Report the next step of a computation to the listener.
+
+    An example of a step is `trying changes, 3 of 9`.
+    """
     if _current is not None:
         _current.announce(work)

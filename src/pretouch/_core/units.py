@@ -21,7 +21,10 @@ WORKABLE: Final = "of a magnitude from {:g} to {:g}, or 0".format(*MAGNITUDES)
 
 
 class Unit(NamedTuple):
-    """A unit, stored as its conversion factor to SI and its exponents of m, kg, s, V and counts."""
+    """A unit with its SI factor and dimension exponents.
+
+    The exponents are those of m, kg, s, V and counts.
+    """
 
     factor: float
     exponents: tuple[int, int, int, int, int]
@@ -108,7 +111,9 @@ def parse_unit(text: str) -> Unit:
 
 
 def unit_tables() -> dict[str, dict[str, Any]]:
-    """Return the known units and prefixes as a JSON object, for programs in other languages that parse quantities.
+    """Return the known units and prefixes as a JSON object.
+
+    Programs in other languages use these tables to parse quantities.
 
     Returns:
         `prefixable` and `units`: factor to SI and exponents of m, kg, s, V and counts, by name; `prefixes`: factors.
@@ -121,7 +126,8 @@ def unit_tables() -> dict[str, dict[str, Any]]:
 
 
 def _tokens(text: str) -> list[str]:
-    """Split the text of a unit into symbols, integers and operators; a space between units becomes `*`."""
+    """Split the text of a unit into tokens."""
+    # Tokens are symbols, integers and operators; a space between units becomes `*`.
     source = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda m: "^" + m.group(1).translate(_SUPERSCRIPT), text).rstrip()
     tokens: list[str] = []
     divided = [False]  # for each open parenthesis, whether it contains a `/` so far
@@ -155,12 +161,14 @@ def _starts_factor(part: str) -> bool:
 
 
 def _ends_factor(tokens: list[str]) -> bool:
-    """Return True if a tokenized unit text ends with a complete factor such as `mm` or `s^2`."""
+    """Check whether a tokenized unit ends with a complete factor."""
+    # Such a factor is `mm` or `s^2`.
     return tokens[-1] in {")", "%"} or tokens[-1].isalpha() or (len(tokens) > 1 and tokens[-2] in {"^", "**"})
 
 
 def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
-    """Parse a product or quotient of units, and return the unit and the unparsed tokens."""
+    """Parse a product or quotient of units."""
+    # The result is the unit and the unparsed tokens.
     unit, tokens = _power(tokens, text)
     while tokens and tokens[0] in {"*", "·", "/"}:
         sign = -1 if tokens[0] == "/" else 1
@@ -170,7 +178,8 @@ def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
 
 
 def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
-    """Parse one unit with its exponent, and return the unit and the unparsed tokens."""
+    """Parse one unit with its exponent."""
+    # The result is the unit and the unparsed tokens.
     if not tokens or tokens[0] in {"*", "**", "·", "/", "^", ")"}:
         raise UnitError(f"{text!r} is not a unit: a unit is missing")
     if tokens[0] == "(":
@@ -191,7 +200,7 @@ def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
 
 
 def _symbol(symbol: str, text: str) -> Unit:
-    """Return the unit for a unit symbol with or without SI prefix, such as `m` or `mm`."""
+    """Return the unit for a unit symbol."""
     if symbol in _PLAIN:
         return _PLAIN[symbol]
     if symbol in _BASE:
@@ -213,7 +222,7 @@ def _combine(left: Unit, right: Unit, power: int) -> Unit:
 
 
 def missing_unit(text: str, unit: str) -> str:
-    """Return suggestions for a text such as `42.2` that lacks its unit; the result is empty if no unit is missing.
+    """Suggest units for a number without a unit.
 
     Args:
         text: text that may be such a number.
@@ -237,7 +246,9 @@ def missing_unit(text: str, unit: str) -> str:
 
 
 def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) -> float:
-    """Convert a number in SI units, or a text such as `42.2 mm`, to an SI float, and check its unit.
+    """Convert a number or text to a value in SI.
+
+    The unit in the text is checked.
 
     Args:
         value: a number in SI, or text such as `"42.2 mm"`.
@@ -289,12 +300,14 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
 
 
 def _expected(words: str, unit: str) -> str:
-    """Return a description of the expected value: `words` and the unit, or `a pure number` if the unit is empty."""
+    """Describe the expected value for an error message."""
     return f"{words} {written_unit(unit)}" if unit else "a pure number"
 
 
 def has_workable_magnitude(value: float) -> bool:
-    """Return True if a number is zero, or if products of such numbers neither overflow nor underflow.
+    """Check that a number has a moderate magnitude.
+
+    Products of such numbers neither overflow nor underflow. Zero is accepted too.
 
     Args:
         value: a finite number.
@@ -310,7 +323,9 @@ def has_workable_magnitude(value: float) -> bool:
 
 
 def read_quantity(value: float | str, unit: str, *, name: str) -> float:
-    """Convert a quantity from the command line to SI units, and refuse extremely large or small values.
+    """Convert a command-line quantity to SI units.
+
+    Extremely large or small values raise an error.
 
     Args:
         value: a number, or text with or without a unit; text without a unit counts as a number in SI.
@@ -334,7 +349,8 @@ def read_quantity(value: float | str, unit: str, *, name: str) -> float:
 
 
 def _scaled(literal: str, factor: float) -> float:
-    """Multiply a decimal number by its unit's factor with a single rounding, so that `33.3 ms` becomes 0.0333 s."""
+    """Multiply a decimal number by its unit's factor."""
+    # There is only one rounding, so that `33.3 ms` becomes 0.0333 s.
     number, size = float(literal), factor if factor >= 1 else 1 / factor
     whole = size < _LARGEST_WHOLE and math.isclose(size, round(size), rel_tol=1e-12)
     if not (whole and 0 < abs(number) < math.inf and len(literal) < _LONGEST):
@@ -347,7 +363,9 @@ def _scaled(literal: str, factor: float) -> float:
 
 
 def format_quantity(value: float, unit: str, digits: int = 4) -> str:
-    """Format an SI value with its unit; lengths below 1 m are in mm, and times below 1 s are in ms.
+    """Format an SI value with its unit.
+
+    Lengths below 1 m are in mm, and times below 1 s are in ms.
 
     Args:
         value: the value in SI.
@@ -374,15 +392,27 @@ def format_quantity(value: float, unit: str, digits: int = 4) -> str:
 
 
 def format_range(ends: tuple[float, float], unit: str) -> str:
-    """Format a range of SI values with its unit, such as `38 mm to 46 mm`."""
+    """Format a range of SI values with its unit.
+
+    Returns:
+        Text such as `38 mm to 46 mm`.
+    """
     return " to ".join(format_quantity(end, unit) for end in ends)
 
 
 def pretty_unit(unit: str) -> str:
-    """Format a unit for reports: `N*s/m` becomes `N s/m`, and `m/s^2` becomes `m/s²`."""
+    """Format a unit for reports.
+
+    Returns:
+        Text such as `N s/m` for `N*s/m`, and `m/s²` for `m/s^2`.
+    """
     return written_unit(unit).replace("*", " ")
 
 
 def written_unit(unit: str) -> str:
-    """Format a unit for messages in a form that users can type: `N*s^2/m` becomes `N*s²/m`."""
+    """Format a unit for messages.
+
+    Returns:
+        Text that users can type, such as `N*s²/m` for `N*s^2/m`.
+    """
     return unit.replace("^2", "²").replace("^3", "³").replace("^n", "ⁿ")

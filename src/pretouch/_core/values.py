@@ -11,17 +11,21 @@ import numpy as np
 
 
 def _copy_methods(cls: type, *names: str) -> None:
-    """Copy inherited methods into a class, so that `dataclass` does not replace them by generated methods."""
+    """Copy inherited methods into a class.
+
+    Otherwise `dataclass` would replace them by generated methods.
+    """
     for name in names:
         if name not in vars(cls):
             setattr(cls, name, getattr(cls, name))
 
 
 class Picklable:
-    """Base class of objects that can be pickled and copied although they contain caches or read-only arrays.
+    """Base class of objects with support for pickling and copying.
 
-    Inheriting is sufficient, both for dataclasses and for classes with slots. Read-only flags matter: the compiled core
-    treats writable arrays differently, and a cached number must not change.
+    The objects may contain caches or read-only arrays. Inheriting is sufficient, both for dataclasses and for classes
+    with slots. Read-only flags matter: the compiled core treats writable arrays differently, and a cached number must
+    not change.
     """
 
     __slots__ = ()
@@ -42,9 +46,9 @@ class Picklable:
 
 
 class Value(Picklable):
-    """Base class of immutable objects that are equal if their contents are equal, where NaN equals NaN.
+    """Base class of immutable objects compared by content.
 
-    Copying such a value returns the value itself.
+    NaN equals NaN. Copying such a value returns the value itself.
     """
 
     __slots__ = ()
@@ -65,7 +69,7 @@ class Value(Picklable):
         return hash((type(self), _hash(self._compared())))
 
     def _compared(self) -> tuple[Any, ...]:
-        """Return the fields of a dataclass that are compared to decide whether two instances are equal."""
+        """Return the compared fields of a dataclass instance."""
         return tuple(getattr(self, f.name) for f in fields(self) if f.compare)  # type: ignore[arg-type]
 
 
@@ -113,7 +117,10 @@ def _equal(a: Any, b: Any) -> bool:
 
 
 def _hash(value: Any) -> int:
-    """Return a hash value for an object that may contain arrays and dictionaries; equal objects have equal hashes."""
+    """Return a hash value for nested containers and arrays.
+
+    Equal objects have equal hashes.
+    """
     if isinstance(value, np.ndarray):
         return hash(value.shape)
     if isinstance(value, Mapping):

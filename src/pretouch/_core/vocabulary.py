@@ -1,4 +1,4 @@
-"""List all quantities that results report, such as the contact speed, with names, symbols and SI units."""
+"""List the quantities in results with names, symbols and SI units."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Final
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Name, symbol and SI unit of a quantity that results report, such as the contact time.
+    """Name, symbol and SI unit of a quantity in results.
 
     Args:
         words: name of the quantity in words.
@@ -33,17 +33,17 @@ class Entry:
     is_magnitude: bool = True
 
     def in_words(self) -> Entry:
-        """Return a copy of this entry with only the name, the symbol and the unit of the quantity."""
+        """Return a copy with only the name, symbol and unit."""
         return Entry(self.words, self.symbol, self.unit)
 
     @property
     def short(self) -> str:
-        """The name of the quantity without the words "at contact", such as `relative velocity`."""
+        """The name of the quantity without the words "at contact"."""
         return self.words.removesuffix(" at contact")
 
 
 def _state(name: str, words: str, symbol: str, unit: str, *, whole: bool = False, limit: str = "") -> Entry:
-    """Return the entry for a quantity that is stored in the state at contact, such as the plant velocity."""
+    """Return the entry for a quantity of the contact state."""
     return Entry(words, symbol, unit, whole, lambda state, _: getattr(state, name), limit)
 
 
@@ -99,7 +99,7 @@ QUANTITIES: Final[dict[str, Entry]] = {
 
 
 def words_for(name: str) -> str:
-    """Return the name of a quantity in plain words, such as `relative velocity at contact`.
+    """Return the name of a quantity in plain words.
 
     Args:
         name: such as `relative_velocity`.
@@ -115,5 +115,5 @@ def words_for(name: str) -> str:
 
 
 def unit_of(name: str) -> str:
-    """Return the SI unit of the quantity that has a name such as `relative_velocity`."""
+    """Return the SI unit of a quantity with a given name."""
     return QUANTITIES[name].unit

@@ -1,6 +1,7 @@
-"""Give every warning a code, and explain each code: what it means, why it matters and what to do.
+"""Explain the code of every warning.
 
-The pages in docs/warnings/ are generated from this table: python docs/make_pages.py.
+An explanation says what the warning means, why it matters and what to do. The pages in docs/warnings/ are generated
+from this table: python docs/make_pages.py.
 """
 
 from __future__ import annotations
@@ -56,24 +57,37 @@ def caution(code: str, text: str) -> str:
 
 
 def split_code(text: str) -> tuple[str, str]:
-    """Split a warning into its code, such as PT101, and its text; the code is empty if the warning has none."""
+    """Split a warning into its code and its text.
+
+    Returns:
+        The code, such as PT101, and the text; the code is empty if the warning has none.
+    """
     match = _CODED.match(text)
     return (match[1], text[match.end() :]) if match else ("", text)
 
 
 def with_context(context: str, text: str) -> str:
-    """Insert a context, such as the name of a sensor site, between the code and the text of a warning."""
+    """Return a warning with a context such as a sensor site.
+
+    The context, such as the name of a sensor site, follows the warning code.
+    """
     code, rest = split_code(text)
     return f"{code}: {context}: {rest}" if code else f"{context}: {rest}"
 
 
 def codes_in(texts: Iterable[str]) -> tuple[str, ...]:
-    """Return the warning codes that occur in several texts, each code once and in ascending order."""
+    """Return the warning codes in several texts.
+
+    Each code occurs once. The codes are in ascending order.
+    """
     return tuple(sorted({code for text in texts for code in _CODED.findall(text) if code in WARNING_CODES}))
 
 
 def page_of_code(code: str) -> str:
-    """Return the path of the documentation page that explains a warning code, relative to the source tree."""
+    """Return the documentation page of a warning code.
+
+    The path is relative to the source tree.
+    """
     return f"docs/warnings/{code}.md"
 
 
@@ -184,7 +198,7 @@ _TABLE: Final = (
         "The controller interprets a rising output as an approach, so the robot would move the wrong way.",
         "For a sensor that reports distances, write a scenario with `pretouch init --part VL53L0X`; it needs no "
         "calibration. Invert an inverted signal, in the file and on the robot.",
-        "The sensor output rises with the distance, but the signal of a proximity sensor falls",
+        "The sensor output rises with the distance",
     ),
     (
         "PT114",
@@ -307,7 +321,7 @@ _TABLE: Final = (
         "On fresh samples, a limit is met less often than required, beyond what chance explains.",
         "The samples of the design were too few, so the gain fits them better than other encounters.",
         "Use more `samples`, or require a slightly larger probability.",
-        "the limit of the excursion is met in only 93 % of the fresh samples, but must be met in 95 %",
+        "the excursion limit is met in only 93 % of the fresh samples (95 % required)",
     ),
     (
         "PT311",
@@ -374,7 +388,7 @@ _TABLE: Final = (
         "The contact force after the impact is larger than without mitigation, or larger than at the impact itself.",
         "The drive or the admittance pulls the robot back toward the object while the object is still there.",
         "Let the controller yield to contact forces (`contact_gain`), or limit the force.",
-        "After the impact, the robot's drive pushes with a force of up to 40 N on average",
+        "After the impact, the robot's drive pushes with a mean peak force of 40 N",
     ),
     (
         "PT408",
@@ -455,7 +469,7 @@ _TABLE: Final = (
         "In this direction the joints move a much larger mass than in the easiest direction.",
         "The robot follows the commanded motion less exactly, so simulation and prediction differ.",
         "Choose another posture or another axis.",
-        "The posture is close to a singularity: along the axis, the drives move 40 times the mass",
+        "The posture is close to a singularity: choose another posture if a design needs more acceleration",
     ),
     (
         "PT502",
@@ -487,7 +501,7 @@ _TABLE: Final = (
         "In the simulation of the whole robot, a drive reaches its largest torque before contact.",
         "The robot then lags behind the commanded motion, and touches harder than predicted.",
         "Choose a weaker gain, another posture, or a stronger drive.",
-        "A drive is at its limit during up to 36 % of the encounter at the site fingertip",
+        "At the site fingertip, a drive is at its limit during up to 36 % of the encounter",
     ),
     (
         "PT506",
@@ -553,7 +567,7 @@ _TABLE: Final = (
         "The recording contains no detection.",
         "Unit, offset or floor may be wrong, or no object came near.",
         "Check that the topic has the unit of the scenario, and that an object came near.",
-        "No reading was above the noise floor: the largest sensor output was 12, and the noise floor is 100",
+        "No reading was above the noise floor (largest 12, floor 100)",
     ),
     (
         "PT606",

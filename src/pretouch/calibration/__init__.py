@@ -1,4 +1,7 @@
-"""Fit sensor curves to readings at known distances, and judge whether the sensor is usable."""
+"""Fit sensor curves to readings at known distances.
+
+A calibration also decides whether the sensor is usable.
+"""
 
 from .data import Calibration, Provenance
 from .file_reading import read_calibration, read_calibrations

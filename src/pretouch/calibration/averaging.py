@@ -22,9 +22,10 @@ _FEWEST_COPIED = 3  # repeated distances; at fewer, noisy readings may be equal 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AveragedCurve:
-    """Mean sensor output at each distance of a calibration, in order of increasing distance.
+    """Mean sensor output at each distance of a calibration.
 
-    `output` is the mean of `count` readings at each `distance` [m], all of shape (N,).
+    The distances are in increasing order. `output` is the mean of `count` readings at each `distance` [m], all of shape
+    (N,).
 
     `bad_readings` are the indices of outliers among repeats, which the means do not include.
     """
@@ -49,10 +50,11 @@ class AveragedCurve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadingNoise:
-    """Noise of a single reading without averaging: a constant part, and a part that grows with the signal.
+    """Noise of a single sensor reading.
 
-    `sigma` is the standard deviation at a weak signal, with `freedom` degrees of freedom. It is None if the readings do
-    not determine it. `jitter` is the additional standard deviation of repeats relative to the signal.
+    It has a constant part and a part that grows with the signal. `sigma` is the standard deviation at a weak signal,
+    with `freedom` degrees of freedom. It is None if the readings do not determine it. `jitter` is the additional
+    standard deviation of repeats relative to the signal.
     """
 
     sigma: float | None
@@ -63,7 +65,10 @@ class ReadingNoise:
 
 
 def resolution(calibration: Calibration) -> float:
-    """Return the smallest step between sensor outputs (one LSB), or 0 if the outputs have no common step size."""
+    """Return the resolution of the sensor outputs.
+
+    The resolution is the smallest step between outputs (one LSB). It is 0 if the outputs have no common step size.
+    """
     # The step is an approximate common divisor of all differences.
     values = np.unique(np.concatenate([calibration.outputs, calibration.no_object]))
     if len(values) < 4:
@@ -104,7 +109,8 @@ def average(calibration: Calibration) -> AveragedCurve:
 
 
 def _lost(calibration: Calibration) -> BoolArray:
-    """Find lost readings, which are exact zeros although all other readings are clearly above zero."""
+    """Find lost readings, recorded as exact zeros."""
+    # Zeros are lost readings only if all other readings are clearly above zero.
     zero = calibration.outputs == 0
     others = np.concatenate([calibration.outputs[~zero], calibration.no_object])
     step = resolution(calibration)
@@ -114,7 +120,8 @@ def _lost(calibration: Calibration) -> BoolArray:
 
 
 def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNoise:
-    """Estimate the noise of a single reading from repeated readings and readings without an object."""
+    """Estimate the noise of a single sensor reading."""
+    # The estimate uses repeated readings and readings without an object.
     # The estimate is never below the quantization.
     # The variance of a reading is modeled as sigma^2 + (c xi)^2. Both parts are estimated by maximum likelihood over
     # the groups of repeats, so jitter of a strong signal does not raise the noise of the far field. Estimates from
@@ -145,7 +152,7 @@ def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNois
 def two_components(
     variance: FloatArray, dof: FloatArray, signal: FloatArray, *, usual: float | None = None
 ) -> tuple[float, float]:
-    """Split the variance of readings into a constant component and a component that grows with the signal."""
+    """Split the noise of readings into two components."""
     # Sigma and c of variance = sigma^2 + (c xi)^2 have the maximum likelihood for groups of repeats.
     # Sigma has a closed form for each ratio c / sigma. The prior of c is flat up to `usual`; beyond, ln c has a normal
     # prior.
@@ -164,17 +171,20 @@ def two_components(
 
 
 def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return weights for values at given distances [m]; the weighted sum of the values is the slope of a line fit."""
+    """Return the weights of a line fit for its slope.
+
+    The weighted sum of values at these distances [m] is the slope of the line.
+    """
     weight = 1 / variance
     away = distance - float(weight @ distance) / float(weight.sum())
     return np.asarray(weight * away / float(weight @ away**2))
 
 
 def count_copies_once(calibration: Calibration) -> Calibration:
-    """Return a calibration without exact copies of readings, because copies contain no information about the noise.
+    """Return a calibration without exact copies of readings.
 
-    There are copies if repeated readings are equal at every distance with repeats, or if every reading occurs equally
-    often.
+    Copies contain no information about the noise. There are copies if repeated readings are equal at every distance
+    with repeats, or if every reading occurs equally often.
     """
     # Copies, averages and readings of a sensor that is coarser than its noise contain no more information than one of
     # them. Some equal readings of a sensor with integer outputs are no copies, because others differ.
@@ -200,7 +210,8 @@ def count_copies_once(calibration: Calibration) -> Calibration:
 
 
 def _occurrence(place: IntArray, counts: IntArray) -> IntArray:
-    """Return for each reading the number of equal readings before it; equal readings have the same index `place`."""
+    """Count the equal readings before each reading."""
+    # Equal readings have the same index `place`.
     earlier = np.empty(len(place), dtype=np.int64)
     earlier[np.argsort(place, kind="stable")] = np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)
     return earlier
@@ -213,7 +224,8 @@ _ENDS: Final = 2
 
 
 def condense(calibration: Calibration) -> Calibration:
-    """Combine the readings of a calibration with more than 100 distances into at most 50 groups."""
+    """Combine the readings of a long calibration into groups."""
+    # Calibrations with more than 100 distances are reduced to at most 50 groups.
     # The range is divided into parts with equal steps of the sum of two terms: the decrease of asinh((y - y_far) /
     # tau), which is ln xi above the noise tau, and the increase of l. So parts are narrow where the curve is steep.
     # The first and the last distance are separate parts. Each reading is moved to the mean distance of its part, along
@@ -254,7 +266,8 @@ def condense(calibration: Calibration) -> Calibration:
 
 
 def _parts(distance: FloatArray, output: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Divide readings, sorted by distance, into groups; return group borders and the group index of each reading."""
+    """Divide readings into groups of neighboring distances."""
+    # Return the group borders and the group index of each reading. The readings are sorted by distance.
     blocks = np.array_split(np.arange(len(distance)), _BLOCKS)
     at = np.array([distance[b].mean() for b in blocks])
     level = np.array([np.median(output[b]) for b in blocks])

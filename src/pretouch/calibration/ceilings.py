@@ -43,9 +43,10 @@ _KNOTS: Final = 60  # points of a drawn curve
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Lanes(Value):
-    """Fits of one family of sensor curves, one fit for each pair of sensor offset and saturation level.
+    """Fits of one curve family for several saturation levels.
 
-    `offsets`, ln of the `ceilings` (inf for none) and their `sharpness` have the shape (b,).
+    There is one fit for each pair of sensor offset and saturation level. `offsets`, ln of the `ceilings` (inf for none)
+    and their `sharpness` have the shape (b,).
 
     Parameters x have the shape (b, p), their `covariances` at unit variance of the residuals (b, p, p). `costs` are
     sums of squares in units of the usual error; `priors` are -2 ln of the prior of the offset and of the curve.
@@ -63,7 +64,9 @@ class _Lanes(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CeilingFits(Value):
-    """Fits of sensor curves that saturate near the sensor, with the posterior probability of each fit.
+    """Fits of sensor curves that saturate near the sensor.
+
+    Each fit has a posterior probability.
 
     Args:
         lanes: the fits, one element for each family.
@@ -77,13 +80,19 @@ class CeilingFits(Value):
 
     @property
     def error(self) -> float:
-        """The relative standard error of a reading, estimated from the residuals of the most probable fit."""
+        """The relative standard error of a reading.
+
+        It is estimated from the residuals of the most probable fit.
+        """
         lanes, weight = max(zip(self.lanes, self.weights, strict=True), key=lambda pair: float(pair[1].max()))
         cost = float(lanes.costs[int(weight.argmax())])
         return _ERROR * float(np.sqrt((_ERROR_FREEDOM + cost) / (_ERROR_FREEDOM + max(self.readings - 3, 1))))
 
     def flattened(self, distance: FloatArray) -> FloatArray:
-        """Return for each distance the probability that saturation reduces the sensor slope by more than 15 %."""
+        """Return the probability of saturation at each distance.
+
+        Saturation means here that the sensor slope is reduced by more than 15 %.
+        """
         # The slope is compared with that of the ideal curve; distances [m] and probabilities have the shape (N,).
         probability = np.zeros(len(distance))
         for lanes, weight in zip(self.lanes, self.weights, strict=True):
@@ -92,7 +101,10 @@ class CeilingFits(Value):
         return probability
 
     def offset_interval(self) -> tuple[float, float]:
-        """Return the 95 % interval of the sensor offset in the unit of the sensor outputs."""
+        """Return the 95 % interval of the sensor offset.
+
+        The interval is in the unit of the sensor outputs.
+        """
         offsets = np.concatenate([lanes.offsets for lanes in self.lanes])
         order = np.argsort(offsets)
         reached = np.cumsum(np.concatenate(self.weights)[order])
@@ -100,13 +112,17 @@ class CeilingFits(Value):
         return float(offsets[order][low]), float(offsets[order][high])
 
     def first_steep(self, distance: FloatArray) -> int:
-        """Return the index of the first distance at which the output is probably not saturated."""
+        """Return the index of the first unsaturated distance.
+
+        At this distance, the output is probably not saturated.
+        """
         # If the output is flattened at all distances, the result is the index of the last distance.
         steep = np.flatnonzero(self.flattened(distance) < _PROBABLY)
         return int(steep[0]) if len(steep) else len(distance) - 1
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw random sensor curves according to their posterior probabilities, each with its own offset."""
+        """Draw random sensor curves according to their posterior probabilities."""
+        # Each curve has its own offset.
         rng = np.random.default_rng(seed)
         fits = [(lanes, i) for lanes in self.lanes for i in range(len(lanes.costs))]
         freedom = max(self.readings - 3 + _ERROR_FREEDOM, 1.0)
@@ -127,7 +143,10 @@ class CeilingFits(Value):
 
 
 def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray, offset: float) -> DrawnCurve:
-    """Return a smooth sensor curve that passes through points with given log output ln xi and slope g [1/m]."""
+    """Return a smooth sensor curve through given points.
+
+    The points have the log output ln xi and the slope g [1/m].
+    """
     sensor = PiecewiseCubic(
         distances=tuple(distance),
         log_outputs=tuple(np.clip(log_output, -600.0, 600.0)),
@@ -137,7 +156,8 @@ def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray,
 
 
 def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: OffsetEstimate | None) -> CeilingFits:
-    """Fit sensor curves that may saturate near the sensor; at least four averaged readings are needed."""
+    """Fit sensor curves that may saturate near the sensor."""
+    # The fit needs at least four averaged readings.
     # An offset of None is fitted together with the curve.
     ceilings = [(above, p) for above in _ABOVE for p in _SHARPNESS]
     lanes = []
@@ -159,7 +179,7 @@ def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: Offset
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Problem:
-    """Least-squares problem: fit one family of sensor curves for many saturation levels at once.
+    """Least-squares problem for sensor curves with many saturation levels.
 
     Each fit has a given offset, or fits the offset as a last parameter.
 
@@ -184,7 +204,10 @@ class _Problem:
         return np.asarray(np.log(np.maximum(float(self.curve.output.max()) - offsets, 1e-300)) + above)
 
     def residuals(self, u: FloatArray, which: IntArray) -> FloatArray:
-        """Return the fit residuals after an asinh transformation, divided by the usual error of a reading."""
+        """Return the normalized residuals of the fit.
+
+        They are computed after an asinh transformation, and divided by the usual error of a reading.
+        """
         # Residuals are differences of asinh(signal / tau), as in `family_fits.Problem`.
         curve, reach = self.curve, float(np.ptp(self.curve.output))
         sigma = self.noise.sigma or 1e-3 * reach
@@ -198,14 +221,18 @@ class _Problem:
         return np.asarray((measured - np.arcsinh(np.exp(np.minimum(level, 300.0)) / tau)) / _ERROR)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of the fit parameters, so that the log output cannot become steeper with distance."""
+        """Return bounds of the fit parameters.
+
+        Within the bounds, the log output cannot become steeper with distance.
+        """
         low, high = self.family.easing(*self.family.bounds)
         if self.offsets is not None:
             return low, high
         return np.append(low, lowest_offset(self.curve)), np.append(high, float(self.curve.output.max()))
 
     def fit(self) -> Fits:
-        """Fit each sensor curve coarsely from several start points, and then refine the best result."""
+        """Fit each sensor curve from several start points."""
+        # The best coarse result is then refined.
         distance, output, count = self.curve.distance, self.curve.output, len(self.above)
         reach = float(np.ptp(output))
         offset = np.full(count, float(output.min()) - 0.02 * reach) if self.offsets is None else self.offsets
@@ -229,7 +256,8 @@ class _Problem:
         return minimize_many(self.residuals, start, self.bounds(), tolerance=1e-8, most=40)
 
     def lanes(self, known_offset: OffsetEstimate | None) -> _Lanes:
-        """Fit one family of sensor curves for every saturation level and for several likely sensor offsets."""
+        """Fit one curve family for every saturation level."""
+        # Each fit is repeated for several likely sensor offsets.
         if known_offset is None:
             first_fits = self.fit()
             offsets, priors = self._offsets_around(first_fits)
@@ -258,8 +286,10 @@ class _Problem:
         )
 
     def _offsets_around(self, fits: Fits) -> tuple[FloatArray, FloatArray]:
-        """Return several sensor offsets near the best-fitting one, with the cost -2 ln(prior probability) of each."""
-        # The cost is -2 ln of the prior probability.
+        """Return several sensor offsets near the best-fitting offset.
+
+        The second result is the cost -2 ln(prior probability) of each offset.
+        """
         best, reach = int(fits.costs.argmin()), float(np.ptp(self.curve.output))
         scale = (_ERROR_FREEDOM + float(fits.costs[best])) / _ERROR_FREEDOM
         error = float(np.sqrt(scale * fits.covariances[best, -1, -1])) or 0.1 * reach  # zero at a bound
@@ -271,7 +301,10 @@ class _Problem:
 
 
 def _under(level: FloatArray, ceiling: Any, sharpness: Any) -> tuple[FloatArray, FloatArray]:
-    """Return the log outputs of a softly saturating sensor, and the factor by which saturation reduces the slope."""
+    """Return the log output of a softly saturating sensor.
+
+    The second result is the factor by which saturation reduces the slope.
+    """
     # `level` and `ceiling` are logarithms of the ideal signal and of the saturation level.
     above = np.where(np.isinf(ceiling), -np.inf, sharpness * (level - np.where(np.isinf(ceiling), 0.0, ceiling)))
     return np.asarray(level - np.logaddexp(0.0, above) / sharpness), np.asarray(

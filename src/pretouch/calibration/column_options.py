@@ -1,4 +1,7 @@
-"""Parse the user's options that select the columns of a calibration table and give their units."""
+"""Parse options that select the columns of a calibration table.
+
+The options can also give the units of these columns.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +19,11 @@ _KEYS = ("distance", "output")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnOption:
-    """A user option that selects the distance or output column of a calibration table, or gives the unit of the column.
+    """User option for one column of a calibration table.
 
-    A column is selected by its number counted from 1, or by its header. The number is None if the option has a header,
-    or only a unit. The unit is None if the option has no unit.
+    The option selects the distance or output column, or gives the unit of this column. A column is selected by its
+    number counted from 1, or by its header. The number is None if the option has a header, or only a unit. The unit is
+    None if the option has no unit.
     """
 
     key: str
@@ -34,12 +38,16 @@ class ColumnOption:
         return self.number is not None or bool(self.name)
 
     def index(self, table: TextTable) -> int | None:
-        """Return the index of the column that this option selects, or None if the option only gives a unit."""
+        """Return the index of the selected column.
+
+        It is None if the option only gives a unit.
+        """
         message = f"columns: found {self.text!r} for the {self.key} column"
         return _find(table, self.number, (self.text, self.name), message)
 
     def unit_with(self, title: str) -> str | None:
-        """Return the unit of a column from this option or the column header; raise an error if the two units differ."""
+        """Return the unit of a table column."""
+        # The unit comes from this option or from the column header. Two different units are an error.
         header_unit = split_title(title)[1]
         if self.unit is None or self.text == title:
             return header_unit
@@ -53,34 +61,43 @@ class ColumnOption:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnOptions:
-    """The user options that select the columns of distances and outputs in a calibration table."""
+    """User options for the columns of a calibration table.
+
+    They apply to the columns of distances and outputs.
+    """
 
     distance: ColumnOption = ColumnOption(key="distance")
     output: ColumnOption = ColumnOption(key="output")
 
     @property
     def names_a_column(self) -> bool:
-        """Whether the options select a column; in this case, each row of the table contains one reading."""
+        """Whether the options select a table column.
+
+        In this case, each row of the table contains one reading.
+        """
         return self.distance.names_a_column or self.output.names_a_column
 
     @property
     def has_a_number(self) -> bool:
-        """Whether an option selects a column by number, which also works for a table without a header."""
+        """Whether an option selects a column by number.
+
+        This also works for a table without a header.
+        """
         return self.distance.number is not None or self.output.number is not None
 
     @property
     def declares_distances(self) -> bool:
-        """Whether the options give the unit of distances without selecting a distance column."""
+        """Whether the options give a distance unit but no column."""
         return self.distance.unit is not None and not self.distance.names_a_column
 
     def names_one_of(self, header: Sequence[str]) -> bool:
-        """Return True if a line of the table contains a column header that the options select."""
+        """Return True if a line contains a selected column header."""
         titles = {title.casefold() for title in header} | {split_title(title)[0].casefold() for title in header}
         return any(c.name and {c.text.casefold(), c.name.casefold()} & titles for c in (self.distance, self.output))
 
 
 def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
-    """Parse the user's options for the columns of distances and outputs in a calibration table."""
+    """Parse the user's options for table columns."""
     options = {}
     for key, value in (columns or {}).items():
         if key not in _KEYS:
@@ -90,7 +107,7 @@ def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
         if isinstance(value, bool) or not isinstance(value, (str, int)) or not str(value).strip():
             raise CalibrationDataError(
                 f"columns: found {value!r} for the {key} column, expected a column header, a column number such as "
-                f'{key}=1, or a unit in brackets such as {key}="[{("mm" if key == "distance" else "V")}]"'
+                f'{key}=1, or a unit such as {key}="[{("mm" if key == "distance" else "V")}]"'
             )
         text = str(value).strip()
         match = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", text)
@@ -107,7 +124,10 @@ def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
 
 
 def find_label_columns(table: TextTable, labels: Sequence[str | int]) -> tuple[int, ...]:
-    """Return the indices of label columns, which the user gives by header or by number counted from 1."""
+    """Return the indices of the label columns.
+
+    The user gives label columns by header or by number, counted from 1.
+    """
     indices = set()
     for label in [labels] if isinstance(labels, str) else labels:
         text = str(label).strip()
@@ -122,7 +142,8 @@ def columns_hint(columns: str) -> str:
 
 
 def _find(table: TextTable, number: int | None, names: tuple[str, str], message: str) -> int | None:
-    """Find a table column by its number, its full header, or its header without the unit."""
+    """Find a table column by its number or header."""
+    # The header may be given without its unit.
     if number is not None:
         if not 1 <= number <= len(table.header):
             raise CalibrationDataError(f"{message}, expected a number from 1 to {len(table.header)}")

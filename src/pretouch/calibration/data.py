@@ -1,4 +1,4 @@
-"""Store a calibration: sensor readings at known distances, and the file from which they were read."""
+"""Store sensor readings at known distances and their source file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ IF_NEGATIVE: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance(Value):
-    """Origin of a calibration: the file from which it was read, and how this file was interpreted.
+    """Source file of a calibration and its interpretation.
 
     Args:
         file: name of the file.
@@ -53,7 +53,9 @@ class Provenance(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Calibration(Value):
-    """Readings of a proximity sensor in front of one object at known distances.
+    """Readings of a proximity sensor at known distances.
+
+    All readings belong to one object.
 
     Args:
         distances: l of every reading [m], shape (N,), not negative, in any order; repeated readings have equal
@@ -108,7 +110,10 @@ class Calibration(Value):
 
     @property
     def name(self) -> str:
-        """The file name and the label of the calibration, as shown in report titles."""
+        """The file name and label of a calibration.
+
+        Report titles show this name.
+        """
         parts = [self.source.file if self.source else "", self.label]
         return ", ".join(part for part in parts if part) or "calibration"
 

@@ -21,9 +21,9 @@ _STEP: Final = 1e-5  # step of a family's parameter for finite differences
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem:
-    """Least-squares problem: fit one family of sensor curves to averaged readings, for many sensor offsets at once.
+    """Least-squares fits of one curve family to averaged readings.
 
-    The readings are weighted by their noise.
+    There is one fit for each of many sensor offsets. The readings are weighted by their noise.
 
     The fits use the `offsets`, shape (b,); if `offsets` is None, each fit has its offset as the last parameter.
     `weights` has the weight of each point in each fit, shape (b, n); all weights are equal by default.
@@ -58,7 +58,8 @@ class Problem:
         return minimize_many(self.residuals, start, self.bounds())
 
     def minimize_from_afar(self, count: int, bounds: tuple[FloatArray, FloatArray]) -> Fits:
-        """Solve the first `count` fit problems coarsely from several start points, and then refine the best results."""
+        """Solve the first `count` fit problems from several start points."""
+        # The best coarse results are then refined.
         rows, problems = self._starts(), np.arange(count)
         which = np.tile(problems, len(rows))
 
@@ -88,13 +89,19 @@ class Problem:
 
 
 def lowest_offset(curve: AveragedCurve) -> float:
-    """Return the smallest sensor offset that a fit may choose: not far below 0 if no output is negative."""
+    """Return the lower bound of the fitted sensor offset.
+
+    The bound is not far below 0 if no output is negative.
+    """
     lowest, reach = float(curve.output.min()), float(np.ptp(curve.output))
     return lowest - reach if lowest < 0 else max(-0.1 * reach, lowest - reach)
 
 
 def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
-    """Return the families of sensor curves that are used to estimate offset and noise, starting with the fast ones."""
+    """Return the curve families for estimating offset and noise.
+
+    The fast families come first.
+    """
     first, last = float(curve.distance[0]), float(curve.distance[-1])
     curves = sorted(sensor_curves().values(), key=lambda curve: curve.name, reverse=True)
     ordered = [c for c in curves if c.family.quick] + [c for c in curves if not c.family.quick]
@@ -102,18 +109,25 @@ def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
 
 
 def quick_families(curve: AveragedCurve) -> tuple[Family, ...]:
-    """Return the families of sensor curves that are fast to evaluate: all except the Mittag-Leffler curve."""
+    """Return the families of sensor curves with fast evaluation.
+
+    These are all families except the Mittag-Leffler curve.
+    """
     return tuple(f for f in families_of(curve) if f.quick)
 
 
 def problem_at(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset: float | None) -> Problem:
-    """Return the fit problem for one sensor offset; the offset is also fitted if it is None."""
+    """Return the fit problem for one sensor offset.
+
+    The offset is also fitted if it is None.
+    """
     offsets = None if offset is None else np.array([offset])
     return Problem(curve=curve, family=family, noise=noise, offsets=offsets)
 
 
 def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset: float | None) -> Fits:
-    """Fit one family of sensor curves from several start points; the offset is also fitted if it is None."""
+    """Fit one curve family from several start points."""
+    # The offset is also fitted if it is None.
     problem = problem_at(curve, family, noise, offset)
     return problem.minimize_from_afar(1, problem.bounds())
 
@@ -121,7 +135,8 @@ def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset:
 def forward_change(
     function: Callable[[FloatArray, FloatArray], FloatArray], u: FloatArray, distance: FloatArray
 ) -> FloatArray:
-    """Differentiate a function with respect to each fit parameter by forward finite differences."""
+    """Differentiate a function with respect to each fit parameter."""
+    # The derivatives are forward finite differences.
     # Parameters of shape (..., p) give derivatives of shape (p, ...).
     size = u.shape[-1]
     moved = u + _STEP * np.eye(size).reshape(size, *[1] * (u.ndim - 1), size)
@@ -141,7 +156,8 @@ _ROUNDS: Final = 4
 def find_noise(
     curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...] = ()
 ) -> NoiseEstimate:
-    """Estimate the noise of the readings, and the fixed error (misfit) of the best-fitting sensor curve."""
+    """Estimate the noise of the readings."""
+    # Also estimate the fixed error (misfit) of the best-fitting sensor curve.
     # The offset is None if it is fitted. By default, all families of three parameters are fitted.
     value = None if offset is None else offset.value
     freedom = max(len(curve.distance) - 3 - (value is None), 1)
@@ -192,7 +208,8 @@ def find_noise(
 def _separate_noise_from_misfit(
     curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, residuals: FloatArray
 ) -> NoiseEstimate:
-    """Separate random noise from the fixed error of the curve by comparing the residuals at neighboring distances."""
+    """Separate random noise from the fixed error of the curve."""
+    # For this, the residuals at neighboring distances are compared.
     row, share = residuals / noise.of_means(curve.count, signal), 1.0
     if len(row) >= 5 and noise.misfit > 0:
         rough = float(np.mean(np.diff(row) ** 2) / 2 / max(float(np.mean(row**2)), 1e-300))
@@ -203,7 +220,10 @@ def _separate_noise_from_misfit(
 def _misfit(
     curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, residuals: FloatArray, freedom: int
 ) -> float:
-    """Return the fixed error of the curve (misfit) that noise cannot explain, or 0 if noise explains the residuals."""
+    """Return the fixed error of the fitted sensor curve.
+
+    This misfit is 0 if noise explains the residuals.
+    """
     # With this misfit, chi squared equals its degrees of freedom.
     from scipy.special import gammaincinv  # noqa: PLC0415 - SciPy is loaded only for fits
 
@@ -227,7 +247,10 @@ _FEWEST: Final = 6  # distances needed to look for outliers
 
 
 def outlier_indices(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None) -> tuple[int, ...]:
-    """Return the indices of distances at which the mean reading deviates significantly from all fitted curves."""
+    """Return the indices of distances with outliers.
+
+    At these distances, the mean reading deviates significantly from all fitted curves.
+    """
     # The test is Student's t with Bonferroni's correction. A mean is compared with the residuals of the other means,
     # whatever their numbers of readings. If fifty readings deviate as much as others, their deviation is misfit, so
     # they are not outliers. The nearest distance is never tested, because no nearer reading confirms the curve.
@@ -254,7 +277,10 @@ def _worst_outlier(curve: AveragedCurve, raw_noise: ReadingNoise, offset: Offset
 
 
 def _robust_residuals(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: float | None) -> FloatArray:
-    """Return the residuals of an outlier-resistant curve fit, divided by their robust standard deviation."""
+    """Return the normalized residuals of an outlier-resistant curve fit.
+
+    They are divided by their robust standard deviation.
+    """
     row = weight = np.ones(len(curve.distance))
     x = fit_free(curve, family, noise, value).x
     problem = problem_at(curve, family, noise, value)
@@ -270,7 +296,10 @@ def _robust_residuals(curve: AveragedCurve, family: Family, noise: NoiseEstimate
 def _is_outlier(
     curve: AveragedCurve, i: int, raw_noise: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...]
 ) -> bool:
-    """Return True if the reading at one distance is an outlier for every family of sensor curves."""
+    """Return True if the reading at one distance is an outlier.
+
+    It must be an outlier for every family of sensor curves.
+    """
     from scipy.special import stdtr  # noqa: PLC0415 - SciPy is loaded only for fits
 
     part = curve.part(np.arange(len(curve.distance)) != i)

@@ -1,4 +1,4 @@
-"""Read one or several calibration curves from a text table, such as a CSV file."""
+"""Read calibration curves from a text table such as CSV."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def read_calibration(
     columns: Mapping[str, str | int] | None = None,
     labels: Sequence[str | int] | None = None,
 ) -> Calibration:
-    r"""Read one sensor calibration from a text file; `select` chooses among several calibrations in the file.
+    r"""Read one sensor calibration from a text file.
 
     The file is a table with a header and units: long, `distance [mm],output [V]`, or wide, with a column for each
     distance, `0 mm,5 mm,inf`. The delimiter is a comma, semicolon, tab or blanks; decimal commas are understood unless
@@ -93,7 +93,9 @@ def read_calibrations(
     columns: Mapping[str, str | int] | None = None,
     labels: Sequence[str | int] | None = None,
 ) -> tuple[Calibration, ...]:
-    """Read all calibrations of a file, one for each combination of values in its label columns.
+    """Read all calibrations of a file.
+
+    There is one calibration for each combination of values in the label columns.
 
     Args:
         path: the file, in the format of `read_calibration`.
@@ -114,7 +116,7 @@ def _curves(
     columns: Mapping[str, str | int] | None,
     labels: Sequence[str | int] | None,
 ) -> list[tuple[dict[str, str], Calibration]]:
-    """Read all calibrations of a file, each with a dictionary of its label names and label values."""
+    """Read all calibrations of a file with their labels."""
     options = parse_column_options(columns)
     table = read_table(path, options)
     layout = wide_layout(table, options) or long_layout(table, options)
@@ -132,7 +134,7 @@ def _curves(
         titles = ", ".join(repr(table.name(i)) for i in label_columns)
         raise CalibrationDataError(
             f"{table.file}: every row has a different label in {titles}, so each curve would have only one "
-            "reading; name the label columns with --labels NAME,NAME, or use --labels none. In Python and in "
+            "reading. Name the label columns with --labels NAME,NAME, or use --labels none. In Python and in "
             "scenario files, give a list named labels"
         )
     extra = _no_object_readings(no_object, layout)
@@ -146,16 +148,19 @@ def _curves(
 
 
 class _Readings(NamedTuple):
-    """Distances and sensor outputs from a calibration table, with NaN for a missing output.
+    """Distances and sensor outputs from a calibration table.
 
-    Both have the shape (rows, pairs). A distance is infinite if no object was in range.
+    A missing output is NaN. Both have the shape (rows, pairs). A distance is infinite if no object was in range.
     """
 
     distances: FloatArray
     outputs: FloatArray
 
     def of(self, rows: Sequence[int], shared: Sequence[int]) -> _Readings:
-        """Return the readings of selected table rows, and the no-object readings that all curves share."""
+        """Return the readings of selected table rows.
+
+        The no-object readings that all curves share are included.
+        """
         # A row without any label belongs to all curves if it has no object.
         row_indices, shared_indices = (np.array(indices, dtype=np.int64) for indices in (rows, shared))
         without_object = np.isinf(self.distances[shared_indices])
@@ -171,7 +176,8 @@ class _Readings(NamedTuple):
 def _rows_by_label(
     table: TextTable, columns: Sequence[int], distances: FloatArray
 ) -> tuple[dict[tuple[str, ...], Sequence[int]], Sequence[int]]:
-    """Group the rows of a table by their labels; also return the rows that belong to all groups."""
+    """Group the rows of a table by their labels."""
+    # Also return the rows that belong to all groups.
     if not columns:
         return ({(): range(len(distances))} if len(distances) else {}), ()
     groups: dict[tuple[str, ...], list[int]] = {}
@@ -188,7 +194,7 @@ def _rows_by_label(
 
 
 def _readings(table: TextTable, layout: Layout) -> _Readings:
-    """Read all distances and outputs of a table; raise an error for an unreadable cell."""
+    """Read all distances and outputs of a table."""
     shape = (len(table.lines), len(layout.pairs))
     distances, outputs = np.empty(shape), np.empty(shape)
     bad = len(table.lines)
@@ -215,7 +221,8 @@ def _readings(table: TextTable, layout: Layout) -> _Readings:
 
 
 def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> FloatArray | int:
-    """Read the numbers of a table column, or return the index of the first row with an invalid cell."""
+    """Read the numbers of a table column."""
+    # If a cell is invalid, return the index of the first such row.
     cells = table.columns[column.index]
     values = np.empty(len(cells))
     cache: dict[str, float] = {}
@@ -233,7 +240,8 @@ def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> Fl
 
 
 def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read a distance from a table cell; the result is infinite if the cell says that no object was in range."""
+    """Read a distance from a table cell."""
+    # The distance is infinite if no object was in range.
     value = math.inf if is_no_object(cell) else number(table, line, cell, column)
     if value < 0:
         raise CalibrationDataError(
@@ -244,7 +252,8 @@ def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
 
 
 def _output(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read a sensor output from a table cell; the result is NaN if the output is missing."""
+    """Read a sensor output from a table cell."""
+    # A missing output is NaN.
     return math.nan if is_missing(cell) else number(table, line, cell, column)
 
 
@@ -287,20 +296,22 @@ def _curve(
 
 
 def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
-    """Raise an error for a single distance far beyond all others, which is a typing error or means "no object"."""
+    """Raise an error for a distance far beyond all others."""
+    # Such a distance is a typing error or means "no object".
     distinct = np.unique(distances)
     if len(distinct) < _FEW or distinct[-1] <= _STRAY * distinct[-2]:
         return
     message = (
         f"{table.file}: found the distance {distinct[-1]:g} m, which is implausible, because it is "
-        f"{distinct[-1] / distinct[-2]:,.0f} times the next smaller distance of {distinct[-2]:g} m; correct the "
+        f"{distinct[-1] / distinct[-2]:,.0f} times the next smaller distance of {distinct[-2]:g} m. Correct the "
         "distance, or write inf if no object was present"
     )
     raise CalibrationDataError(message, problem=f"{table.file}: found one distance far beyond all others")
 
 
 def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
-    """Return the no-object readings that the user gives in addition to the file, in the unit of the calibration."""
+    """Return the no-object readings from outside the calibration file."""
+    # The readings are in the unit of the calibration.
     if no_object is None:
         return []
     if not isinstance(no_object, (str, os.PathLike)):

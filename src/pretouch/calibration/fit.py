@@ -1,4 +1,7 @@
-"""Fit one sensor model to a calibration, and compute confidence intervals and goodness of fit."""
+"""Fit one sensor model to a calibration.
+
+Also compute confidence intervals and the goodness of fit.
+"""
 
 from __future__ import annotations
 
@@ -36,27 +39,38 @@ def root_mean_square(values: FloatArray) -> float:
 
 
 def r_squared(measured: FloatArray, modelled: FloatArray) -> float:
-    """Return the coefficient of determination R squared of the sensor output, as the published letter computes it."""
+    """Return the coefficient of determination of the sensor output.
+
+    R squared is computed as in the published letter.
+    """
     total = float(np.sum((measured - measured.mean()) ** 2))
     return 1 - float(np.sum((measured - modelled) ** 2)) / total if total > 0 else 0.0
 
 
 def slope_error(distance: FloatArray, residuals: FloatArray) -> float:
-    """Return the RMS error [1/m] of the sensor slope that a model predicts between neighboring distances."""
+    """Return the RMS error of the modeled sensor slope [1/m].
+
+    The slope is compared between neighboring distances.
+    """
     return root_mean_square(np.diff(residuals) / np.diff(distance))
 
 
 def corrected_akaike(deviance: float, points: int, parameters: int) -> float | None:
-    """Return the corrected Akaike information criterion AICc, or None if there are too few points."""
+    """Return the corrected Akaike information criterion AICc.
+
+    It is None if there are too few points.
+    """
     # AICc = -2 ln L + 2 k + 2 k (k + 1) / (N - k - 1).
     free = points - parameters - 1
     return None if free <= 0 else deviance + 2 * parameters + 2 * parameters * (parameters + 1) / free
 
 
 def runs_p_value(residuals: FloatArray) -> float | None:
-    """Return the exact one-sided p-value of the Wald-Wolfowitz runs test, or None if all residuals have one sign.
+    """Return the p-value of the Wald-Wolfowitz runs test.
 
-    It is the probability of at most as many runs of equal signs in a random order. Zeros are ignored.
+    The test is exact and one-sided. The result is None if all residuals have one sign.
+
+    The p-value is the probability of at most as many runs of equal signs in a random order. Zeros are ignored.
     """
     signs = np.sign(residuals[residuals != 0])
     plus, minus = int((signs > 0).sum()), int((signs < 0).sum())
@@ -73,7 +87,10 @@ def runs_p_value(residuals: FloatArray) -> float | None:
 def estimates(
     problem: Problem, best: Fits, sensor: SensorModel, *, offset: OffsetEstimate, output_unit: str, informed_by: int
 ) -> dict[str, Any]:
-    """Return parameters, covariance and mid-range slope of a curve fit as a dictionary for `SensorFit`."""
+    """Return the estimated parameters of a curve fit.
+
+    The dictionary has the parameters, their covariance and the mid-range slope, as arguments of `SensorFit`.
+    """
     # If the offset is uncertain, the curve is also fitted with the offsets at both ends of the interval of the offset.
     # The changes of the parameters widen their intervals. The noise was estimated from `informed_by` points.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -136,7 +153,8 @@ def estimates(
 
 
 def _check_identifiable(best: Fits, names: list[str]) -> None:
-    """Raise an error if several parameters of a fitted curve have the same effect on the curve."""
+    """Raise an error if fit parameters are not identifiable."""
+    # Such parameters have the same effect on the curve.
     norms = np.linalg.norm(best.jacobian[0], axis=0)
     free = np.flatnonzero(norms)  # a parameter at its bound has no derivatives
     if not len(free):
@@ -153,7 +171,10 @@ def _check_identifiable(best: Fits, names: list[str]) -> None:
 def _covariance(
     x: FloatArray, own: FloatArray, family: Family, moved: list[FloatArray], *, share: float, inflation: float
 ) -> FloatArray:
-    """Return the covariance of the sensor curve's parameters, including the effect of the offset uncertainty."""
+    """Return the covariance of the sensor curve's parameters.
+
+    It includes the effect of the offset uncertainty.
+    """
     with np.errstate(over="ignore", invalid="ignore"):  # an unbounded scale has no finite variance
         jacobian = gradient(lambda u: family.parameters(family.coordinates(u)), x)
         covariance = inflation * jacobian @ own @ jacobian.T
@@ -173,7 +194,8 @@ def _parameters(
     unit: str,
     runaway: bool,
 ) -> dict[str, Estimate]:
-    """Convert confidence intervals of transformed fit parameters to intervals of the sensor curve's parameters."""
+    """Compute confidence intervals of the sensor curve's parameters."""
+    # The intervals are converted from intervals of the transformed fit parameters.
     parameters = {}
     for i, declared in enumerate(sensor._declared()):
         name, meta, mapped = declared.name, declared.metadata, []
@@ -211,9 +233,9 @@ def fit_sensor(
     near_field_peak: float | str | None = "auto",
     floor_sigmas: float = 3.0,
 ) -> SensorFit:
-    """Fit one sensor model to a calibration, such as the inverse power, L(3), or an exponential curve, L(5) or L(6).
+    """Fit one sensor model to a calibration.
 
-    The model is fitted to ln xi.
+    Examples are the inverse power, L(3), and the exponential curves, L(5) and L(6). The model is fitted to ln xi.
 
     An invalid option raises `InvalidInputError`.
 
@@ -250,7 +272,8 @@ def fit_sensor(
 
 
 def check_models(models: tuple[str, ...]) -> None:
-    """Raise an error for an empty list of sensor models and for unknown model names."""
+    """Raise an error for unknown names of sensor models."""
+    # An empty list of models is also an error.
     for model in models:
         if find_curve(model) is None or model not in (*sensor_curves(fitted=True, foreign=True), _TABLE):
             others = [name for name in CURVE_KINDS.names() if name not in model_names()]
@@ -262,28 +285,32 @@ def check_models(models: tuple[str, ...]) -> None:
 
 
 def why_not(model: str, prepared: Prepared) -> str:
-    """Return the reason why a sensor model cannot be fitted to the readings, or an empty text if it can be fitted."""
+    """Explain why a sensor model cannot be fitted."""
+    # The text is empty if the model can be fitted to the readings.
     used = prepared.used
     if model != _TABLE:
         count, size = len(used.distance), _family(model, used).size
         return (
             ""
             if count > size
-            else f"The model has {size} parameters, so it needs {size + 1} or more distances at which the signal is "
-            f"above the noise floor; found {count} such distances."
+            else f"The model has {size} parameters, so it needs {size + 1} or more distances with a signal above the "
+            f"noise floor. The number of such distances is {count}."
         )
     rises = np.flatnonzero(np.diff(used.output) >= 0)
     if not len(rises):
         return ""
     d = used.distance[rises[0] : rises[0] + 2] * 1e3
     return (
-        f"The averaged output does not fall between the distances {d[0]:g} mm and {d[1]:g} mm, but a table model "
-        "needs an output that falls from each distance to the next."
+        f"The averaged output does not fall between the distances {d[0]:g} mm and {d[1]:g} mm. A table model needs an "
+        "output that falls from each distance to the next."
     )
 
 
 def model_names() -> tuple[str, ...]:
-    """Return the names of the sensor models that are fitted and ranked by default."""
+    """Return the names of the default sensor models.
+
+    These models are fitted and ranked by default.
+    """
     return (*sorted(sensor_curves(fitted=True)), _TABLE)
 
 
@@ -293,7 +320,8 @@ def _family(model: str, used: AveragedCurve) -> Family:
 
 
 def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
-    """Fit one sensor model to a prepared calibration, or return the reason why the model cannot be fitted."""
+    """Fit one sensor model to a prepared calibration."""
+    # Return the reason as text if the model cannot be fitted.
     reason = why_not(model, prepared)
     if reason:
         return reason
@@ -334,7 +362,8 @@ def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
 def _fit_curve(
     model: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Fit the parameters of a sensor curve; return its log outputs and keyword arguments for `SensorFit`."""
+    """Fit the parameters of a sensor curve."""
+    # Return its log outputs and keyword arguments for `SensorFit`.
     used, family = prepared.used, _family(model, prepared.used)
     best = fit_free(used, family, noise, offset.value)
     problem = problem_at(used, family, noise, offset.value)
@@ -350,7 +379,10 @@ def _fit_curve(
 
 
 def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | None:
-    """Return the RMS error of the log output at distances that are left out of the fit one at a time."""
+    """Return the cross-validation error of the log output.
+
+    This RMS error is computed at distances left out of the fit one at a time.
+    """
     curve, count = problem.curve, len(problem.curve.distance)
     if count - 1 < problem.family.size:
         return None
@@ -363,7 +395,8 @@ def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | No
 def _fit_table(
     _: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Create a sensor table from averaged readings; return its log outputs and keyword arguments for `SensorFit`."""
+    """Create a sensor table from averaged readings."""
+    # Return its log outputs and keyword arguments for `SensorFit`.
     distance, xi = prepared.used.distance, prepared.used.output - offset.value
     sensor, inner = _table(distance, xi), range(1, len(xi) - 1)
     without = [_table(np.delete(distance, i), np.delete(xi, i)).log_output(float(distance[i])) for i in inner]

@@ -1,4 +1,7 @@
-"""Interpret the headers and cells of a calibration table, such as units and missing values."""
+"""Interpret the headers and cells of a calibration table.
+
+They contain names, units, numbers and marks for missing values.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,10 @@ _LONGEST_LINE = 60  # characters of a line that a message shows
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TextTable:
-    """A text table that was split into header, columns and rows, with the line number of each row in the file."""
+    """Text table with a header, columns and rows.
+
+    It stores the line number of each row in the file.
+    """
 
     file: str
     sha256: str
@@ -36,7 +42,10 @@ class TextTable:
 
     @property
     def place(self) -> str:
-        """The file name and line number of the table header, for error messages."""
+        """The file name and line number of the table header.
+
+        Error messages contain this text.
+        """
         return f"{self.file}, line {self.header_line}"
 
     def row(self, index: int) -> tuple[str, ...]:
@@ -44,18 +53,27 @@ class TextTable:
         return tuple(column[index] for column in self.columns)
 
     def title(self, index: int) -> str:
-        """Return the header of a column for messages, and add the column number if several headers are equal."""
+        """Return the header of a column for messages.
+
+        The column number is added if several headers are equal.
+        """
         title = self.header[index]
         return quoted(title) if title and self.header.count(title) == 1 else f"{index + 1} ({quoted(title)})"
 
     def name(self, index: int) -> str:
-        """Return the header of a label column, or its number if the header is empty."""
+        """Return the header of a label column.
+
+        If the header is empty, return the column number.
+        """
         return self.header[index] or f"column {index + 1}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """A column of a calibration table, with its header, its unit, and the conversion factor to this unit."""
+    """Column of a calibration table with header and unit.
+
+    The values of the column times `factor` are in this unit.
+    """
 
     index: int
     title: str
@@ -83,23 +101,32 @@ class Layout:
 
 
 def is_number(cell: str) -> bool:
-    """Return True if a table cell contains a number with a decimal point or a decimal comma."""
+    """Return True if a table cell contains a number.
+
+    The number may have a decimal point or a decimal comma.
+    """
     plain = _ascii(cell)
     return bool(_DOTTED.fullmatch(plain) or _COMMAED.fullmatch(plain))
 
 
 def is_missing(cell: str) -> bool:
-    """Return True if a table cell stands for a missing output, such as an empty cell, NaN or a dash."""
+    """Return True if a table cell means a missing output.
+
+    Examples are an empty cell, NaN and a dash.
+    """
     return cell.casefold() in _MISSING
 
 
 def is_no_object(cell: str) -> bool:
-    """Return True if a distance cell says that no object was in range, such as `inf` or `no object`."""
+    """Return True if a distance cell means no object in range.
+
+    Examples are `inf` and `no object`.
+    """
     return cell.casefold() in _NO_OBJECT
 
 
 def is_row(cells: Sequence[str]) -> bool:
-    """Return True if the cells of a line contain at least a distance and an output."""
+    """Return True if a line contains a distance and an output."""
     numbers = sum(is_number(cell) for cell in cells)
     special = [cell for cell in cells if is_missing(cell) or is_no_object(cell)]
     filled = sum(bool(cell) for cell in special)
@@ -112,17 +139,18 @@ def uses_commas(cells: Sequence[str]) -> bool:
 
 
 def quoted(text: str) -> str:
-    """Return a text in quotes for an error message, shortened if it is long."""
+    """Quote a text for an error message."""
     return repr(text if len(text) <= _LONGEST_LINE else f"{text[: _LONGEST_LINE - 3]}...")
 
 
 def join_first(items: Sequence[str], most: int) -> str:
-    """Join the first items of a list for an error message, and replace the other items by dots."""
+    """Join the first items of a list for an error message."""
+    # Dots replace the other items.
     return ", ".join([*items[:most], *(["..."] if len(items) > most else [])])
 
 
 def number(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Parse the number in a table cell, and convert it to the unit of the calibration."""
+    """Parse the number in a table cell."""
     # The locale is ignored. Decimal arithmetic makes 42.2 mm the float nearest to 0.0422, which 42.2 * 0.001 is not.
     # Numbers that are not finite, or whose products with others could overflow, are refused.
     pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
@@ -194,9 +222,9 @@ _NO_OBJECT_MARK = re.compile(r"[+]?(inf|infinity|∞)\s*[\[(]?[^\W\d_]*[\])]?", 
 
 
 class DistanceMark(NamedTuple):
-    """A distance that a column header contains, such as `5 mm`, split into number and unit.
+    """Distance in a column header, such as `5 mm`.
 
-    The number is None if the column has readings without an object.
+    The number and the unit are separate. The number is None if the column has readings without an object.
     """
 
     number: str | None
@@ -204,7 +232,8 @@ class DistanceMark(NamedTuple):
 
 
 def split_title(title: str) -> tuple[str, str | None]:
-    """Split a column header such as `output [V]`, `output (V)` or `output_V` into its name and its unit."""
+    """Split a column header such as `output [V]` into name and unit."""
+    # Other notations are `output (V)` and `output_V`.
     # A form such as `output_V` is split only for usual names.
     if len(title) > _LONGEST:
         return title, None
@@ -223,12 +252,15 @@ def split_title(title: str) -> tuple[str, str | None]:
 
 
 def is_length(unit: str | None) -> bool:
-    """Return True if a text such as `mm` is a unit of length."""
+    """Return True if a text is a unit of length."""
     return _exponents(unit) == (1, 0, 0, 0, 0)
 
 
 def is_named(title: str, kind: str) -> bool:
-    """Return True if a column header is a usual name for distances, outputs or another type of column."""
+    """Return True if a column header is a usual name.
+
+    The name must be usual for this kind of column, such as distances or outputs.
+    """
     # A `setting` is a property of the sensor or its surroundings, such as `gain` or `temperature`. A `setting or
     # output`, such as a photocurrent, may be the output if no other column is. A `count` numbers the rows, such as
     # `trial`, `#` or an empty header. A `repeat` has the number of a repeat, such as `trial 3`, `run2 [V]` or `3`.
@@ -237,7 +269,10 @@ def is_named(title: str, kind: str) -> bool:
 
 
 def output_unit(text: str | None) -> tuple[str, float]:
-    """Return the base unit (V or counts) of an output unit, and the conversion factor; return other units unchanged."""
+    """Return the base unit of a sensor output.
+
+    It is V or counts. The second result is the conversion factor. Other units are returned unchanged.
+    """
     try:
         unit = parse_unit(text or "")
     except UnitError:
@@ -248,12 +283,16 @@ def output_unit(text: str | None) -> tuple[str, float]:
 
 
 def is_output_unit(unit: str | None) -> bool:
-    """Return True if a text is a unit of sensor outputs: volts or counts."""
+    """Return True if a text is a unit of sensor outputs.
+
+    These units are volts and counts.
+    """
     return output_unit(unit)[0] in _OUTPUT_UNITS.values()
 
 
 def distance_mark(title: str) -> DistanceMark | None:
-    """Parse a column header such as `5 mm`, `d=5mm` or `inf` as a distance; return None for other headers."""
+    """Parse a column header such as `5 mm` as a distance."""
+    # Other notations are `d=5mm` and `inf`. The result is None for other headers.
     if title and (is_no_object(title) or _NO_OBJECT_MARK.fullmatch(title[:_LONGEST])):
         return DistanceMark(None, None)
     match = _DISTANCE_MARK.fullmatch(title) if len(title) <= _LONGEST else None
@@ -266,7 +305,7 @@ def distance_mark(title: str) -> DistanceMark | None:
 
 
 def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
-    """Return True if the columns of a table have distances such as `5 mm` as their headers."""
+    """Return True if column headers are distances such as `5 mm`."""
     # `declared` means that an option gives the unit of the distances.
     # Headers are distances if two of them have units of length, or if they are numbers that cannot mean anything else.
     marks = [mark for title in header if (mark := distance_mark(title))]
@@ -281,7 +320,10 @@ def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
 
 
 def names_a_distance(header: Sequence[str], *, declared: bool, in_words: bool = False) -> bool:
-    """Return True if a line looks like the header of a calibration table, because it names a distance."""
+    """Return True if a line looks like a table header.
+
+    The header of a calibration table names a distance.
+    """
     # A header has a cell with a name of a distance or a unit of length, and no cell that is a number. A header whose
     # cells are distances (see `looks_wide`) also counts. With `in_words`, the cells are words of a line that may be
     # prose: "Sensor X" does not name a distance.
@@ -307,7 +349,8 @@ def _exponents(unit: str | None) -> tuple[int, ...]:
 
 
 def output_column(table: TextTable, index: int, layout: Layout) -> Column:
-    """Return the output column of a file of no-object readings; raise an error if the calibration has another unit."""
+    """Return the output column of a file with no-object readings."""
+    # Readings in another unit than that of the calibration are an error.
     title = table.header[index]
     header_unit = split_title(title)[1]
     symbol, factor = output_unit(header_unit) if header_unit else (layout.unit, layout.pairs[0][1].factor)

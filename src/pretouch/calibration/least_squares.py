@@ -27,7 +27,7 @@ _HUGE: Final = 1e150  # replaces residuals that are not finite
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fits:
-    """Solutions of many least-squares problems: fitted parameters, residuals, Jacobians and sums of squares.
+    """Solutions of many least-squares problems.
 
     Parameters x have the shape (b, p), residuals (b, n), and costs (sums of squares) (b,).
 
@@ -42,9 +42,10 @@ class Fits:
 
     @property
     def covariances(self) -> FloatArray:
-        """The covariances of the fit parameters for residuals of unit variance, shape (b, p, p).
+        """The covariances of the fit parameters.
 
-        Large, not infinite, for a singular problem; zero for parameters at a bound.
+        They hold for residuals of unit variance, and have the shape (b, p, p). They are large, not infinite, for a
+        singular problem, and zero for parameters at a bound.
         """
         _, s, vt = np.linalg.svd(self.jacobian, full_matrices=False)
         s = np.maximum(s, np.maximum(1e-12 * s[:, :1], 1e-60))
@@ -61,7 +62,8 @@ def minimize_many(
     tolerance: float = 1e-10,
     most: int = 60,
 ) -> Fits:
-    """Solve many least-squares problems with parameter bounds at once, each from its own start point."""
+    """Solve many least-squares problems at once."""
+    # Each problem has parameter bounds and its own start point.
     # Bounds have the shape (p,) or (b, p); each row of `start` is one problem.
     # A problem has converged when its cost changes by a smaller share than `tolerance`, or its parameters by less than
     # that. All problems end after `most` steps. Starts are clipped to the bounds.
@@ -101,14 +103,18 @@ def _finite(values: FloatArray) -> FloatArray:
 
 
 def _at_bound(x: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Return which fit parameters stay at a bound because the cost would decrease only beyond this bound."""
+    """Return which fit parameters stay at a bound.
+
+    For these, the cost would decrease only beyond the bound.
+    """
     return np.asarray(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
 
 
 def _derivative(
     residuals: Residuals, x: FloatArray, value: FloatArray, which: IntArray, high: FloatArray
 ) -> FloatArray:
-    """Differentiate residuals by finite differences that respect the upper bounds of the parameters."""
+    """Differentiate residuals by finite differences."""
+    # The steps respect the upper bounds of the parameters.
     count, size = x.shape
     moved = np.repeat(x[:, None, :], size, axis=1)
     step = _STEP * np.maximum(1.0, np.abs(x))
@@ -122,7 +128,10 @@ def _derivative(
 def _step(
     x: FloatArray, slope: FloatArray, value: FloatArray, damping: FloatArray, bounds: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Return a Levenberg-Marquardt step for all parameters that do not stay at a bound."""
+    """Return a Levenberg-Marquardt step of the fit parameters.
+
+    Parameters that stay at a bound do not change.
+    """
     # The step is zero if the damped normal equations overflow.
     with np.errstate(all="ignore"):
         step = _newton_step(x, slope, value, damping, bounds)
@@ -146,7 +155,7 @@ def _newton_step(
 
 
 def gradient(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """Return the derivatives of a vector function with respect to its parameters, by central differences."""
+    """Differentiate a vector function by central differences."""
     # Parameters of shape (p,) give derivatives of shape (outputs, p).
     columns = []
     for i, value in enumerate(x):
@@ -164,7 +173,10 @@ def intervals(
     coordinates: Callable[[FloatArray], FloatArray],
     rise: float,
 ) -> list[tuple[float, float, bool, bool]]:
-    """Return confidence intervals of functions of the fit parameters, computed from the profile likelihood."""
+    """Return confidence intervals from the profile likelihood.
+
+    They are intervals of functions of the fit parameters.
+    """
     # An interval ends where the profile has risen by `rise` above the minimum.
     # A stiff spring pulls a coordinate to a target: the sum of squares plus the spring's energy is minimized over all
     # parameters. The minimum lies exactly on the profile, at the value of the coordinate in this minimum. So the
@@ -216,7 +228,8 @@ class _End:
         self._inner, self._outer, self._attempt = (center, 0.0), (center, 0.0), 0
 
     def take(self, value: float, height: float) -> bool:
-        """Record a point of the likelihood profile, and return True if the search continues from this point."""
+        """Record a point of the likelihood profile."""
+        # Return True if the search continues from this point.
         # `height` is the square root of the profile's rise at a value, relative to the rise at the end.
         further = height < 1
         if further and abs(value - self._inner[0]) < 0.05 * abs(self.target - self._inner[0]):
@@ -239,7 +252,10 @@ class _End:
         return further
 
     def result(self) -> tuple[float, bool]:
-        """Return the end of the confidence interval, and whether the search has reached this end."""
+        """Return the end of the confidence interval.
+
+        The second result is True if the search has reached this end.
+        """
         # After the last attempt, the end is the best value so far.
         if self.end is not None:
             return self.end, self.reached

@@ -1,4 +1,7 @@
-"""Build the report of a calibration, which shows the verdict on the sensor and the fitted models."""
+"""Build the report of a sensor calibration.
+
+It shows the verdict on the sensor and the fitted models.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ _NEXT = "put these lines into the section [sensor] of a scenario file"
 
 
 def calibration_page(report: CalibrationReport) -> Page:
-    """Create the report on a calibration: verdict, usable distances, ranking of sensor models, and parameters."""
+    """Create the report on a sensor calibration."""
     usable, best = report.verdict == "usable", report.best
     fitted_from_file = best is not None and bool(report.scenario_lines)
     first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
@@ -54,7 +57,10 @@ def calibration_page(report: CalibrationReport) -> Page:
 
 
 def _lines_for_scenario(report: CalibrationReport) -> tuple[str, ...]:
-    """Return scenario file lines for this sensor, with a mounting recess that puts contact in the usable range."""
+    """Return scenario file lines for this sensor.
+
+    They contain a mounting recess that puts contact in the usable range.
+    """
     if report.window.l_min <= 0:
         return report.scenario_lines
     recess = recess_in_words(report.window.l_min)
@@ -96,7 +102,8 @@ def fit_page(fit: SensorFit) -> Page:
 
 
 def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tuple[Any, ...]:
-    """Create the report section on the sensor calibration that a design or a verification uses."""
+    """Create the report section on the sensor calibration."""
+    # The reports of designs and verifications contain this section.
     # `open_lines` has the limits of the calibration for the answer.
     limits = tuple(f"{line[0].upper()}{line[1:]}." for line in open_lines)
     return (
@@ -189,7 +196,10 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
 
 
 def _offset_clause(report: CalibrationReport) -> str:
-    """Return a clause that names the offset for which the uncertainty of the sensor slope was computed."""
+    """Return a clause that names the assumed sensor offset.
+
+    The uncertainty of the sensor slope was computed for this offset.
+    """
     offset, unit = report.offset, report.calibration.unit
     if offset is None:
         return "over all curves that fit the readings"
@@ -244,7 +254,7 @@ def _interval(low: float, high: float, unit: str, digits: int = 5) -> str:
 
 
 def _scenario_text(fit: SensorFit) -> str:
-    """Write the best-fitting sensor curve as a section `[sensor]` of a scenario file."""
+    """Write the fitted sensor curve as scenario file section `[sensor]`."""
     lines = ["[sensor]", f'model = "{fit.model}"']
     if fit.model == "table":
         sensor: Any = fit.sensor

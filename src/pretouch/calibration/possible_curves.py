@@ -1,4 +1,4 @@
-"""Estimate the offset and the slope of a sensor as weighted means over all sensor curves that fit the readings.
+"""Average sensor offset and slope over all possible sensor curves.
 
 With one family and one offset, the readings determine the parameters to about a percent. But they do not determine the
 family: with a slightly different offset, another family fits equally well. So each family of three parameters is fitted
@@ -32,7 +32,7 @@ _KNOWN_OFFSETS: Final = np.linspace(-2.8, 2.8, 9)  # standard errors around a kn
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FamilyFits(Value):
-    """Fits of one family of sensor curves, one fit for each of several offsets.
+    """Fits of one curve family for several offsets.
 
     `offsets` have the shape (b,). Parameters x, shape (b, 3), have `covariances`, shape (b, 3, 3), at unit variance of
     the residuals. `costs`, shape (b,), are sums of squares that include the prior of the offset.
@@ -45,9 +45,9 @@ class FamilyFits(Value):
     costs: FloatArray
 
     def interval(self, level: float) -> tuple[float, float] | None:
-        """Return the range of offsets with a fit cost below a given level, or None if there is no such offset.
+        """Return the range of offsets below a cost level.
 
-        The square root of the cost is interpolated linearly.
+        It is None if no offset has such a low fit cost. The square root of the cost is interpolated linearly.
         """
         root = np.sqrt(np.maximum(self.costs - min(float(self.costs.min()), level), 0.0))
         below = np.flatnonzero(self.costs <= level)
@@ -63,7 +63,9 @@ class FamilyFits(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PossibleCurves(Value):
-    """All sensor curves that fit the readings, each with a weight that expresses how well it fits.
+    """All sensor curves that fit the readings, with weights.
+
+    A weight expresses how well a curve fits.
 
     Args:
         parts: the fits of each family.
@@ -85,11 +87,17 @@ class PossibleCurves(Value):
 
     @property
     def best(self) -> FamilyFits:
-        """The fits of the curve family with the smallest sum of squared residuals."""
+        """The fits of the best curve family.
+
+        This family has the smallest sum of squared residuals.
+        """
         return min(self.parts, key=lambda part: float(part.costs.min()))
 
     def offset(self, kind: str) -> OffsetEstimate:
-        """Return the best-fitting sensor offset, and a 95 % interval that covers all well-fitting curve families."""
+        """Return the best-fitting sensor offset with its interval.
+
+        The 95 % interval covers all well-fitting curve families.
+        """
         ends = [e for part in self.parts if (e := part.interval(self.least + self.rise)) is not None]
         low, high = min(e[0] for e in ends), max(e[1] for e in ends)
         error = (high - low) / (2 * float(np.sqrt(self.rise)))
@@ -97,7 +105,8 @@ class PossibleCurves(Value):
         return OffsetEstimate(value=value, standard_error=error, low=low, high=high, kind=kind)
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw random sensor curves with probabilities equal to their weights, each with its own offset."""
+        """Draw random sensor curves according to their weights."""
+        # Each curve has its own offset.
         rng = np.random.default_rng(seed)
         fits, curves = [(part, i) for part in self.parts for i in range(len(part.offsets))], []
         for number in rng.choice(len(fits), count, p=np.concatenate(self.weights())):
@@ -112,10 +121,11 @@ class PossibleCurves(Value):
         return tuple(curves)
 
     def doubt(self, offset: OffsetEstimate) -> float:
-        """Return the deviation of an offset from the best fit: 0 at the best fit, 1 at an end of its 95 % interval.
+        """Return the deviation of an offset from the best fit.
 
-        The deviation is that of the value in the interval of the offset that is nearest to the best-fitting offset. It
-        is infinite if this value is beyond all fitted offsets.
+        The deviation is 0 at the best fit, and 1 at an end of its 95 % interval. The deviation is that of the value in
+        the interval of the offset that is nearest to the best-fitting offset. It is infinite if this value is beyond
+        all fitted offsets.
         """
         cost = np.inf
         for part in self.parts:
@@ -124,7 +134,10 @@ class PossibleCurves(Value):
         return float(np.sqrt(max(cost - self.least, 0.0) / self.rise))
 
     def weights(self) -> list[FloatArray]:
-        """Return the weights of all fitted sensor curves, which add up to 1."""
+        """Return the weights of all fitted sensor curves.
+
+        They add up to 1.
+        """
         weights = []
         for part in self.parts:
             width = np.gradient(part.offsets) if len(part.offsets) > 1 else np.ones(1)
@@ -134,7 +147,10 @@ class PossibleCurves(Value):
         return [w / total for w in weights]
 
     def slope(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return mean and standard deviation of ln |g| over all curves that fit the readings; g is the sensor slope."""
+        """Return mean and standard deviation of the log slope.
+
+        The log slope is ln |g| with the sensor slope g. All curves that fit the readings contribute.
+        """
         # The value is ln |g|; the deviation includes both the scatter between fits and the error of each.
         rows, spreads, weights = [], [], []
         for part, weight in zip(self.parts, self.weights(), strict=True):
@@ -201,7 +217,7 @@ def fit_possible_curves(
 
 
 def _correlation_inflation(residuals: FloatArray, smooth: float) -> float:
-    """Return the factor by which the variance of a fit grows because neighboring residuals are correlated.
+    """Return the variance inflation due to correlated residuals.
 
     A misfit is smooth: forty points carry no more information about the misfit than the few points at which it can bend
     independently. The misfit has the share `smooth` of the variance of the residuals, which is 1. If the correlation of

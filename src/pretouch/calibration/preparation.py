@@ -33,11 +33,12 @@ _CLEAR_FALL = 6.0  # decrease in standard deviations, from the first to the last
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prepared:
-    """A calibration that is ready for fitting, with its usable distances, offset, noise and outliers.
+    """Calibration that is ready for fitting.
 
-    `informed_by` is the number of distances from which the noise was estimated. `free` are the curves fitted with a
-    free offset, if an offset was measured or declared. `witness` has curves through the readings. `no_signal` gives the
-    reasons why nothing can be fitted, and is empty otherwise; `too_few` is true if there are too few distances.
+    It contains the usable distances, offset, noise and outliers. `informed_by` is the number of distances from which
+    the noise was estimated. `free` are the curves fitted with a free offset, if an offset was measured or declared.
+    `witness` has curves through the readings. `no_signal` gives the reasons why nothing can be fitted, and is empty
+    otherwise; `too_few` is true if there are too few distances.
     """
 
     calibration: Calibration
@@ -64,7 +65,8 @@ def prepare(
     near_field_peak: float | str | None,
     floor_sigmas: float,
 ) -> Prepared:
-    """Find the usable distances, outliers, offset and noise of a calibration, for the fits of all sensor models."""
+    """Prepare a calibration for fitting sensor models."""
+    # This finds the usable distances, outliers, offset and noise.
     # The arguments are those of `fit_sensor`.
     positive(floor_sigmas, "floor_sigmas")
     calibration = condense(count_copies_once(calibration))
@@ -87,7 +89,7 @@ def prepare(
         few = caution(
             "PT110" if near.flat else "PT101",  # noise has a peak anywhere
             f"The number of usable distances is {count}{because}, but a curve needs at least {needed}: measure at 8 or "
-            "more distances, up to where the output no longer changes, and record readings with no object.",
+            "more distances. Measure up to where the output no longer changes, and record readings with no object.",
         )
         return replace(_without_signal(calibration, curve, near, offset_estimate, few), too_few=not near.flat)
     if not np.ptp(curve.output[near.index :]) > 0:
@@ -111,7 +113,7 @@ def _prepared(
     end: int,
     floor_sigmas: float,
 ) -> Prepared:
-    """Prepare a calibration for fitting, using only distances at which the output falls with distance."""
+    """Prepare the falling part of a calibration for fitting."""
     place = np.arange(len(curve.distance))
     good = (place >= near.index) & (place < end)
     ceilings = fit_under_ceilings(curve.part(good), raw, fixed)
@@ -164,7 +166,10 @@ def _prepared(
 def _level(
     calibration: Calibration, tail: AveragedCurve, reading_noise: ReadingNoise, offset: OffsetEstimate | None
 ) -> tuple[NoiseEstimate, OffsetEstimate | None, PossibleCurves | None]:
-    """Return the noise of the readings, the sensor offset with its error, and sensor curves with a fitted offset."""
+    """Return the noise of the readings and the sensor offset.
+
+    The third result is the sensor curves with a fitted offset.
+    """
     noise = find_noise(tail, reading_noise, offset)
     if offset is None:
         return noise, None, fit_possible_curves(tail, noise, None)
@@ -186,7 +191,7 @@ def _steep_end(
     good: BoolArray,
     ceilings: CeilingFits,
 ) -> tuple[NearEnd, bool]:
-    """Set the smallest usable distance to the distance of the first reading without saturation."""
+    """Start the usable range at the first unsaturated reading."""
     # The second result is whether the start has moved.
     part, place = curve.part(good), np.flatnonzero(good)
     first = ceilings.first_steep(part.distance)
@@ -201,18 +206,16 @@ def _steep_end(
     return NearEnd(index=int(place[first]), reason=reason, saturation=near.saturation), True
 
 
-_OF_A_RANGING_PART = (
-    "write a scenario file for such a sensor with `pretouch init --part VL53L0X`, and correct rate and noise in "
-    "`[chain]`"
-)
+_OF_A_RANGING_PART = "write a scenario file with `pretouch init --part VL53L0X`"
+_CORRECT_THE_PART = "Correct rate and noise in `[chain]` of this file."
 
 
 def _reports_distance(calibration: Calibration) -> str:
-    """Return the warning about a sensor that outputs a distance instead of a signal strength."""
+    """Return the warning about a sensor that outputs distances."""
     return caution(
         "PT113",
-        f"The sensor output is a distance in {calibration.unit}, and not a signal that falls with the distance: a "
-        f"sensor that reports distances needs no calibration, so {_OF_A_RANGING_PART}.",
+        f"The sensor output is a distance in {calibration.unit} and needs no calibration: {_OF_A_RANGING_PART}. "
+        f"{_CORRECT_THE_PART}",
     )
 
 
@@ -223,14 +226,15 @@ def _rising(calibration: Calibration) -> str:
     highest = f"{(math.floor(top / step) + 1) * step:g} {calibration.unit}".rstrip()  # above all, since 0 means lost
     return caution(
         "PT113",
-        "The sensor output rises with the distance, but the signal of a proximity sensor falls: if the electronics "
-        f"invert the signal, replace each reading by {highest} minus the reading, in the file and on the robot; if the "
-        f"sensor reports a distance, {_OF_A_RANGING_PART}.",
+        "The sensor output rises with the distance: if the electronics invert the signal, replace each reading by "
+        f"{highest} minus the reading, in the file and on the robot; if the sensor reports a distance, "
+        f"{_OF_A_RANGING_PART}. {_CORRECT_THE_PART}",
     )
 
 
 def _user_offset(calibration: Calibration, offset: OffsetChoice, noise: ReadingNoise) -> OffsetEstimate | None:
-    """Return the sensor offset if the user has measured or declared it, or None if it must be fitted."""
+    """Return the sensor offset measured or declared by the user."""
+    # The offset is None if it must be fitted.
     if offset == "fit" or (offset == "auto" and not len(calibration.no_object)):
         return None
     if offset == "auto":
@@ -244,7 +248,8 @@ def _user_offset(calibration: Calibration, offset: OffsetChoice, noise: ReadingN
 
 
 def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimate:
-    """Compute the sensor offset as the mean of the no-object readings, after outliers are removed."""
+    """Compute the sensor offset from no-object readings."""
+    # The offset is the mean of these readings without outliers.
     # The standard error is -1 if the noise is not known yet.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
@@ -264,7 +269,10 @@ def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimat
 def _without_signal(
     calibration: Calibration, curve: AveragedCurve, near: NearEnd, offset: OffsetEstimate | None, reason: str
 ) -> Prepared:
-    """Return the result of `prepare` for a calibration without a usable signal, with the reason."""
+    """Return the preparation of a calibration without usable signal.
+
+    It contains the reason.
+    """
     window = UsableWindow(
         distances=(),
         start_reason=near.reason,
@@ -284,7 +292,8 @@ def _without_signal(
 def _why_no_signal(
     tail: AveragedCurve, window: UsableWindow, offset: OffsetEstimate, noise: NoiseEstimate, unit: str
 ) -> tuple[str, ...]:
-    """Return the reasons why readings contain no usable signal; the list is empty if they contain one."""
+    """Explain why the readings contain no usable signal."""
+    # The result is empty if there is a usable signal.
     reasons = []
     count = len(window.distances)
     chance = chance_of_falling(tail.output[: 2 * count])  # a long plateau does not inform about the window
@@ -295,7 +304,7 @@ def _why_no_signal(
             caution(
                 "PT110",
                 f"The sensor output does not fall significantly with the distance (rank test, p = {chance:.2g}): "
-                "check that the sensor is powered and faces the object, and that the object is in its range.",
+                "check power, orientation and range of the sensor.",
             )
         )
     if count < _FEWEST_POINTS:
@@ -304,17 +313,19 @@ def _why_no_signal(
         reasons.append(
             caution(
                 "PT110",
-                f"The number of distances with an output above the signal floor of {floor} is {count}, but a "
-                f"curve needs {_FEWEST_POINTS}. {largest}The offset is {offset.in_words(unit)}, and the noise of one "
-                f"reading is {sigma}: measure in finer steps near the sensor, repeat readings, and record the output "
-                "with no object.",
+                f"The output is above the signal floor of {floor} at {count} of {_FEWEST_POINTS} required distances: "
+                "measure in finer steps near the sensor. Repeat readings, and record the output with no object. "
+                f"{largest}The offset is {offset.in_words(unit)}, and the noise of one reading is {sigma}.",
             )
         )
     return tuple(reasons)
 
 
 def chance_of_falling(output: FloatArray) -> float:
-    """Return the p-value of Kendall's trend test for outputs that fall with distance."""
+    """Return the p-value of Kendall's trend test.
+
+    The test checks whether the outputs fall with distance.
+    """
     # The p-value is the probability that a random order falls as much; ties count half.
     n = len(output)
     pairs = [float(output[j] - output[i]) for i in range(n) for j in range(i + 1, n)]

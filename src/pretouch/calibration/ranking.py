@@ -1,4 +1,7 @@
-"""Fit all sensor models, rank them by the information criterion AICc, and judge whether the sensor is usable."""
+"""Rank sensor models by the information criterion AICc.
+
+Also judge whether the sensor is usable.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +27,10 @@ def rank_models(
     near_field_peak: float | str | None = "auto",
     floor_sigmas: float = 3.0,
 ) -> CalibrationReport:
-    """Fit all sensor models to the same readings, rank the models by AICc, and judge if the sensor is usable.
+    """Fit all sensor models to a calibration and rank them.
 
-    An invalid option raises `InvalidInputError`; a sensor without signal does not.
+    The models are ranked by AICc. The report also judges whether the sensor is usable. An invalid option raises
+    `InvalidInputError`; a sensor without signal does not.
 
     Args:
         calibration: the readings.
@@ -77,6 +81,9 @@ def rank_models(
 
 
 def _rank(fit: SensorFit) -> tuple[bool, bool, float, float]:
-    """Return a sort key that ranks sensor models by AICc, then by cross-validation error, and puts tables last."""
+    """Return the sort key for ranking sensor models.
+
+    Models are ranked by AICc, then by cross-validation error. Tables come last.
+    """
     error = math.inf if fit.cross_validation is None else fit.cross_validation
     return fit.model == "table", fit.aicc is None, fit.aicc or 0.0, error

@@ -19,9 +19,9 @@ from .data import Calibration
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlopeUncertainty(Value):
-    """The sensor slope and its uncertainty at those distances at which most of the virtual force acts.
+    """The sensor slope and its uncertainty at several distances.
 
-    The uncertainty covers all curves that fit the readings.
+    At these distances, most of the virtual force acts. The uncertainty covers all curves that fit the readings.
 
     Args:
         distances: from the nearest usable distance to the distance with a tenth of its signal [m], shape (N,).
@@ -38,7 +38,7 @@ class SlopeUncertainty(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawnCurve(Value):
-    """A randomly generated sensor curve that fits the readings, together with its sensor offset.
+    """Random sensor curve that fits the readings.
 
     Args:
         sensor: the curve, valid on the window.
@@ -50,10 +50,16 @@ class DrawnCurve(Value):
 
 
 class AllowedCurves(Protocol):
-    """Interface of a class that generates random sensor curves that fit the readings."""
+    """Interface for sources of random sensor curves.
+
+    The curves fit the readings.
+    """
 
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Return random monotone sensor curves that pass through all readings within the errors of the readings."""
+        """Return random monotone sensor curves through all readings.
+
+        The curves agree with the readings within their errors.
+        """
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
         """Draw random sensor curves with soft saturation according to their posterior probabilities."""
@@ -107,7 +113,10 @@ class OffsetEstimate(Value):
 
     @property
     def is_wide(self) -> bool:
-        """Whether the 95 % interval of the offset is so wide that the standard error alone would be misleading."""
+        """Whether the 95 % interval of the offset is wide.
+
+        Then the standard error alone would be misleading.
+        """
         return self.high - self.low > _WIDE * self.standard_error
 
     @property
@@ -116,7 +125,9 @@ class OffsetEstimate(Value):
         return f"{self.standard_error:.{2 if self.standard_error < 100 else 6}g}"
 
     def in_words(self, unit: str, digits: int = 4) -> str:
-        """Return the offset as text, with its standard error unless this is zero or would be misleading.
+        """Return the offset as text with its standard error.
+
+        The standard error is omitted if it is zero or would be misleading.
 
         Examples:
             >>> offset = OffsetEstimate(value=180.0, standard_error=1.2, low=177.6, high=182.4, kind="measured")
@@ -132,9 +143,10 @@ class OffsetEstimate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseEstimate(Value):
-    """Random noise of the readings, and the fixed error (misfit) of the fitted sensor curve.
+    """Noise of the readings and misfit of the curve.
 
-    The mean of n readings has the variance (output^2 + (relative xi)^2) / n + (misfit xi)^2 about the curve.
+    The misfit is the fixed error of the fitted sensor curve. The mean of n readings has the variance (output^2 +
+    (relative xi)^2) / n + (misfit xi)^2 about the curve.
 
     Args:
         output: standard deviation of one reading without a signal, in the unit of the outputs.
@@ -155,17 +167,23 @@ class NoiseEstimate(Value):
     relative_source: str = ""
 
     def relative_of_means(self, count: IntArray) -> FloatArray:
-        """Return the relative error of the mean of `count` readings, caused by noise and by the error of the curve."""
+        """Return the relative error of the mean of `count` readings.
+
+        It is caused by noise and by the error of the curve.
+        """
         return np.asarray(np.maximum(np.sqrt(self.relative**2 / count + self.misfit**2), _FINEST))
 
     def of_means(self, count: IntArray, signal: FloatArray) -> FloatArray:
-        """Return the standard deviation of the mean of `count` readings, in the unit of the sensor outputs."""
+        """Return the standard deviation of the mean of `count` readings.
+
+        It is in the unit of the sensor outputs.
+        """
         return np.asarray(np.hypot(self.output / np.sqrt(count), self.relative_of_means(count) * signal))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsableWindow(Value):
-    """The range of distances in which a sensor is usable, with the reason for each end of the range.
+    """Range of distances with a usable sensor signal.
 
     Args:
         distances: the measured distances inside the window [m], increasing; empty if no signal is above the floor.
@@ -199,7 +217,7 @@ class UsableWindow(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SensorFit(Described, Value):
-    """Result of fitting one sensor model to a calibration: parameters, uncertainties and residuals.
+    """Result of fitting one sensor model to a calibration.
 
     Residuals and their statistics refer to the points that were used.
 
@@ -253,7 +271,10 @@ class SensorFit(Described, Value):
     page: ClassVar[str] = "pretouch.calibration.page:fit_page"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fit of a sensor model as a dictionary for JSON, in SI units."""
+        """Return the fit of a sensor model as a dictionary.
+
+        It is for JSON, in SI units.
+        """
         estimates = self.parameters.items()
         names = ("covariance", "middle_slope", "r_squared", "rmse_log_output", "rmse_log_slope", "aicc")
         more = ("cross_validation", "runs_p_value", "slope_shift", "outliers", "unidentifiable", "warnings")
@@ -275,7 +296,9 @@ class SensorFit(Described, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CalibrationReport(Described, Value):
-    """Result of ranking all sensor models for a calibration, with a verdict on the sensor.
+    """Ranking of all sensor models for a calibration.
+
+    The report also contains a verdict on the sensor.
 
     Args:
         calibration: the readings.
@@ -310,7 +333,10 @@ class CalibrationReport(Described, Value):
 
     @property
     def best(self) -> SensorFit | None:
-        """The fit of the best sensor model, or None if no curve can be fitted to the readings."""
+        """The fit of the best sensor model.
+
+        It is None if no curve can be fitted to the readings.
+        """
         return self.fits[0] if self.fits else None
 
     def to_dict(self) -> dict[str, Any]:

@@ -1,8 +1,9 @@
-"""Estimate the uncertainty of the sensor slope, and warn if this uncertainty is too large for a design.
+"""Estimate the uncertainty of the sensor slope.
 
-The slope is judged from the nearest usable distance to the distance at which the signal has fallen to a tenth. The
-virtual force gives the impulse D_p ln(xi / xi_0) until xi has grown from xi_0 to xi. Over the judged distances, xi
-grows by a factor of ten, so ln xi grows by 2.3, which gives most of the impulse of any motion.
+A warning is given if the uncertainty is too large for a design. The slope is judged from the nearest usable distance to
+the distance at which the signal has fallen to a tenth. The virtual force gives the impulse D_p ln(xi / xi_0) until xi
+has grown from xi_0 to xi. Over the judged distances, xi grows by a factor of ten, so ln xi grows by 2.3, which gives
+most of the impulse of any motion.
 """
 
 from __future__ import annotations
@@ -29,7 +30,10 @@ _NORMAL: Final = 1.959964  # standard deviations from the mean to the end of a 9
 
 
 def estimate_slope(prepared: Prepared) -> SlopeUncertainty | None:
-    """Return the sensor slope and its uncertainty over all curves that fit, or None if there are too few readings."""
+    """Return the sensor slope and its uncertainty.
+
+    All curves that fit contribute. The result is None if there are too few readings.
+    """
     curves, used, offset = prepared.possible_curves, prepared.used, prepared.offset
     if curves is None or offset is None:
         return None
@@ -48,7 +52,10 @@ def estimate_slope(prepared: Prepared) -> SlopeUncertainty | None:
 
 
 def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertainty | None) -> list[str]:
-    """Return warnings if the sensor slope is uncertain, and say in each warning what to measure."""
+    """Return warnings about an uncertain sensor slope.
+
+    Each warning says what to measure.
+    """
     # A second warning is about readings whose slope differs from that of the best model.
     if slope is None:
         return []
@@ -56,13 +63,13 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
     worst = float(slope.uncertainty.max())
     if worst > _ALLOWED:
         offset = prepared.offset
-        remedy = "read more distances, each several times, where the signal is strong"
+        remedy, detail = "read more distances, each several times, where the signal is strong", ""
         if offset is not None and offset.kind == "fitted":
             used = prepared.used.output - offset.value
             remedy = "record the output with no object, or measure out to where it no longer changes"
             if prepared.reaches_last:
                 remaining = f"{100 * used[-1] / used[0]:.2g} %"
-                remedy += f" (the signal at the farthest distance is still {remaining} of the largest signal)"
+                detail = f" The signal at the farthest distance is still {remaining} of the largest signal."
         elif offset is not None and best.slope_shift > 0.5 * _ALLOWED / _NORMAL:
             remedy = "record the output with no object more often, because its uncertainty changes the slope"
         size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
@@ -71,8 +78,8 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
             caution(
                 "PT107",
                 f"The uncertainty of the sensor slope g is {size} at the distance "
-                f"{format_quantity(slope.worst_at, 'm', 3)}, but a design needs at most {100 * _ALLOWED:.0f} % at "
-                f"distances from {near} to {far}, where most of the virtual force acts: {remedy}.",
+                f"{format_quantity(slope.worst_at, 'm', 3)}, but a design needs at most {100 * _ALLOWED:.0f} %: "
+                f"{remedy}.{detail} The limit holds from {near} to {far}, where most of the virtual force acts.",
             )
         )
     gap = _largest_gap(prepared, best, float(slope.distances[-1]))
@@ -82,18 +89,18 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
             caution(
                 "PT108",
                 f"Between the distances {near} and {far}, the readings are {100 * abs(share):.0f} % "
-                f"{('flatter' if share > 0 else 'steeper')} than the best model, {best.model}, so the true "
-                "curve has another shape. The table model follows the true shape.",
+                f"{('flatter' if share > 0 else 'steeper')} than the best model, {best.model}. The true "
+                "curve has another shape, and the table model follows this shape.",
             )
         )
     return warnings
 
 
 def _largest_gap(prepared: Prepared, best: SensorFit, last: float) -> tuple[float, float, float] | None:
-    """Return the largest significant difference between the slope of the readings and the fitted slope.
+    """Return the largest significant error of the fitted slope.
 
-    The result is the relative difference and the two distances [m] between which it occurs. It is None if no difference
-    is both significant and too large.
+    The fitted slope is compared with the slope of the readings. The result is the relative difference and the two
+    distances [m] between which it occurs. It is None if no difference is both significant and too large.
     """
     used, noise = prepared.used, prepared.noise
     if noise is None or best.model == "table" or len(used.distance) < _FEWEST + 1:

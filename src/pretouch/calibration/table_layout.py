@@ -38,7 +38,8 @@ _FEW = 3  # fewest distances of a curve: a setting with fewer is not a label
 
 
 def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
-    """Find the columns of distances, outputs and labels in a table that has one reading per row."""
+    """Find the columns of a table with one reading per row."""
+    # The layout has the columns of distances, outputs and labels.
     # Options take precedence over names and units of the columns.
     _refuse_no_header(table)
     distance_index, output_indices = _columns(table, options)
@@ -58,7 +59,8 @@ def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
 
 
 def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
-    """Find the distance column and the output columns of a table; several output columns count as repeats."""
+    """Find the distance column and output columns of a table."""
+    # Several output columns count as repeats.
     selected = options.output.index(table)
     distance = _distance(table, options.distance, selected)
     repeats = _repeats(table, distance)
@@ -88,7 +90,10 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
 
 
 def _repeats(table: TextTable, distance: int | None) -> list[int]:
-    """Return the columns of repeated readings if their units agree and no other column can be the output."""
+    """Return the columns of repeated readings.
+
+    Their units must agree, and no other column may be the output.
+    """
     numbered = [i for i, title in enumerate(table.header) if is_named(title, "repeat") and i != distance]
     units = {split_title(table.header[i])[1] for i in numbered}
     named = [i for i, title in enumerate(table.header) if is_named(title, "output") and i not in {*numbered, distance}]
@@ -100,7 +105,7 @@ def _refuse_no_header(table: TextTable) -> None:
         wide = ', or --columns "distance=[mm]" if they are distances' if len(table.header) > 2 else ""
         raise CalibrationDataError(
             f'{table.place}: the first row contains numbers, but a header such as "distance [mm],output [V]" is '
-            "expected; add a header, or name the columns with "
+            "expected. Add a header, or name the columns with "
             f"{columns_hint('distance=1 [mm],output=2 [V]')}{wide}"
         )
     if len(table.header) < 2:
@@ -112,7 +117,8 @@ def _refuse_no_header(table: TextTable) -> None:
 
 
 def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int | None:
-    """Find the distance column of a table by the option of the user, by its name, or by its unit of length."""
+    """Find the distance column of a table."""
+    # The column is identified by the user's option, by its name, or by its unit of length.
     if option.names_a_column:
         return option.index(table)
     units = [split_title(title)[1] for title in table.header]
@@ -128,7 +134,8 @@ def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int
 
 
 def _output(table: TextTable, distance: int | None) -> int | None:
-    """Find the output column of a table by its name or unit, or take the only remaining column."""
+    """Find the output column of a table."""
+    # The column is identified by its name or unit, or is the only remaining column.
     free = [i for i in range(len(table.header)) if i != distance]
     others = [i for i in free if not is_named(table.header[i], "setting")]
     named = [i for i in others if is_named(table.header[i], "output")]
@@ -142,13 +149,17 @@ def _output(table: TextTable, distance: int | None) -> int | None:
 
 
 def _may_be_label(table: TextTable, index: int) -> bool:
-    """Return True if a column may contain labels, because it holds text or repeated values."""
+    """Return True if a column may contain labels.
+
+    Such a column holds text or repeated values.
+    """
     counts = {cell: count for cell, count in Counter(table.columns[index]).items() if not is_missing(cell)}
     return not all(map(is_number, counts)) or len(counts) < max(_FEW, sum(counts.values()) / 2)
 
 
 def _single_match(table: TextTable, matches: Sequence[int], what: str) -> int | None:
-    """Return the only matching column, or None if no column matches; raise an error if two columns match."""
+    """Return the only matching column of a table."""
+    # Return None if no column matches. Two matching columns are an error.
     if len(matches) < 2:
         return matches[0] if matches else None
     first, second = (f"{i + 1}: {quoted(table.header[i])}" for i in matches[:2])
@@ -184,14 +195,17 @@ def _output_column(table: TextTable, outputs: Sequence[int], option: ColumnOptio
         notes.append(f"The column {title!r} of sensor outputs has no unit, so its values are interpreted as {meaning}.")
     if is_named(title, "setting") and not option.names_a_column:
         notes.append(
-            f"The column {title!r} has the name of a sensor setting, but is used as the sensor output, because "
-            "no other column can be the output."
+            f"The column {title!r} has the name of a sensor setting, but is used as the sensor output. No other column "
+            "can be the output."
         )
     return Column(index=outputs[0], title=title, unit=symbol, factor=factor), notes
 
 
 def default_output_unit(cells: Collection[str]) -> tuple[str, str]:
-    """Return the unit that is assumed if a table states no unit of the sensor outputs, and a phrase for messages."""
+    """Return the default unit of sensor outputs.
+
+    It applies if a table states no unit. The second result is a phrase for messages.
+    """
     filled = [cell for cell in cells if not is_missing(cell)]
     if filled and all(re.fullmatch(r"\+?\d+", cell) for cell in filled):
         return "counts", "counts, because all of them are integers"
@@ -199,7 +213,10 @@ def default_output_unit(cells: Collection[str]) -> tuple[str, str]:
 
 
 def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tuple[int, ...], list[str]]:
-    """Return the label columns of a table, and notes on columns that are ignored."""
+    """Return the label columns of a table.
+
+    Also return notes on ignored columns.
+    """
     labels, notes = [], []
     for i, title in enumerate(table.header):
         if i in {distance, *outputs}:
@@ -219,7 +236,10 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
 
 
 def _drifts(table: TextTable, index: int, distance: int) -> bool:
-    """Return True if a column cannot be a label, because most of its values occur at too few distances."""
+    """Return True if a column cannot be a label.
+
+    Most values of such a column occur at too few distances.
+    """
     distances_of: dict[str, set[str]] = {}
     for cell, distance_cell in zip(table.columns[index], table.columns[distance], strict=True):
         distances_of.setdefault(cell, set()).add(distance_cell)
@@ -264,7 +284,8 @@ def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
 
 
 def _refuse_ambiguity(table: TextTable, marks: dict[int, DistanceMark], others: list[int]) -> None:
-    """Raise an error if the column headers of a table may be distances as well as repeat numbers."""
+    """Raise an error if column headers are ambiguous."""
+    # Such headers may be distances as well as repeat numbers.
     corner = next((i for i in others if is_length(split_title(table.header[i])[1])), None)
     if corner is None or any(mark.unit or mark.number is None for mark in marks.values()):
         return
@@ -273,13 +294,14 @@ def _refuse_ambiguity(table: TextTable, marks: dict[int, DistanceMark], others: 
         first, last = (table.header[i] for i in (min(marks), max(marks)))
         raise CalibrationDataError(
             f"{table.place}: the distances may be in the column {table.header[corner]!r} or in the headers "
-            f'{first!r} to {last!r}; use --columns "distance={corner + 1}" if they are in the column, or '
+            f'{first!r} to {last!r}. Use --columns "distance={corner + 1}" if they are in the column, or '
             f"{columns_hint('distance=[mm]')} if they are in the headers"
         )
 
 
 def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, DistanceMark], others: list[int]) -> str:
-    """Find the unit of the distances in column headers: in these headers, in an option, or in another header."""
+    """Find the unit of the distances in column headers."""
+    # The unit is in these headers, in an option, or in another header.
     header_units = list(dict.fromkeys(mark.unit for mark in marks.values() if mark.unit))
     bare = [i for i, mark in marks.items() if mark.unit is None and mark.number is not None and float(mark.number)]
     option_unit = options.distance.unit
@@ -310,7 +332,10 @@ def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, Di
 
 
 def _units(title: str) -> list[tuple[str, str]]:
-    """Return all pairs of a name and a unit in a column header; the header in the corner may contain two pairs."""
+    """Return all names and units in a column header.
+
+    The header in the corner may contain two pairs.
+    """
     units = [(name, unit.strip()) for name, unit in _BRACKETS.findall(title)]
     name, unit = split_title(title)
     return units or ([(name, unit)] if unit else [("", title)])
@@ -324,7 +349,7 @@ def _is_distance_name(name: str) -> bool:
 def _output_unit(
     table: TextTable, options: ColumnOptions, marks: dict[int, DistanceMark], others: list[int]
 ) -> tuple[str, float, list[str]]:
-    """Return the unit of the sensor outputs in a table whose column headers are distances."""
+    """Return the output unit of a table with distance headers."""
     # The unit comes from the option or from the corner cell; otherwise, integers are counts.
     unit_text = options.output.unit
     for i in others:
@@ -342,7 +367,10 @@ def _output_unit(
 
 
 def _counts_rows(table: TextTable, index: int) -> bool:
-    """Return True if a column contains only repeat numbers, times or empty cells."""
+    """Return True if a column contains only repeat numbers or times.
+
+    The column may also be empty.
+    """
     title = table.header[index]
     cells = table.columns[index]
     distinct = len(set(cells)) == len(cells)
@@ -356,7 +384,10 @@ def _counts_rows(table: TextTable, index: int) -> bool:
 
 
 def _numbers_a_repeat(cell: str) -> bool:
-    """Return True if a cell contains the number of a repeat, such as `3` or `trial 3`."""
+    """Return True if a cell contains a repeat number.
+
+    Examples are `3` and `trial 3`.
+    """
     return is_number(cell) or is_missing(cell) or is_named(re.sub(r"\d+$", "", cell), "count")
 
 

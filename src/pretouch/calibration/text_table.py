@@ -1,4 +1,4 @@
-"""Split a text table, such as a CSV file, into a header and rows of cells."""
+"""Split a text table such as CSV into header and rows."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _NO_OBJECT = re.compile("no object", re.IGNORECASE)  # two words, one cell
 
 
 def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = None) -> TextTable:
-    """Read a text table such as CSV, and split it into header and rows."""
+    """Read a text table such as a CSV file."""
     # Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. An error is raised for
     # unreadable or too large files, for files without a table, and for rows with another number of cells.
     path, options = Path(path), options or ColumnOptions()
@@ -94,7 +94,8 @@ def _split(rows: list[Any], delimiter: str, *, plain: bool) -> None:
 
 
 def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimiter: str) -> tuple[tuple[str, ...], int]:
-    """Split the header line of a table into column headers, or number the columns if there is no header."""
+    """Split the header line of a table into column headers."""
+    # Without a header, the columns are numbered.
     # The second result is the number of rows with units below the header.
     widths = Counter(len(row) for row in rows[:_COUNTED] if is_row(row))
     width = max(widths, key=lambda cells: (widths[cells], cells)) if widths else None
@@ -120,7 +121,7 @@ def _without_empty_end(header: tuple[str, ...], rows: list[Any]) -> tuple[str, .
 def _refuse_other_widths(
     file: str, header: tuple[str, ...], rows: Sequence[tuple[str, ...]], numbers: Sequence[int], delimiter: str
 ) -> None:
-    """Raise an error if a table row has more or fewer cells than the header."""
+    """Raise an error if a row does not match the header."""
     for number, row in zip(numbers, rows, strict=True):
         if len(row) != len(header):
             place, hint = f"{file}, line {number}", _hint(row, delimiter)
@@ -131,7 +132,8 @@ def _refuse_other_widths(
 
 
 def _decode(content: bytes, file: str) -> tuple[str, str]:
-    """Decode the bytes of a text file, and return the text with the name of its encoding."""
+    """Decode the bytes of a text file."""
+    # Also return the name of the encoding.
     marked = content.startswith((b"\xff\xfe", b"\xfe\xff"))
     if b"\0" in content and not marked:
         raise _refusal(f"{file}: the file contains binary data, but a calibration must be a text table such as CSV")
@@ -142,7 +144,10 @@ def _decode(content: bytes, file: str) -> tuple[str, str]:
 
 
 def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
-    """Return all lines of a file except blank lines and comments, with their line numbers."""
+    """Return the lines of a text file with line numbers.
+
+    Blank lines and comments are omitted.
+    """
     # The last comment may be the header.
     numbers = array("q")
     texts: list[str] = []
@@ -184,7 +189,7 @@ def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -
         if len(cells) == width and sum(is_number(cell) for cell in cells) > 1:
             raise CalibrationDataError(
                 f"{file}, line {i}: there are numbers ({quoted(line)}) above the header, which is in line "
-                f"{header[0]}; put # before every line that is not part of the table",
+                f"{header[0]}. Put # before every line that is not part of the table",
                 problem=f"{file}, line {i}: there are numbers above the header, which is in line {header[0]}",
             )
     first, last = lines[0], lines[index - 1]
@@ -193,7 +198,8 @@ def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -
 
 
 def _certain_header(lines: Lines, options: ColumnOptions) -> int | None:
-    """Find the header line: it names a distance or a selected column, and rows with as many cells follow it."""
+    """Find a header line with known column names."""
+    # The header names a distance or a selected column, and rows with as many cells follow it.
     width: int | None = None
     wanted: list[int] = []
     for i in range(min(len(lines), _SEARCHED)):
@@ -211,7 +217,10 @@ def _certain_header(lines: Lines, options: ColumnOptions) -> int | None:
 
 
 def _is_header(line: str, width: int, options: ColumnOptions) -> bool:
-    """Return True if a line with `width` cells names a distance, or a column that the user selected."""
+    """Return True if a line is a table header.
+
+    A header has `width` cells, and names a distance or a selected column.
+    """
     delimiter = _delimiter(line)
     header = _header_cells(line, delimiter, width)
     if len(header) != width or width < 2:
@@ -221,7 +230,8 @@ def _is_header(line: str, width: int, options: ColumnOptions) -> bool:
 
 
 def _uncertain_header(file: str, lines: Lines, options: ColumnOptions) -> tuple[int, Lines]:
-    """Find the header of a file without known column names, and raise an error if the header is doubtful."""
+    """Find a table header without known column names."""
+    # Raise an error if the header is doubtful.
     data = next((i for i, (_, t) in enumerate(lines[:_SEARCHED]) if is_row(_cells(t, _any_delimiter(t)))), None)
     if data is None:
         return 0, lines
@@ -241,13 +251,15 @@ def _uncertain_header(file: str, lines: Lines, options: ColumnOptions) -> tuple[
 
 
 def _delimiter(line: str) -> str:
-    """Find the column delimiter in a header line, ignoring text in brackets and quotes."""
+    """Find the column delimiter in a header line."""
+    # Text in brackets and quotes is ignored.
     bare = re.sub(rf'"[^"]*"|{_BRACKETED}', "", line)
     return next((mark for mark in ("\t", ";", ",") if mark in bare.strip()), _BLANK)
 
 
 def _any_delimiter(line: str) -> str:
-    """Find the column delimiter in a row of numbers that may have decimal commas."""
+    """Find the column delimiter in a row of numbers."""
+    # The numbers may have decimal commas.
     delimiter = _delimiter(line)
     if delimiter != ",":
         return delimiter
@@ -267,7 +279,8 @@ def _cells(line: str, delimiter: str) -> tuple[str, ...]:
 
 
 def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str, ...]:
-    """Split a header line into column headers, and keep units in brackets together with their names."""
+    """Split a header line into column headers."""
+    # Units in brackets stay together with their names.
     if delimiter != _BLANK:
         return _cells(line, delimiter)
     words: list[str] = []
@@ -284,12 +297,18 @@ def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str,
 
 
 def _cells_in_words(cells: Sequence[str]) -> str:
-    """Return a number of table cells as text, such as `1 cell` or `3 cells`."""
+    """Return the number of table cells as text.
+
+    Examples are `1 cell` and `3 cells`.
+    """
     return f"{len(cells)} cell{'s' * (len(cells) != 1)}"
 
 
 def _hint(row: Sequence[str], delimiter: str) -> str:
-    """Return a hint that explains why a table row has more or fewer cells than the header."""
+    """Return a hint about a row of wrong length.
+
+    The hint explains why the row has more or fewer cells than the header.
+    """
     if not is_row(row) and sum(is_number(cell) for cell in row) < 2:
         return "; put # before a line that holds no reading"
     if delimiter == ",":

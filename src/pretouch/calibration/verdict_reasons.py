@@ -1,4 +1,7 @@
-"""Explain the verdict on a sensor: list its problems, how to solve them, and the excluded readings."""
+"""Explain the verdict on a sensor.
+
+List its problems, their remedies, and the excluded readings.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,10 @@ _SMALL_FALL = 0.3  # decrease of ln xi over the window below which only the mean
 
 
 def ignored_readings(prepared: Prepared) -> tuple[str, ...]:
-    """Return a sentence for each group of readings that the fits ignore, such as outliers."""
+    """Return a sentence for each group of ignored readings.
+
+    The fits ignore readings such as outliers.
+    """
     calibration, window, groups = prepared.calibration, prepared.window, []
     at_bad = np.isin(calibration.distances, prepared.outlier_distances)
     single = [i for i in prepared.outliers if not at_bad[i]]
@@ -66,7 +72,7 @@ def _readings(count: Any) -> str:
 
 
 def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
-    """Return a sentence that describes how well the best sensor model fits the readings."""
+    """Summarize how well the best sensor model fits."""
     low, high = (format_quantity(d, "m") for d in (prepared.window.l_min, prepared.window.l_max))
     if not fits:
         return f"The sensor signal is usable from {low} to {high}, but none of the requested models fits the readings."
@@ -79,15 +85,18 @@ def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
 
 
 def distance_reservations(calibration: Calibration) -> tuple[str, ...]:
-    """Return a warning if the distances of a calibration are so large that their unit must be wrong."""
+    """Return a warning about implausibly large distances.
+
+    Such distances must have a wrong unit.
+    """
     farthest = float(calibration.distances.max())
     if farthest <= _FARTHEST:
         return ()
     return (
         caution(
             "PT114",
-            f"The distances reach {farthest:.4g} m, which is too far for a proximity sensor: if they are in "
-            "millimeters, change the header of their column to `distance [mm]`.",
+            f"The distances reach {farthest:.4g} m, which is too far for a proximity sensor: for millimeters, "
+            "use the header `distance [mm]`.",
         ),
     )
 
@@ -95,9 +104,10 @@ def distance_reservations(calibration: Calibration) -> tuple[str, ...]:
 def find_reservations(
     prepared: Prepared, fits: list[SensorFit], slope: SlopeUncertainty | None, *, given: int
 ) -> list[str]:
-    """Return warnings about a sensor that has a usable signal, with a remedy in each warning.
+    """Return warnings about a sensor with a usable signal.
 
-    `given` is the number of readings in the file, including copies of readings, which the fits count once.
+    Each warning contains a remedy. `given` is the number of readings in the file, including copies of readings, which
+    the fits count once.
     """
     calibration, window, used = prepared.calibration, prepared.window, prepared.used
     copies = given - len(calibration.outputs) - len(calibration.no_object)
@@ -110,8 +120,8 @@ def find_reservations(
     unknowns = (len(fits[0].parameters) or 3) + (fits[0].offset.kind == "fitted") if fits else 0
     few = caution(
         "PT101",
-        f"The usable range from {low} to {high} contains only {count} different distances, but the curve has "
-        f"{unknowns} unknown parameters: measure at 8 or more distances in this range.",
+        f"The usable range has only {count} different distances, but the curve has {unknowns} unknown parameters: "
+        f"measure at 8 or more distances. The usable range is from {low} to {high}.",
     )
     lacking = count < _FEW_POINTS or count - unknowns < _MORE_THAN_UNKNOWNS
     reasons = [few] if lacking else []
@@ -119,9 +129,9 @@ def find_reservations(
         reasons.append(
             caution(
                 "PT115",
-                f"{copies} of {given} readings repeat another reading exactly, for example as copies, averages or "
-                "readings of a coarse sensor, so they do not show the noise and are not counted: remove copies, and "
-                "record raw readings.",
+                f"{copies} of {given} readings repeat another reading exactly, so they do not show the noise: remove "
+                "copies, and record raw readings. Such readings are not counted. They may be copies, averages or "
+                "readings of a coarse sensor.",
             )
         )
     elif used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
@@ -148,7 +158,7 @@ def find_reservations(
 
 def _offset_reservations(prepared: Prepared) -> list[str]:
     """Return warnings if the sensor offset is impossible or contradicts the readings."""
-    unit, offset, noise, reasons = prepared.calibration.unit, prepared.offset, prepared.noise, []
+    offset, noise, reasons = prepared.offset, prepared.noise, []
     if offset is None or noise is None:
         return []
     curve, record = average(prepared.calibration), "record the output with no object"
@@ -174,20 +184,25 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
     if prepared.free is None or prepared.free.doubt(offset) <= _DOUBT[offset.kind]:
         return reasons
     free_offset = prepared.free.offset("fitted")
-    fitted = f"{free_offset.value:.4g} {unit} (95 % interval {free_offset.low:.4g} to {free_offset.high:.4g})"
+    fitted = _level(prepared.calibration, free_offset.value)
+    interval = f"95 % interval {free_offset.low:.4g} to {free_offset.high:.4g}"
+    remedy = f"{record}, or fit the offset"
     contradiction = (
-        f"The readings at large distances level off at {fitted}, above the {kind} offset of {level}, so the "
-        "controller subtracts too little and the virtual force becomes too weak"
+        f"The readings at large distances level off at {fitted}, above the {kind} offset of {level}: {remedy}. The "
+        f"fitted offset has the {interval}. The controller subtracts too little, so the virtual force becomes too weak."
         if free_offset.value > offset.value
-        else f"The readings at large distances fall more steeply than any curve with the {kind} offset of {level}, "
-        f"but agree with an offset of {fitted}, so the controller subtracts too much and the virtual force becomes "
-        "too strong at large distances"
+        else f"The readings at large distances fall more steeply than any curve with the {kind} offset of {level}: "
+        f"{remedy}. The readings agree with an offset of {fitted} ({interval}). The controller subtracts too much, so "
+        "the virtual force becomes too strong at large distances."
     )
-    return [*reasons, caution("PT103", f"{contradiction}: {record}, or fit the offset.")]
+    return [*reasons, caution("PT103", contradiction)]
 
 
 def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
-    """Return a warning if the readings deviate from the best sensor model by more than noise explains."""
+    """Return a warning about readings far from the best model.
+
+    Noise does not explain these deviations.
+    """
     if prepared.noise is None or prepared.noise.misfit <= _LARGE_MISFIT:
         return []
     table = " The table model follows the readings." if any(f.model == "table" for f in fits) else ""
@@ -195,7 +210,7 @@ def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
         caution(
             "PT109",
             f"Averaged readings deviate from the best model, {fits[0].model}, by {100 * prepared.noise.misfit:.0f} % "
-            "of the signal (RMS), which noise does not explain: check how the distances were set. Over one step of "
-            f"distance, the virtual force has about the same error.{table}",
+            "of the signal, more than noise explains: check how the distances were set. This deviation is an RMS "
+            f"value. Over one step of distance, the virtual force has about the same error.{table}",
         )
     ]

@@ -44,9 +44,9 @@ def is_rising(curve: AveragedCurve, noise: ReadingNoise) -> bool:
 
 
 def end_of_falling(curve: AveragedCurve, noise: ReadingNoise) -> int:
-    """Return the number of points before the sensor output rises again, or of all points if it never rises.
+    """Return the number of points before the output rises again.
 
-    Points that may already include a part of the rise are excluded as well.
+    All points count if the output never rises. Points that may already include a part of the rise are excluded as well.
     """
     steady = curve.steady
     steady[-1] = max(steady[-1], np.median(curve.output[-3:]))  # a single low reading at the end is no trend
@@ -62,7 +62,10 @@ def end_of_falling(curve: AveragedCurve, noise: ReadingNoise) -> int:
 
 
 def _error(curve: AveragedCurve, noise: ReadingNoise) -> float:
-    """Return the standard deviation of the averaged readings where the output is flat."""
+    """Return the standard deviation of the averaged readings.
+
+    It is estimated where the output is flat.
+    """
     if noise.sigma is not None:
         error = noise.sigma / np.sqrt(float(np.median(curve.count)))
         return float(np.hypot(error, noise.resolution / np.sqrt(12.0)))
@@ -81,9 +84,10 @@ _CLIPPED_SHARE: Final = 0.99  # share of full scale; converters and amplifiers c
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NearEnd:
-    """The smallest usable distance of a sensor, with the reason for this limit and the saturation level.
+    """Smallest usable distance of a sensor.
 
-    `flat` is true if the output has no slope there, as at a detected peak.
+    It has the reason for this limit and the saturation level. `flat` is true if the output has no slope there, as at a
+    detected peak.
     """
 
     index: int
@@ -148,7 +152,8 @@ def find_window(
 
 
 def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
-    """Convert a sensor offset that the user declares, with or without standard error, to an `OffsetEstimate`."""
+    """Convert a declared sensor offset to an `OffsetEstimate`."""
+    # The user may declare the offset with or without its standard error.
     value, error = offset if isinstance(offset, (tuple, list)) else (offset, 0.0)
     value, error = float(finite(value, "offset")), float(nonnegative(error, "standard error of the offset"))
     reach = 1.959964 * error
@@ -158,7 +163,7 @@ def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
 def find_near_end(
     calibration: Calibration, curve: AveragedCurve, saturation: float | str | None, near_field_peak: float | str | None
 ) -> NearEnd:
-    """Find the smallest usable distance of a sensor, and the reason for this limit."""
+    """Find the smallest usable distance of a sensor."""
     # If all readings are clipped, the index is the number of distances.
     level, source = _saturation(calibration, curve, saturation)
     saturated = calibration.outputs >= (np.inf if level is None else level)
@@ -178,7 +183,10 @@ def find_near_end(
 
 
 def _end_of_clipping(clipped: BoolArray) -> int:
-    """Return the index after the last clipped distance; isolated clipped distances count only at index 0."""
+    """Return the index after the last clipped distance.
+
+    Isolated clipped distances count only at index 0.
+    """
     supported = [
         i for i in np.flatnonzero(clipped) if i == 0 or clipped[i - 1] or (i + 1 < len(clipped) and clipped[i + 1])
     ]
@@ -186,7 +194,8 @@ def _end_of_clipping(clipped: BoolArray) -> int:
 
 
 def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | str | None) -> tuple[float | None, str]:
-    """Return the output at which a sensor clips, and how this level was found."""
+    """Return the output at which a sensor clips."""
+    # Also return how this level was found.
     if option is None:
         return None, ""
     if not isinstance(option, str):
@@ -209,7 +218,8 @@ def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | 
 
 
 def _peak(curve: AveragedCurve, start: int, option: float | str | None) -> tuple[int, str]:
-    """Return the index of the distance at which the output has its maximum, and how the maximum was found."""
+    """Find the distance with the maximum sensor output."""
+    # Return its index, and how the maximum was found.
     if option is None:
         return start, ""
     if option != "auto":
@@ -237,7 +247,7 @@ def window_of(
     left_out: tuple[int, ...] = (),
     last: tuple[int, str] | None = None,
 ) -> UsableWindow:
-    """Find the largest usable distance of a sensor, and return the whole range of usable distances."""
+    """Find the usable range of a sensor."""
     # Points `left_out` are skipped; `last` is the index after the last point that may be used, and the reason.
     stop, reason = last or (len(curve.distance), "last measured distance")
     indices = [i for i in range(near.index, stop) if i not in left_out]

@@ -1,8 +1,9 @@
-"""Generate random sensor curves that agree with the readings, to test a gain on alternatives to the fitted curve.
+"""Generate random sensor curves that agree with the readings.
 
-The controller subtracts one offset o from every output y. Between two readings, the impulse of the letter's virtual
-force, L(2), is D_p times the change of ln(y - o). This impulse does not depend on the curve between the readings, or on
-the true offset. So the readings themselves contradict a fit that is wrong between them.
+A gain is tested on them as alternatives to the fitted curve. The controller subtracts one offset o from every output y.
+Between two readings, the impulse of the letter's virtual force, L(2), is D_p times the change of ln(y - o). This
+impulse does not depend on the curve between the readings, or on the true offset. So the readings themselves contradict
+a fit that is wrong between them.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ _STEEPEST: Final = 3.0  # times the flatter neighboring secant: with more, a cub
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Witness(Value):
-    """Source of random sensor curves that fit the readings but do not depend on the fitted model.
+    """Source of random sensor curves that fit the readings.
+
+    The curves do not depend on the fitted model.
 
     Args:
         distances: distances with a signal above the offset [m], increasing, shape (N,).
@@ -81,7 +84,10 @@ class Witness(Value):
 def witness_of(
     curve: AveragedCurve, offset: OffsetEstimate, noise: NoiseEstimate, ceilings: CeilingFits, farthest: float
 ) -> Witness | None:
-    """Return a source of random sensor curves that fit the readings, or None if fewer than two have a signal."""
+    """Return a source of random sensor curves.
+
+    The curves fit the readings. Return None if fewer than two readings have a signal.
+    """
     part = curve.part((curve.output > offset.value) & (curve.distance <= farthest))
     if len(part.distance) < 2:
         return None
@@ -99,7 +105,8 @@ def witness_of(
 
 
 def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
-    """Remove rises of the log output if noise can explain them all; otherwise return the log outputs unchanged."""
+    """Remove rises of the log output caused by noise."""
+    # The log outputs are unchanged if noise cannot explain all rises.
     if (np.diff(level) <= 0).all():
         return level
     from scipy.optimize import isotonic_regression  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -109,7 +116,10 @@ def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
 
 
 def _smooth_slopes(distance: FloatArray, level: FloatArray, secants: FloatArray) -> FloatArray:
-    """Return the slopes of a monotone piecewise cubic curve (PCHIP) through the readings."""
+    """Return the slopes of a monotone curve through the readings.
+
+    The curve is a piecewise cubic (PCHIP).
+    """
     if len(distance) == 2:
         return np.repeat(secants, 2)
     from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -118,7 +128,7 @@ def _smooth_slopes(distance: FloatArray, level: FloatArray, secants: FloatArray)
 
 
 def _bounded(slopes: FloatArray, secants: FloatArray) -> FloatArray:
-    """Limit the slopes at the readings so that the cubic curve between the readings is monotone."""
+    """Limit slopes so that the cubic curve is monotone."""
     near, far = np.concatenate([secants[:1], secants]), np.concatenate([secants, secants[-1:]])
     size = _STEEPEST * np.minimum(np.abs(near), np.abs(far))
     same = np.sign(near) == np.sign(far)

@@ -71,7 +71,10 @@ _EXAMPLES: Final[
 
 
 def _epilog(first: str, second: str, page: str) -> str:
-    """Return the end of the help text of a command: two examples and the path of its documentation page."""
+    """Return the end of a command's help text.
+
+    It has two examples and the path of the documentation page.
+    """
     return f"\b\nExamples:\n  pretouch {first}\n  pretouch {second}\n\n\b\nDocumentation: docs/{page}"
 
 
@@ -97,7 +100,7 @@ def _root(
 
 
 def _run() -> int:
-    """Run the command line, including help texts and usage errors, and return the exit status."""
+    """Run the command line and return its exit status."""
     try:
         app(prog_name="pretouch")
     except SystemExit as ended:
@@ -106,7 +109,10 @@ def _run() -> int:
 
 
 def main() -> None:
-    """Run the command line with the arguments of this process, and exit with the resulting status."""
+    """Run the command line of this process.
+
+    The process exits with the resulting status.
+    """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its idle threads would compete with ours for the cores
     gc.set_threshold(100_000)  # imported libraries leave no garbage, but collecting takes a tenth of the run
     try:

@@ -1,4 +1,4 @@
-"""Define and parse the command-line options that select columns and curves of a calibration file."""
+"""Define the command-line options that select calibration columns and curves."""
 
 from __future__ import annotations
 
@@ -25,21 +25,25 @@ Labels: TypeAlias = Annotated[
 
 
 def read_columns(text: str | None) -> dict[str, str]:
-    """Parse the option --columns, such as `distance=1,output=3 [V]`, which selects columns of a table."""
+    """Parse the option --columns for the columns of a table."""
+    # An example is `distance=1,output=3 [V]`.
     # A header may contain commas.
     if text is None:
         return {}
     parts = re.split(r"(?:^|[,;])\s*(\w+)\s*=", text)
     if parts[0].strip() or len(parts) < 3:
         raise InvalidInputError(
-            f"--columns: found {text!r}, expected NAME=COLUMN, where COLUMN is a column header, a column "
-            'number from 1, or a unit in brackets, for example "distance=1,output=3 [V]"'
+            f'--columns: found {text!r}, expected NAME=COLUMN, for example "distance=1,output=3 [V]". COLUMN is a '
+            "column header, a column number from 1, or a unit in brackets"
         )
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
 
 def read_labels(text: str | None) -> tuple[str, ...] | None:
-    """Parse the option --labels: a list of column names such as `day,sensor`, or `none` for an empty list."""
+    """Return the column names in the option --labels.
+
+    An example is `day,sensor`; `none` is an empty list.
+    """
     if text is None:
         return None
     names = tuple(name.strip() for name in text.split(",") if name.strip())
@@ -47,7 +51,8 @@ def read_labels(text: str | None) -> tuple[str, ...] | None:
 
 
 def read_selection(texts: list[str] | None) -> dict[str, str]:
-    """Parse the option --select, which selects calibration curves by their labels, such as `day=30`."""
+    """Parse the option --select for calibration curves."""
+    # Curves are selected by their labels, such as `day=30`.
     for text in texts or ():
         if not re.fullmatch(r"[^=]+=.+", text):
             raise InvalidInputError(f"--select: found {text!r}, expected COLUMN=VALUE, for example day=30")
@@ -55,5 +60,5 @@ def read_selection(texts: list[str] | None) -> dict[str, str]:
 
 
 def selection_of(label: str) -> str:
-    """Return the command-line options --select that select the calibration curve with a given label."""
+    """Return the options --select for a labeled calibration curve."""
     return " ".join(f"--select {shlex.quote(part)}" for part in label.split(", "))

@@ -50,7 +50,8 @@ def compare(
 
 
 def _tasks(files: list[Path], *, parts: bool) -> dict[str, Task]:
-    """Return the design task of each compared candidate; its key names the scenario file, the sensor part, or both."""
+    """Return the design tasks of the compared candidates."""
+    # Each key names the scenario file, the sensor part, or both.
     from pretouch.config import load_scenario  # noqa: PLC0415
     from pretouch.config.parts import load_with_parts  # noqa: PLC0415
 

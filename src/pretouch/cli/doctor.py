@@ -67,7 +67,8 @@ def _lines(
     *,
     page: str,
 ) -> list[str]:
-    """Return lines of text on the installation; `page` says how to build the core of the studio if it is missing."""
+    """Describe the installation in lines of text."""
+    # `page` says how to build the core of the studio if it is missing.
     own = packages.pop("pretouch")
     lines = [f"pretouch {own}, Python {platform.python_version()}, {platform.system()} {platform.machine()}"]
     lines.append(
@@ -90,7 +91,7 @@ def _lines(
 
 
 def _core() -> dict[str, Any]:
-    """Test the compiled core by computing one contact, and return its processor variant or the error message."""
+    """Test the compiled core by computing one contact."""
     try:
         import pretouch as pt  # noqa: PLC0415
         from pretouch._core import native  # noqa: PLC0415
@@ -106,7 +107,10 @@ def _core() -> dict[str, Any]:
 
 
 def _required(extra: str) -> list[str]:
-    """Return the packages that a pip extra installs on this machine; an empty name means pretouch without extras."""
+    """Return the packages that a pip extra installs.
+
+    Packages that do not exist for this machine are omitted. An empty name means pretouch without extras.
+    """
     names = []
     for line in requires("pretouch") or []:
         name = re.match(r"[\w.-]+", line)
@@ -117,7 +121,7 @@ def _required(extra: str) -> list[str]:
 
 
 def _no_dds() -> bool:
-    """Return True if no prebuilt package (wheel) of the DDS library exists for this machine."""
+    """Check whether the DDS library lacks a wheel for this machine."""
     return platform.python_version_tuple() >= ("3", "14") or (
         platform.system() == "Linux" and platform.machine() != "x86_64"
     )

@@ -19,7 +19,10 @@ from .verbs import LoopFile, LoopGain, load_loop
 
 
 class Target(StrEnum):
-    """Format of an exported control law; the values are the names in `pretouch.export.TARGETS`."""
+    """Format of an exported control law.
+
+    The values are the names in `pretouch.export.TARGETS`.
+    """
 
     C = "c"
     FMU = "fmu"
@@ -72,7 +75,7 @@ def _export(
     verbose: bool,
     json: bool,
 ) -> None:
-    """Export the control law that the command-line options describe, and print the result."""
+    """Export a control law and print the result."""
     from pretouch._core.blocks import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick
     from pretouch.export import export_law  # noqa: PLC0415
 
@@ -88,7 +91,8 @@ def _export(
 
 
 def _date() -> str:
-    """Return the date for exported files: today, or the date that SOURCE_DATE_EPOCH sets, both in UTC."""
+    """Return the date for exported files in UTC."""
+    # SOURCE_DATE_EPOCH can set another date than today.
     text = os.environ.get("SOURCE_DATE_EPOCH")
     if text is None:
         return datetime.now(UTC).date().isoformat()

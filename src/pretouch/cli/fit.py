@@ -80,7 +80,10 @@ def _show(request: FitRequest, shown: Presentation) -> None:
 
 
 def _print_notes(curve: Calibration, printed: tuple[str, ...]) -> None:
-    """Print the notes on a calibration curve, except notes that are already printed."""
+    """Print the new notes on a calibration curve.
+
+    Notes that are already printed are skipped.
+    """
     from .summary import wrapped  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     for note in () if curve.source is None else curve.source.notes:
@@ -89,7 +92,7 @@ def _print_notes(curve: Calibration, printed: tuple[str, ...]) -> None:
 
 
 def _word_or(text: str, words: tuple[str, ...], read: Callable[..., Any], name: str) -> Any:
-    """Return an allowed word such as `auto` unchanged, and parse any other text as a value."""
+    """Parse a value or an allowed word such as `auto`."""
     return text if text in words else read(text, name=name)
 
 
@@ -105,7 +108,7 @@ def _one(request: FitRequest, curve: Calibration, shown: Presentation) -> None:
 
 
 def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presentation) -> None:
-    """Fit several calibration curves, and print a table row or a JSON object for each curve."""
+    """Fit several calibration curves and print the results."""
     if shown.output is not None:
         raise InvalidInputError(
             f"--output: the file {request.path.name} contains {len(curves)} curves, but a report covers only one "

@@ -81,7 +81,7 @@ def init(
 
 
 def _request(csv: Path | None, columns: str | None, labels: str | None, select: list[str] | None) -> FitRequest | None:
-    """Return the path of the calibration file and the options for reading it; None without a calibration."""
+    """Return the request for reading a calibration file."""
     from pretouch.config.sensor import FitRequest  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     if csv is not None:
@@ -97,7 +97,7 @@ def _request(csv: Path | None, columns: str | None, labels: str | None, select: 
 def _init(
     request: FitRequest | None, output: Path, given: dict[str, str | None], *, drag: bool, force: bool, json: bool
 ) -> None:
-    """Create a scenario file from the options and answers of the user, check the file and write it."""
+    """Create, check and write a first scenario file."""
     from pretouch.config import load_document  # noqa: PLC0415 - keeps `pretouch --help` quick
     from pretouch.config.first_scenario import FirstScenario  # noqa: PLC0415
 
@@ -170,7 +170,8 @@ def _init(
 
 
 def _answer(name: str, given: dict[str, str | None], default: str, read: Callable[[str], _T], *, asks: bool) -> _T:
-    """Parse the value of an option, the user's answer, or the default value; ask again after an invalid answer."""
+    """Parse the value of an option or the user's answer."""
+    # An invalid answer is asked again. Without an answer, the default value is parsed.
     value = given[name]
 
     def read_answer(text: Any) -> _T:
@@ -206,7 +207,8 @@ _DIMENSIONS: Final = {
 
 
 def _size(text: str, *, unit: str, zero: bool = False) -> float:
-    """Parse a positive quantity with its unit; if `zero` is true, 0 is also allowed."""
+    """Parse a positive quantity with its unit."""
+    # If `zero` is true, 0 is also allowed.
     name, example = _DIMENSIONS[unit]
     if zero and text.strip() == "0":
         return 0.0
@@ -222,7 +224,8 @@ def _size(text: str, *, unit: str, zero: bool = False) -> float:
 
 
 def _part(name: str) -> SensorPart | None:
-    """Return the sensor part with a given name, ignoring case; return None for the name `other`."""
+    """Return the sensor part with a given name."""
+    # The result is None for the name `other`.
     from pretouch.simulation import PARTS  # noqa: PLC0415
 
     if name.lower() == _NONE:
@@ -234,7 +237,8 @@ def _part(name: str) -> SensorPart | None:
 
 
 def _usable(request: FitRequest | None, part: SensorPart | None) -> tuple[float, float, tuple[str, ...]]:
-    """Return smallest and largest usable distance [m], the smallest rounded up to 0.1 mm, and calibration warnings."""
+    """Return the usable distance range and the calibration warnings."""
+    # The distances are in m, the smallest one rounded up to 0.1 mm.
     if request is None:
         return 0.0, 0.1 if part is None else part.range[1], ()
     curves = request.read()

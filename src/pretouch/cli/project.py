@@ -1,4 +1,7 @@
-"""Implement the command `pretouch project`, which prints mass and limits of a robot model along sensor axes."""
+"""Implement the command `pretouch project` for robot models.
+
+It prints mass and limits of a robot model along sensor axes.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +25,11 @@ def project(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print all rows and all warnings.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print only a JSON object.")] = False,
 ) -> None:
-    """Print mass, longest retreat and limits of a robot model along the axes of all its sites (named points).
+    """Print mass and limits of a robot model at its sites.
 
-    Each site is projected along its own axes x, y and z, in the posture in which the model is defined and in all of its
-    keyframes. This command needs MuJoCo: pip install 'pretouch[mujoco]'.
+    The table also has the longest retreat. Sites are named points of the model. Each site is projected along its own
+    axes x, y and z, in the posture in which the model is defined and in all of its keyframes. This command needs
+    MuJoCo: pip install 'pretouch[mujoco]'.
 
     Exit status: 0 the table is printed, 2 a mistake in the request or in the model.
     """
@@ -33,7 +37,7 @@ def project(
 
 
 def _project(file: Path, *, verbose: bool, json: bool) -> None:
-    """Compute mass and limits for all sites of a robot model, and print them as a table."""
+    """Print mass and limits for all sites of a robot."""
     from pretouch._core.blocks import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick, as below
     from pretouch._core.files import as_json  # noqa: PLC0415
     from pretouch.robots import load_model, project_all  # noqa: PLC0415
@@ -46,7 +50,7 @@ def _project(file: Path, *, verbose: bool, json: bool) -> None:
 
 
 def _short(page: Page) -> str:
-    """Return a short text: headline, first rows of the table, and the number of omitted rows and warnings."""
+    """Shorten the table of a robot model for the terminal."""
     from pretouch._core.blocks import aligned, cell_as_text, tables_of  # noqa: PLC0415
 
     (table,) = tables_of(page.blocks)

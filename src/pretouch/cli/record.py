@@ -43,7 +43,8 @@ class _Origin:
     distance_unit: str
 
     def open(self) -> ReadingSource:
-        """Open the source of the sensor readings; by default, the only serial port of the computer."""
+        """Open the source of the sensor readings."""
+        # The default is the only serial port of the computer.
         from pretouch.recording.sources.lines import LineFormat  # noqa: PLC0415 - keeps `pretouch --help` quick
 
         chosen = [
@@ -178,7 +179,10 @@ def record(
 
 @dataclass(frozen=True, slots=True)
 class _Steps:
-    """The command-line options on the distances and the unit of a recording, and on its continuation."""
+    """The command-line options on the steps of a recording.
+
+    They set the distances, the unit and the continuation of the recording.
+    """
 
     distances: str | None
     stage: str | None
@@ -200,14 +204,17 @@ class _Steps:
         return () if self.distances is None else read_distances(self.distances)
 
     def plan(self, wanted: tuple[float, ...], done: tuple[float, ...]) -> DistancePlan:
-        """Return the plan of the remaining distances: those of a list, or those that the user types."""
+        """Return the plan of the remaining distances.
+
+        The distances are those of a list, or those that the user types.
+        """
         from pretouch.recording.record_distances import ListedDistances, TypedDistances  # noqa: PLC0415
 
         return ListedDistances(wanted, done, self.stage) if self.distances is not None else TypedDistances()
 
 
 def _goal(file: Path, accuracy: float) -> tuple[Path, RecordGoal]:
-    """Return the path of the calibration file to write, and the accuracy and distances that the recording needs."""
+    """Return the calibration path and the goal of the recording."""
     from pretouch.recording.record_judgment import RecordGoal  # noqa: PLC0415
 
     if not 0 < accuracy < 1:

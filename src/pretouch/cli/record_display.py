@@ -1,4 +1,7 @@
-"""Show the progress of a calibration recording: live values in a terminal, or plain lines in a log."""
+"""Show the progress of a calibration recording.
+
+A terminal shows live values; a log has plain lines.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,9 @@ _ROWS: Final = 24  # recorded distances that are shown
 
 
 class PlainDisplay:
-    """Display that writes one line for each step of a recording to standard error, for scripts and logs.
+    """Display of a recording as plain lines for logs.
+
+    Each step is one line on standard error.
 
     Args:
         readings_on_stdin: whether standard input carries the readings, so that questions go to the terminal.
@@ -30,7 +35,8 @@ class PlainDisplay:
         self._answers: TextIO | None = _terminal() if readings_on_stdin else sys.stdin
 
     def ask(self, question: str) -> str | None:
-        """Print a question, and return the answer; None at the end of the input."""
+        """Print a question and return the user's answer."""
+        # The result is None at the end of the input.
         if self._answers is None:
             raise InvalidInputError(
                 "--stdin: standard input carries the readings, so pretouch cannot ask you to set the object; use "
@@ -50,7 +56,10 @@ class PlainDisplay:
         """Print nothing, because a log needs no live values."""
 
     def show_distance(self, distance: float, outputs: Sequence[float]) -> None:
-        """Print the median sensor output at a distance, its spread and the number of readings."""
+        """Print the sensor output at a distance.
+
+        The line has the median, the spread and the number of readings.
+        """
         self._write(f"{place_in_words(distance)}: {value_in_words(outputs)}, {len(outputs)} readings")
 
     def close(self) -> None:
@@ -63,7 +72,9 @@ class PlainDisplay:
 
 
 class LiveDisplay(PlainDisplay):
-    """Display that shows live value, recorded distances and curve in a terminal, updated ten times per second.
+    """Live display of a recording in a terminal.
+
+    It shows live value, recorded distances and curve, updated ten times per second.
 
     Args:
         readings_on_stdin: whether standard input carries the readings, so that questions go to the terminal.
@@ -83,7 +94,7 @@ class LiveDisplay(PlainDisplay):
         self._points: dict[float, tuple[str, int, float]] = {}
 
     def ask(self, question: str) -> str | None:
-        """Show the recorded distances and the curve, then ask the user a question."""
+        """Show the recorded curve, then ask the user a question."""
         self._pause()
         if self._points:
             self._console.print(self._view())
@@ -102,13 +113,19 @@ class LiveDisplay(PlainDisplay):
             self._live.start()
 
     def show_distance(self, distance: float, outputs: Sequence[float]) -> None:
-        """Add the readings at a completed distance to the table and the curve."""
+        """Show the readings at a completed distance.
+
+        They are added to the table and the curve.
+        """
         if len(outputs):
             self._points[distance] = (value_in_words(outputs), len(outputs), float(np.median(outputs)))
         self._now = ""
 
     def close(self) -> None:
-        """Stop the live display, and leave the recorded distances and the curve in the terminal."""
+        """Stop the live display.
+
+        The recorded distances and the curve remain in the terminal.
+        """
         self._pause()
         if self._points:
             self._console.print(self._view())
@@ -119,7 +136,10 @@ class LiveDisplay(PlainDisplay):
             self._live = None
 
     def _view(self) -> Any:
-        """Return the content of the live display: table of distances, curve and live value."""
+        """Return the content of the live display.
+
+        It consists of a table of distances, the curve and the live value.
+        """
         from rich.console import Group  # noqa: PLC0415
         from rich.table import Table  # noqa: PLC0415
         from rich.text import Text  # noqa: PLC0415
@@ -134,7 +154,10 @@ class LiveDisplay(PlainDisplay):
 
 
 def place_in_words(distance: float) -> str:
-    """Return a distance as text; an infinite distance means an empty scene without an object."""
+    """Return a distance as text.
+
+    An infinite distance means an empty scene without an object.
+    """
     return "empty scene" if math.isinf(distance) else format_quantity(distance, "m")
 
 
@@ -145,7 +168,8 @@ def value_in_words(outputs: Sequence[float]) -> str:
 
 
 def _terminal() -> TextIO | None:
-    """Open the terminal for the user's answers if standard input carries readings; return None without a terminal."""
+    """Open the terminal for the user's answers."""
+    # Standard input may carry readings. The result is None without a terminal.
     try:
         return open("/dev/tty", encoding="utf-8")
     except OSError:

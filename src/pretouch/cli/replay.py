@@ -1,4 +1,4 @@
-"""Implement the command `pretouch replay`, which runs a control law on recorded readings of a real sensor."""
+"""Implement the command `pretouch replay` for recorded sensor readings."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def replay(
     ] = None,
     mcap: McapFile = None,
 ) -> None:
-    """Run the control law of a scenario file (TOML) on recorded readings, and describe what the sensor really measured.
+    """Run the control law of a scenario file on recorded sensor readings.
 
     Prints what the law detects, false triggers and missed contacts if the true ones are known, rate, gaps and noise of
     the sensor next to those of the scenario, and its lag behind another topic. Writes a report with figures,
@@ -133,7 +133,8 @@ def _recordings(path: Path, topic: str, others: list[str], clock: str | None) ->
 
 
 def _distances(path: Path, joints: str, model: Path, site: str, *, axis: str, clock: str) -> Recording:
-    """Compute distances from a robot model and recorded joint states, timed by the clock of the sensor recording."""
+    """Compute distances from recorded joint states."""
+    # The robot model gives the distances, and the sensor recording gives the clock.
     from pretouch.recording import distances_from_joints  # noqa: PLC0415 - MuJoCo, only when needed
     from pretouch.robots import SensorSite, load_model  # noqa: PLC0415
 
@@ -142,14 +143,16 @@ def _distances(path: Path, joints: str, model: Path, site: str, *, axis: str, cl
 
 
 def _time(text: str, name: str) -> float:
-    """Parse a time such as "1.2 s"; a number without unit is in seconds."""
+    """Parse a time such as "1.2 s"."""
+    # A number without unit is in seconds.
     return read_quantity(text, "s", name=name)
 
 
 def _write(
     result: Replay, shown: Presentation, chain: Path | None, calibration: Path | None, mcap: Path | None
 ) -> tuple[str, ...]:
-    """Write the output files that the options name, and return a line of text about each file."""
+    """Write the requested output files of a replay."""
+    # The result has a line of text about each file.
     written = []
     pairs = None if calibration is None else result.pairs()  # before anything is written
     if chain is not None:

@@ -1,4 +1,4 @@
-"""Implement the command `pretouch robot`, which simulates how a whole robot meets an object, with an animation."""
+"""Implement the command `pretouch robot` for whole-robot simulations."""
 
 from __future__ import annotations
 
@@ -23,11 +23,12 @@ def robot(
     seed: LoopSeed = None,
     view: Annotated[bool, typer.Option("--view", help="Open the first run in MuJoCo's viewer.")] = False,
 ) -> None:
-    """Simulate the encounter of a scenario file (TOML) with the whole robot that its section [robot] names.
+    """Simulate the encounter of a scenario file with a whole robot.
 
-    The sensor meets the object that it sees in the model, or else an added ball. Prints the simulated contact next to
-    the prediction. Writes a report with a film of the encounter and its time series, STEM-robot.html in this folder.
-    This command needs MuJoCo: pip install 'pretouch[mujoco]'.
+    The section [robot] of the file names the robot model. The sensor meets the object that it sees in the model, or
+    else an added ball. Prints the simulated contact next to the prediction. Writes a report with a film of the
+    encounter and its time series, STEM-robot.html in this folder. This command needs MuJoCo: pip install
+    'pretouch[mujoco]'.
 
     Exit status: 0 the robot touched the object, 1 it did not, 2 a mistake in the request.
     """

@@ -1,4 +1,4 @@
-"""Implement the command `pretouch studio`, which serves a web page to choose a gain by dragging."""
+"""Implement the command `pretouch studio` for the interactive web page."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def studio(
 
 
 def _studio(file: Path | None, port: int, *, browser: bool, output: Path | None, force: bool, json: bool) -> None:
-    """Serve the web page of the studio, or write the page to a file."""
+    """Serve the studio's web page, or write it to a file."""
     from pretouch._core.files import as_json, refuse_input, write_text  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     if output is not None:

@@ -17,7 +17,9 @@ _FIGURES: Final = 4  # key figures that are printed
 
 
 def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: Sequence[str] = ()) -> str:
-    """Return a short summary of a report page, at most 100 columns wide.
+    """Summarize a report page for the terminal.
+
+    Lines have at most 100 columns.
 
     Args:
         page: the page.
@@ -45,13 +47,19 @@ def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: S
 
 
 def warning_lines(text: str) -> list[str]:
-    """Return the first sentence of a warning, with the warning code in front, broken into lines."""
+    """Return the first sentence of a warning as lines.
+
+    The warning code stands in front.
+    """
     code, rest = split_code(text)
     return wrapped(_first_sentence(rest), first=f"Warning {code}: " if code else "Warning: ", indent="  ")
 
 
 def _figures(page: Page) -> list[str]:
-    """Return one line of text for each of the four most important numbers of a report."""
+    """Return the four most important numbers of a report.
+
+    Each number has its own line of text.
+    """
     rows = []
     for name, cell in page.key_figures[:_FIGURES]:
         label, _, comparison = name.partition("; ")
@@ -66,7 +74,10 @@ def _figures(page: Page) -> list[str]:
 
 
 def _fitting(paragraphs: Sequence[Sequence[str]], room: int, findings: int) -> list[str]:
-    """Return the paragraphs that fit into the available lines; the last line gives the number of omitted ones."""
+    """Return the paragraphs that fit into the available lines.
+
+    The last line gives the number of omitted paragraphs.
+    """
     lines: list[str] = []
     for i, paragraph in enumerate(paragraphs):
         rest = len(paragraphs) - i - 1
@@ -79,12 +90,18 @@ def _fitting(paragraphs: Sequence[Sequence[str]], room: int, findings: int) -> l
 
 
 def _first_sentence(text: str) -> str:
-    """Return the first sentence of a text, ignoring periods inside numbers and abbreviations."""
+    """Return the first sentence of a text.
+
+    Periods inside numbers and abbreviations are ignored.
+    """
     return re.split(r"(?<=[\w)%][.!?])\s+(?=[A-Z])", text, maxsplit=1)[0]
 
 
 def wrapped(text: str, *, first: str = "", indent: str = "") -> list[str]:
-    """Break a text into lines, but never between a number and its unit, or between a key and its quoted value."""
+    """Return a text broken into lines for the terminal.
+
+    A number and its unit stay together, and so do a key and its quoted value.
+    """
     together = r"(?<=\d) (?=[^\W\d]|%)|(?<=\bN) (?=s\b)|(?<=\w) (?== \")|(?<==) (?=\")"
     kept = re.sub(together, "\u00a0", plain_text(text))
     lines = textwrap.wrap(kept, WIDTH, initial_indent=first, subsequent_indent=indent, break_on_hyphens=False)

@@ -1,4 +1,7 @@
-"""Implement the command `pretouch sweep`, which computes contacts or optimal gains on a grid of inputs."""
+"""Implement the command `pretouch sweep` for grids of inputs.
+
+It computes contacts or optimal gains.
+"""
 
 from __future__ import annotations
 
@@ -129,7 +132,8 @@ def _sweep(
 
 
 def _nominal(task: Task) -> Any:
-    """Design the gain for the nominal inputs; return the task unchanged if there is no gain to design."""
+    """Design the gain for the nominal inputs."""
+    # The task is returned unchanged if there is no gain to design.
     if task.gain is not None or task.objective is None or task.bounds is None:
         return task
     from pretouch.design import design_gain  # noqa: PLC0415 - keeps `pretouch --help` quick
@@ -155,7 +159,8 @@ def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
 
 
 def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
-    """Raise an error, before anything is computed, if the figure of a sweep cannot be drawn or written."""
+    """Check that the figure of a sweep can be written."""
+    # This check runs before anything is computed.
     if path.suffix.lower() not in _FIGURES:
         raise InvalidInputError(
             f"--figure: found {str(path)!r}, expected a file name that ends in {' or '.join(_FIGURES)}"
@@ -163,8 +168,7 @@ def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
     long = [name for name, values in axes.items() if len(values) > 1]
     if len(long) not in {1, 2}:
         raise InvalidInputError(
-            "--figure: a figure shows one or two axes that have more than one value, but this sweep has "
-            f"{len(long)} such axes"
+            f"--figure: a figure can show one or two axes with several values, but this sweep has {len(long)} such axes"
         )
     if path.exists() and not force:
         raise OutputExistsError(
@@ -173,7 +177,10 @@ def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
 
 
 def _progress_printer() -> Callable[[Progress], None]:
-    """Return a function that prints the progress of a sweep once per second."""
+    """Return a function that prints a sweep's progress.
+
+    It prints once per second.
+    """
     last = time.monotonic()
 
     def show(progress: Progress) -> None:

@@ -63,12 +63,16 @@ _BROKEN_PIPE: Final = 141
 
 
 def option(metavar: str, description: str, **more: Any) -> Any:
-    """Return a command-line option with a help text and a placeholder for its value, such as PATH."""
+    """Return a command-line option with a help text.
+
+    `metavar` is the placeholder for its value, such as PATH.
+    """
     return typer.Option(metavar=metavar, help=description, **more)
 
 
 def read_gain(text: str | None, law: ContinuousLaw) -> float | None:
-    """Parse the option --gain in the gain unit of the control law; return None if the option is missing."""
+    """Parse the option --gain in the control law's unit."""
+    # The result is None if the option is missing.
     try:
         return None if text is None else read_quantity(text, law.number.unit, name="--gain")
     except UnitError as error:
@@ -76,9 +80,10 @@ def read_gain(text: str | None, law: ContinuousLaw) -> float | None:
 
 
 def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
-    """Run a command and exit with its status; print errors as messages without traceback.
+    """Run a command and exit with its status.
 
-    With `json_wanted`, an error is also printed as a JSON object on stdout. Unexpected exceptions keep their traceback.
+    Errors are printed as messages without traceback. With `json_wanted`, an error is also printed as a JSON object on
+    stdout. Unexpected exceptions keep their traceback.
 
     Raises:
         Exit: always, with the exit code.
@@ -102,7 +107,8 @@ def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
 
 
 def guard_output(run: Callable[[], int]) -> int:
-    """Run a command and return its exit status, or another status if writing to standard output fails."""
+    """Run a command and return its exit status."""
+    # The status differs if writing to standard output fails.
     try:
         code = run()
         _flush_output()
@@ -133,7 +139,10 @@ def _flush_output() -> None:
 
 
 def _output_failure(error: OSError) -> OSError | None:
-    """Return the failure of standard output that caused an error; return None if the error has another cause."""
+    """Return the standard-output failure that caused an error.
+
+    The result is None if the error has another cause.
+    """
     if isinstance(error, _OutputError):
         return error.__cause__ if isinstance(error.__cause__, OSError) else error
     frame = error.__traceback__
@@ -150,20 +159,25 @@ def _output_failure(error: OSError) -> OSError | None:
 
 
 def _discard_output() -> None:
-    """Discard buffered standard output, so that flushing at exit does not fail a second time."""
+    """Discard the buffered standard output.
+
+    Otherwise, flushing at exit would fail a second time.
+    """
     if sys.stdout is not None:
         with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def end(*, good: bool) -> None:
-    """Exit with status 1 if the result of the command is negative, for example if no gain was found."""
+    """Exit with status 1 if the result is negative."""
+    # An example is that no gain was found.
     if not good:
         raise typer.Exit(_NO_RESULT)
 
 
 def print_text(text: str) -> None:
-    """Print a text to standard output, and replace characters that standard output cannot encode."""
+    """Print a text to standard output."""
+    # Characters that standard output cannot encode are replaced.
     if sys.stdout is None:
         raise _OutputError("it is closed")
     try:
@@ -173,14 +187,20 @@ def print_text(text: str) -> None:
 
 
 def print_message(text: str) -> None:
-    """Print a message to standard error with the name of the program on each line, and ignore failures."""
+    """Print a message of the program to standard error.
+
+    Each line begins with the name of the program. Failures are ignored.
+    """
     # The exit status reports the problem in any case.
     with contextlib.suppress(OSError, AttributeError):  # full, or closed
         _write(sys.stderr, "\n".join(f"pretouch: {line}" for line in text.split("\n")))
 
 
 def print_progress(text: str) -> None:
-    """Print a progress message to standard error if standard error is a terminal."""
+    """Print a progress message to standard error.
+
+    Nothing is printed if standard error is not a terminal.
+    """
     if sys.stderr is not None and sys.stderr.isatty():
         print_message(text)
 
@@ -192,7 +212,10 @@ def _write(stream: Any, text: str) -> None:
 
 
 def reservations_about(task: Task, answer: Any) -> Reservations | None:
-    """Return the warnings that the sensor's calibration adds to a result; None without a calibration."""
+    """Return the calibration warnings on a result.
+
+    The result is None without a calibration.
+    """
     if task.calibration is None:
         return None
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415 - the compiled kernels, only when needed
@@ -201,7 +224,9 @@ def reservations_about(task: Task, answer: Any) -> Reservations | None:
 
 
 def verb(run: Callable[..., None]) -> Callable[..., None]:
-    """Turn a function that shows one result into a command, and add the output options that all commands share.
+    """Make a command from a function that shows one result.
+
+    The output options that all commands share are added.
 
     Args:
         run: function of a `Presentation` and of its own options, by name. Its docstring is the help text.
@@ -262,11 +287,11 @@ class Presentation:
         lines: int | None = 15,
         files: Sequence[str] = (),
     ) -> None:
-        """Print a result, write its report, and exit with the status of the result.
+        """Print a result, write its report and exit.
 
-        The text has at most `lines` lines, unless that is None or the option --verbose is given. The files that were
-        read, those of the task and `inputs`, are never overwritten. `files` are lines about other files that were
-        written, which follow the text.
+        The exit status is that of the result. The text has at most `lines` lines, unless that is None or the option
+        --verbose is given. The files that were read, those of the task and `inputs`, are never overwritten. `files` are
+        lines about other files that were written, which follow the text.
         """
         target = self.output or Path(default)
         inputs = (*inputs, *getattr(None if task is None else task.source, "inputs", ()))
@@ -292,13 +317,19 @@ class Presentation:
     def formatted(
         self, reservations: Reservations | None, as_dict: Callable[[], dict[str, Any]], as_text: Callable[[], str]
     ) -> str:
-        """Return a result as JSON or text, including the warnings about the sensor's calibration."""
+        """Return a result as JSON or text.
+
+        The warnings about the sensor's calibration are included.
+        """
         if self.json:
             return as_json(as_dict() if reservations is None else reservations.around_dict(as_dict()))
         return as_text() if reservations is None else reservations.around_text(as_text())
 
     def _summary(self, result: Any, reservations: Reservations | None, lines: int) -> str:
-        """Return the summary of a result for the terminal, including the verdict on the sensor calibration."""
+        """Return the terminal's summary of a result.
+
+        The verdict on the sensor calibration is included.
+        """
         from pretouch._core.blocks import page_of  # noqa: PLC0415 - `pretouch --help` stays fast
 
         from .summary import summary_of  # noqa: PLC0415

@@ -46,7 +46,10 @@ def _load(file: Path, activity: str) -> Task:
 
 
 def load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> Task:
-    """Load a scenario file with a sampled control loop; the options --gain and --seed override its values."""
+    """Return the task of a scenario file with a sampled loop.
+
+    The options --gain and --seed override its values.
+    """
     task = _load(file, activity)
     number = read_gain(gain, task.law)
     loop = task.loop if seed is None or task.loop is None else replace(task.loop, seed=seed)
@@ -54,13 +57,15 @@ def load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> 
 
 
 def refuse_existing(path: Path | None, *, force: bool) -> None:
-    """Raise an error, before anything is computed, if an output file exists and may not be replaced."""
+    """Refuse to replace an existing output file without --force."""
+    # This check runs before anything is computed.
     if path is not None and path.exists() and not force:
         raise OutputExistsError(f"{path}: this file already exists; choose another name, or replace it with --force")
 
 
 def write_series(path: Path, series: tuple[Series, ...], *, force: bool) -> str:
-    """Write time series as an MCAP file with a Foxglove layout, and return a line of text that names both files."""
+    """Write time series as an MCAP file for Foxglove."""
+    # A layout for Foxglove is written too. The result is a line of text that names both files.
     from pretouch.recording.mcap_output import write_mcap  # noqa: PLC0415
 
     written, layout = write_mcap(path, series, overwrite=force)
@@ -69,9 +74,10 @@ def write_series(path: Path, series: tuple[Series, ...], *, force: bool) -> str:
 
 @verb
 def design(shown: Presentation, *, file: ScenarioFile) -> None:
-    """Choose the optimal gain for a scenario file (TOML), and the optimal admittance if the file gives bounds for it.
+    """Choose the optimal gain for a scenario file (TOML).
 
-    If the law is a virtual drag with an effect, chooses the drag by that effect.
+    If the file gives bounds for the admittance, also chooses the optimal admittance. If the law is a virtual drag with
+    an effect, chooses the drag by that effect.
 
     Prints the optimal gain, the contact with it and without mitigation, every constraint with its margin, and the most
     influential inputs. Writes a report with figures, STEM-design.html in this folder.
@@ -92,10 +98,11 @@ def design(shown: Presentation, *, file: ScenarioFile) -> None:
 
 @verb
 def pareto(shown: Presentation, *, file: ScenarioFile) -> None:
-    """Compute the Pareto front of quantities such as excursion and contact speed for a scenario file (TOML).
+    """Compute the Pareto front for a scenario file (TOML).
 
-    Prints the knee of the front, its ends, the designed gain or the choice of the file, and their distances from the
-    physical limit of any controller. Writes a report with figures, STEM-pareto.html in this folder.
+    Its quantities are, for example, excursion and contact speed. Prints the knee of the front, its ends, the designed
+    gain or the choice of the file, and their distances from the physical limit of any controller. Writes a report with
+    figures, STEM-pareto.html in this folder.
 
     Exit status: 0 a front was found, 1 no gain meets the constraints or ends in contact, 2 a mistake in the request.
     """
@@ -143,11 +150,11 @@ def robust(
 def simulate(
     shown: Presentation, *, file: LoopFile, gain: LoopGain = None, seed: LoopSeed = None, mcap: McapFile = None
 ) -> None:
-    """Simulate one encounter of a scenario file (TOML) with sampled sensor, controller, robot and contact.
+    """Simulate one encounter of a scenario file on the sampled loop.
 
-    Prints the simulated contact compared with the prediction and with no mitigation, the moment of detection, every
-    contact with its force, and the status of the controller. Writes a report with the time series of the run,
-    STEM-simulate.html in this folder.
+    The loop consists of sampled sensor, controller, robot and contact. Prints the simulated contact compared with the
+    prediction and with no mitigation, the moment of detection, every contact with its force, and the status of the
+    controller. Writes a report with the time series of the run, STEM-simulate.html in this folder.
 
     Exit status: 0 the run ended in contact, 1 it did not, or contact is harder than without mitigation, 2 a mistake in
     the request.
@@ -180,7 +187,9 @@ def verify(
     ] = True,
     mcap: McapFile = None,
 ) -> None:
-    """Verify by simulation that a gain meets its limits in the sampled control loop of a scenario file (TOML).
+    """Verify by simulation that a gain meets its limits.
+
+    The encounters are those of a scenario file (TOML) with a sampled control loop.
 
     Simulates many encounters with sensor noise and the uncertain inputs of [uncertainty]; if the file names a
     calibration, also with all sensor curves that its readings allow. Prints a verdict, the predicted and the simulated
@@ -205,7 +214,8 @@ def verify(
 
 
 def _series_of_verdict(verdict: Verdict, task: Task) -> tuple[Series, ...]:
-    """Return the time series of the run with the highest contact speed or, without contact, of the first run."""
+    """Return the time series of the worst simulated run."""
+    # Without contact, this is the first run; otherwise, the one with the highest contact speed.
     import numpy as np  # noqa: PLC0415
 
     from pretouch.recording.mcap_output import series_of_trace  # noqa: PLC0415
@@ -218,7 +228,10 @@ def _series_of_verdict(verdict: Verdict, task: Task) -> tuple[Series, ...]:
 
 
 def floor_of(task: Task) -> float:
-    """Return the detection threshold of a task's controller; NaN if the control law has no threshold."""
+    """Return the detection threshold of a task's controller.
+
+    The result is NaN if the control law has no threshold.
+    """
     law = None if task.loop is None else task.loop.law
     return float(getattr(getattr(law, "conditioning", None), "floor", float("nan")))
 

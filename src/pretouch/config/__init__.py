@@ -1,4 +1,7 @@
-"""Load a scenario file (TOML with units), check it against a schema, and create a design task from it."""
+"""Load scenario files and create design tasks from them.
+
+A scenario file is TOML with units. It is checked against a schema.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +59,7 @@ _ROUNDING: Final = 1e-9  # relative error of a distance after adding and subtrac
 
 @check_arguments
 def load_scenario(path: str | os.PathLike[str]) -> Task:
-    """Read a scenario file (TOML) and return the design task that the file describes.
+    """Read a design task from a scenario file in TOML.
 
     docs/reference/scenario-file.md lists the sections and keys of a scenario file.
 
@@ -106,7 +109,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
 
 
 def load_document(path: Path, text: str, sha256: str, data: Mapping[str, Any]) -> Task:
-    """Return the design task that the parsed contents of a scenario file describe."""
+    """Create the design task from a parsed scenario file."""
     # Messages and reports show the `text` of the file.
     source = ScenarioSource(path=path, text=text, sha256=sha256)
     builder = _Builder(source, data)
@@ -118,7 +121,9 @@ def load_document(path: Path, text: str, sha256: str, data: Mapping[str, Any]) -
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationPlan:
-    """The calibration file that a scenario file names, and the range of distances that the calibration must cover.
+    """The calibration required by a scenario file.
+
+    The calibration must cover the distances from `nearest` to `farthest`.
 
     Args:
         path: the calibration file, which need not exist.
@@ -132,7 +137,9 @@ class CalibrationPlan:
 
 
 def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
-    """Return the calibration file that a scenario file names, and the distances at which it must be recorded.
+    """Read from a scenario file which calibration it needs.
+
+    The calibration must be recorded at all distances of the encounter.
 
     Args:
         path: the scenario file.
@@ -163,7 +170,10 @@ def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
 
 
 def _task(builder: _Builder) -> Task | None:
-    """Build the design task that a scenario file describes; return None if the file contains mistakes."""
+    """Return the design task of a scenario file.
+
+    The result is None if the file contains mistakes.
+    """
     scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
     options = {**builder.admittance_bounds(), **builder.settings("motion")}
     options |= {section: builder.options(section) for section in OPTIONS}
@@ -199,26 +209,27 @@ def _task(builder: _Builder) -> Task | None:
 
 
 def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> str:
-    """Return a sentence that gives the range of calibrated distances; the text is empty without a calibration."""
+    """Describe the range of calibrated distances in one sentence."""
+    # The text is empty without a calibration.
     if calibration is None:
         return ""
     window, recess = calibration.window, getattr(sensor, "recess", 0.0)
     near, far = (format_quantity(max(d - recess, 0.0), "m") for d in (window.l_min, window.l_max))
     return (
         f"the calibration covers only distances from {near} (reason: {window.start_reason}) to {far} "
-        f"(reason: {window.end_reason}); calibrate over more distances, or extend the curve with "
+        f"(reason: {window.end_reason}). Calibrate over more distances, or extend the curve with "
         "minimum_distance or maximum_distance"
     )
 
 
 class _Builder(Reading):
-    """Builds sensor, encounter, objective and constraints of a task from the sections of a scenario file.
+    """Builder of a design task from the sections of a scenario file.
 
     If a section has a mistake, its method returns None.
     """
 
     def sensor(self) -> tuple[SensorModel | None, CalibrationReport | None]:
-        """Build the sensor of the scenario file, and fit its curve if the file names a calibration."""
+        """Build or fit the sensor curve of the scenario file."""
         values = self.values("sensor")
         if values is None:
             return None, None
@@ -235,7 +246,7 @@ class _Builder(Reading):
         )
 
     def _calibrated(self, values: Mapping[str, Any]) -> tuple[SensorModel | None, CalibrationReport | None]:
-        """Fit the sensor curve to the calibration file that the section [sensor] of the scenario file names."""
+        """Fit the sensor curve to the calibration file."""
         data, folder = self.data["sensor"], self.source.path.parent
         outputs: dict[str, Any] = {
             key: values[key] if isinstance(values[key], str) else read_output(data[key], name=key)
@@ -273,7 +284,10 @@ class _Builder(Reading):
         return self.attempt("obstacle", lambda: Scenario(**parts))
 
     def admittance_bounds(self) -> dict[str, tuple[float, float]]:
-        """Return the bounds of natural frequency and damping ratio, if the scenario file contains such bounds."""
+        """Return the bounds of natural frequency and damping ratio.
+
+        The result is empty if the scenario file has no such bounds.
+        """
         values = self.values("admittance") or {}
         return {key.removesuffix("_bounds"): (values[key][0], values[key][1]) for key in FREE if key in values}
 
@@ -302,7 +316,8 @@ class _Builder(Reading):
         return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
 
     def impact(self, projection: Projection | None) -> ImpactModel | None:
-        """Build the impact model; if the file gives no robot mass, use the reflected mass of the robot model."""
+        """Build the impact model of the scenario file."""
+        # The default robot mass is the reflected mass of the robot model.
         values = self.values("impact")
         if values is None:
             return None
@@ -315,17 +330,17 @@ class _Builder(Reading):
         return self.attempt("impact", lambda: variant.make(**masses | values))  # type: ignore[misc]
 
     def check_impact_of_front(self) -> None:
-        """Report a mistake if a Pareto front needs the impact force but the section [impact] is missing."""
+        """Require the section [impact] for a Pareto front of impact forces."""
         for i, name in enumerate((self.values("pareto") or {}).get("quantities", ())):
             self._check_impact(name, ("pareto", "quantities", i))
 
     def check_impact_of_drag(self) -> None:
-        """Report a mistake if the section [law] has the key impact_force but the section [impact] is missing."""
+        """Require the section [impact] for the key impact_force of [law]."""
         if "impact_force" in (self.values("law") or {}):
             self._check_impact("impact_force", ("law", "impact_force"))
 
     def check_range(self, sensor: SensorModel, scenario: Scenario, calibration: CalibrationReport | None) -> None:
-        """Report a mistake if the encounter starts or ends outside the usable distance range of the sensor."""
+        """Check that the encounter lies within the sensor's distance range."""
         low, high = sensor.valid_range
         recess = getattr(sensor, "recess", 0.0)
         window = None if calibration is None else calibration.window
@@ -344,19 +359,22 @@ class _Builder(Reading):
             if window is not None and window.l_max <= (recess + high) * (1 + _ROUNDING):
                 cause = f", the end of the calibrated range ({window.end_reason})"
                 extending = (
-                    " To start at this distance, calibrate at larger distances, or set "
-                    f'maximum_distance = "{1e3 * scenario.distance:.4g} mm" to extrapolate the curve (not possible for '
-                    "a table). Every result then begins with a warning that no readings support the extrapolated range."
+                    " To start there, calibrate at larger distances, or extrapolate the curve (unless it is a table) "
+                    f'with maximum_distance = "{1e3 * scenario.distance:.4g} mm". Every result then begins with a '
+                    "warning that no readings support the extrapolated range."
                 )
             end = f"{1e3 * high:.4g} mm{cause}"
             self.refuse(
                 ("obstacle", "position"),
                 f"the encounter starts at a distance of {1e3 * scenario.distance:.4g} mm, but the sensor "
-                f"curve ends at a distance of {end}; start the encounter at a smaller distance.{extending}",
+                f"curve ends at a distance of {end}. Start the encounter at a smaller distance.{extending}",
             )
 
     def check_frequencies(self, scenario: Scenario | None) -> None:
-        """Report a mistake if the natural frequency of the admittance is too high for any control loop."""
+        """Check that the admittance's natural frequency is not too high.
+
+        Control loops have a limited rate.
+        """
         values = self.values("admittance") or {}
         frequencies = {key: values[key][1] for key in FREE if key == "natural_frequency_bounds" and key in values}
         if scenario is not None:
@@ -367,20 +385,23 @@ class _Builder(Reading):
                 self.refuse(
                     ("admittance", key),
                     f"the natural frequency of {frequency:.4g} rad/s is too high, because no control loop is "
-                    f"faster than {_FASTEST:,.0f} rad/s; check mass and stiffness with their units",
+                    f"faster than {_FASTEST:,.0f} rad/s. Check mass and stiffness with their units",
                 )
 
     def check_slope(self, sensor: SensorModel) -> None:
-        """Report a mistake if the slope of the sensor curve at contact is implausibly steep."""
+        """Check that the sensor curve is not implausibly steep.
+
+        The slope is checked at contact.
+        """
         # An implausible curve falls by a factor of e within less than a micrometer.
         nearest = max(sensor.valid_range[0], 0.0)
         slope = abs(float(sensor.log_slope(nearest)))
         if slope > 1 / _STEEPEST:
             self.refuse(
                 ("sensor",),
-                f"the sensor output is too steep at a distance of {nearest:g} m, where it falls by a factor of e "
-                f"within {1 / slope:.3g} m, expected at least {_STEEPEST:g} m; check the parameters of the curve "
-                "and their units",
+                f"the sensor output is too steep at a distance of {nearest:g} m. It falls by a factor of e within "
+                f"{1 / slope:.3g} m, expected at least {_STEEPEST:g} m. Check the parameters of the curve and their "
+                "units",
             )
 
     def _check_impact(self, quantity: str, path: KeyPath) -> None:
@@ -393,7 +414,7 @@ class _Builder(Reading):
 
 
 def _without_content(error: PretouchError, path: Path) -> str:
-    """Return the message of a calibration error without quoting the contents of the calibration file.
+    """Return a calibration error message without quoting the calibration file.
 
     A scenario may name any file, so the message must not reveal the content of that file. If the mistake is not in the
     calibration file, the message names the key of [sensor] with the mistake.
@@ -409,7 +430,8 @@ def _without_content(error: PretouchError, path: Path) -> str:
 
 
 def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
-    """Shift a fitted sensor curve by the recess of the sensor, and extend or cut it to the requested distances."""
+    """Extend or cut a fitted sensor curve to requested distances."""
+    # A recess of the sensor shifts the curve.
     if recess is None:
         return dataclasses.replace(sensor, **limits)
     low, high = sensor.valid_range
@@ -420,7 +442,10 @@ def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, floa
 
 
 def _terms(values: Mapping[str, Any]) -> Iterator[tuple[KeyPath, KeyPath, dict[str, Any]]]:
-    """Yield the terms of an objective, each with the keys of the scenario file that set its quantity and its scale."""
+    """Yield the terms of an objective with their keys.
+
+    The keys in the scenario file are those of the quantity and of its scale.
+    """
     for i, term in enumerate(values.get("terms", ())):
         path: KeyPath = ("objective", "terms", i)
         yield (*path, "quantity"), (*path, "scale"), term

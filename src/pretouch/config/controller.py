@@ -29,7 +29,7 @@ _LAW: Final = ("approach_only", "release", "ramp_time")
 def make_controller(
     file: Reading, values: Mapping[str, Any], chain: SensorChain, scenario: Scenario, positioned: bool
 ) -> Controller | None:
-    """Build the controller and check that the controller accepts the initial state of the encounter."""
+    """Build the controller and check its initial state."""
     period = 1 / values["rate"] if "rate" in values else values["period"]
     sensing = _conditioning(file, values, chain, period)
     law = _law(file, values, chain)
@@ -58,7 +58,10 @@ def make_controller(
 
 
 def _law(file: Reading, values: Mapping[str, Any], chain: SensorChain) -> Law | None:
-    """Build the sampled control law; its gain is 0 if the scenario file has no gain."""
+    """Return the sampled control law of a scenario file.
+
+    Its gain is 0 if the scenario file has no gain.
+    """
     if file.law == DRAG:
         return sampled_drag(file, chain)
     if file.law != DAMPER:
@@ -72,7 +75,7 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
         file.refuse(
             ("controller", "rate" if "rate" in values else "period"),
             f"the controller runs at {1 / period:g} Hz, but needs at least {chain.rate:g} Hz, the rate of the "
-            f'sensor; raise the controller rate, or read the sensor less often: set rate = "{1 / period:g} Hz" '
+            f'sensor. Raise the controller rate, or read the sensor less often: set rate = "{1 / period:g} Hz" '
             "in the section [chain]",
         )
     slower = chain.period > period * (1 + _SAME)
@@ -80,9 +83,9 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
     if "floor" not in values and not floor > 0:
         file.refuse(
             ("controller", "floor"),
-            "the floor of the controller is missing; it is the smallest sensor output that counts as an object, and "
-            f"lies above drift and background reflections. Its default is {_FLOOR:g} standard deviations of the noise, "
-            "but the section [chain] has no noise; add, for example: floor = 30.0",
+            "the floor of the controller is missing. It is the smallest sensor output that counts as an object, "
+            f"above drift and background reflections. Its default is {_FLOOR:g} standard deviations of the noise, "
+            "but the section [chain] has no noise. Add, for example: floor = 30.0",
         )
     if chain.period < period * (1 - _SAME) or not floor > 0:
         return None
@@ -111,7 +114,10 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
 def refuse_curve_below_floor(
     file: Reading, sensor: SensorModel, conditioning: Conditioning, part: SensorPart | None
 ) -> None:
-    """Report a mistake if the sensor output at contact is too low for the controller to detect the object."""
+    """Report a sensor output below the controller's detection threshold.
+
+    The output at contact is checked. Below the threshold, the controller would ignore the object.
+    """
     if not sensor.contains(0.0):
         return  # another check refuses this curve
     log_output = float(sensor.log_output(0.0))  # its exponential may overflow
@@ -122,6 +128,6 @@ def refuse_curve_below_floor(
     file.refuse(
         ("sensor", key),
         f"the sensor output at contact is {math.exp(log_output):.4g}, which is below the controller's "
-        f"floor of {conditioning.floor:.4g}, so the controller would ignore the object; expected "
-        f"outputs well above the floor; give outputs, noise and floor in {unit}",
+        f"floor of {conditioning.floor:.4g}. To detect the object, the controller needs outputs well above the floor. "
+        f"Give outputs, noise and floor in {unit}",
     )

@@ -23,7 +23,10 @@ _TWICE: Final = re.compile(r"Cannot (overwrite|declare|mutate|redefine)|already"
 
 
 def read_document(path: str | os.PathLike[str]) -> tuple[bytes, str, dict[str, Any]]:
-    """Return the bytes, the text and the parsed contents of a scenario file (TOML)."""
+    """Return the contents of a scenario file.
+
+    The result has the bytes, the text and the parsed contents of the file.
+    """
     place = Path(path)
     content = _read(place)
     text = _decode(place, content)
@@ -31,7 +34,7 @@ def read_document(path: str | os.PathLike[str]) -> tuple[bytes, str, dict[str, A
 
 
 def _read(path: Path) -> bytes:
-    """Return the bytes of a scenario file; if the file cannot be read, raise an error that gives the reason."""
+    """Read the bytes of a scenario file."""
     try:
         return read_regular_file(path, most=_MOST_BYTES, refuse=ScenarioFileError)
     except FileNotFoundError:
@@ -53,7 +56,8 @@ def _scenarios_in_folder(path: Path) -> list[str]:
 
 
 def _decode(path: Path, content: bytes) -> str:
-    """Decode a scenario file as UTF-8, with or without a byte order mark, and normalize its line ends."""
+    """Decode a scenario file as UTF-8 with normalized line ends."""
+    # A byte order mark is removed.
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise ScenarioFileError(f"{path}, line 1: the text is encoded in UTF-16; save the file as UTF-8")
     try:
@@ -67,7 +71,8 @@ def _decode(path: Path, content: bytes) -> str:
 
 
 def _parse(path: Path, text: str) -> dict[str, Any]:
-    """Parse a TOML text; the message of a syntax error gives the line and a suggested correction."""
+    """Parse the TOML text of a scenario file."""
+    # The message of a syntax error gives the line and a suggested correction.
     deep = _DEEP.search(text)
     if deep is not None:
         line = text.count("\n", 0, deep.start()) + 1
@@ -99,7 +104,8 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
 
 
 def _hint(path: Path, message: str, line: str) -> str:
-    """Return a probable correction of a wrong TOML line, or else the message of the TOML parser."""
+    """Suggest a correction of a wrong TOML line."""
+    # Without a suggestion, the result is the message of the TOML parser.
     key, _, value = (part.strip() for part in re.sub(r"\s#.*", "", line).partition("="))
     if path.suffix.lower() in {".csv", ".tsv", ".txt"}:
         return "expected a scenario file (TOML); for a calibration run: pretouch fit"

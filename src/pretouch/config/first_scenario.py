@@ -1,4 +1,7 @@
-"""Write the text of a first scenario file, with a comment on every value that the user should check."""
+"""Write a first scenario file for a user's robot.
+
+Every value that the user should check has a comment.
+"""
 
 from __future__ import annotations
 
@@ -173,7 +176,7 @@ class FirstScenario(Value):
         )
 
     def _reading(self) -> str:
-        """Return the lines of the scenario file that select columns, labels and curve of the calibration."""
+        """Return the scenario-file lines on columns, labels and calibration curve."""
         lines = []
         if self.columns:
             lines.append(f"columns = {_table(self.columns)}")
@@ -184,13 +187,16 @@ class FirstScenario(Value):
         return "".join(f"{line}\n" for line in lines)
 
     def _signal(self) -> tuple[float, float]:
-        """Return a distance, and the sensor output of the typical curve at this distance."""
+        """Return one distance and sensor output of the typical curve."""
         signal = None if self.part is None else self.part.signal
         return signal or (3.0 * self.distance, 1.0)
 
     @property
     def _reports_distance(self) -> bool:
-        """Whether the sensor reports a distance, so that the scenario file needs a value for the floor."""
+        """Whether the sensor reports a distance.
+
+        The scenario file then needs a value for the floor.
+        """
         return self.part is not None and self.part.chain.measures_distance
 
     def _noise(self) -> str:
@@ -224,5 +230,5 @@ def _table(texts: Mapping[str, object]) -> str:
 
 
 def _as_text(value: float, unit: str) -> str:
-    """Return a quantity as text for a scenario file, such as 42.2 mm."""
+    """Format a quantity for a scenario file."""
     return format_quantity(value, unit, 4)

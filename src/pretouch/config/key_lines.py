@@ -38,7 +38,7 @@ def key_lines(text: str) -> Mapping[KeyPath, int]:
 
 
 class _Scan:
-    """A parser that records the line number of every key of a TOML text."""
+    """A parser for the line numbers of keys in TOML."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -48,7 +48,7 @@ class _Scan:
         self.starts = [0, *(m.end() for m in re.finditer("\n", text))]
 
     def run(self) -> dict[KeyPath, int]:
-        """Parse the whole TOML text and return the line number of every key."""
+        """Return the line number of every key in the text."""
         section: KeyPath = ()
         self.skip(_BETWEEN)
         while self.position < len(self.text):
@@ -60,7 +60,8 @@ class _Scan:
         return self.lines
 
     def header(self) -> KeyPath:
-        """Parse a section header `[a.b]` or `[[a.b]]`, and return the names in this header."""
+        """Parse the names in a TOML section header."""
+        # The header has the form `[a.b]` or `[[a.b]]`.
         start = self.position
         double = self.text.startswith("[[", start)
         self.position += 2 if double else 1
@@ -78,7 +79,10 @@ class _Scan:
         return path
 
     def pair(self, section: KeyPath) -> None:
-        """Parse one TOML entry `key = value`, and record the line of its key."""
+        """Parse one TOML entry and record its line.
+
+        An entry has the form `key = value`.
+        """
         start = self.position
         path = section
         for key in self.dotted():
@@ -88,7 +92,7 @@ class _Scan:
         self.value(path)
 
     def dotted(self) -> list[str]:
-        """Parse a TOML key such as `a.b` and return the names between its dots."""
+        """Parse the names in a dotted TOML key."""
         keys = []
         while True:
             self.skip(_BLANK)
@@ -103,7 +107,10 @@ class _Scan:
             self.position += 1
 
     def value(self, path: KeyPath) -> None:
-        """Parse a TOML value, and record the lines of the keys and list elements inside the value."""
+        """Parse a TOML value and record the lines inside it.
+
+        The lines are those of keys and list elements.
+        """
         self.skip(_BLANK)
         opening = self.text[self.position : self.position + 1]
         if opening in {'"', "'"}:
@@ -129,7 +136,7 @@ class _Scan:
             self.skip(_PLAIN)
 
     def skip(self, pattern: re.Pattern[str]) -> None:
-        """Move the parser to the end of the text that matches a pattern at its current position."""
+        """Skip the text that matches a pattern."""
         match = pattern.match(self.text, self.position)
         if match is None:
             raise ValueError(f"nothing readable at {self.position}")

@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 def law_fields(
     file: Reading, scenario: Scenario | None, uncertain: Mapping[str, Any], has_loop: bool
 ) -> dict[str, Any]:
-    """Return the fields of a task that describe the control law; empty for a virtual damper or a faulty file."""
+    """Return the task fields that describe the control law.
+
+    The result is empty for a virtual damper or a faulty file.
+    """
     values = file.values("law")
     if file.law is None or file.law == DAMPER or values is None:
         return {}
@@ -50,7 +53,10 @@ def law_fields(
 
 
 def sampled_law(file: Reading) -> Law | None:
-    """Build the sampled form of the control law; its gain is 0 if the scenario file gives no gain."""
+    """Return the sampled form of the control law.
+
+    Its gain is 0 if the scenario file gives no gain.
+    """
     values, law = file.values("law"), file.make("law")
     if values is None or law is None:
         return None
@@ -58,7 +64,7 @@ def sampled_law(file: Reading) -> Law | None:
     if not callable(sampled):
         file.refuse(
             ("law", "kind"),
-            f'the law "{law.kind}" cannot run on the sampled loop, because it has no method "sampled"; remove '
+            f'the law "{law.kind}" cannot run on the sampled loop, because it has no method "sampled". Remove '
             "the sections [chain] and [controller], or add the method to the law",
         )
         return None
@@ -66,7 +72,10 @@ def sampled_law(file: Reading) -> Law | None:
 
 
 def sampled_drag(file: Reading, chain: SensorChain) -> VirtualDrag | None:
-    """Build the sampled virtual drag; its noise is that of the sensor, unless the section [law] sets the noise."""
+    """Return the sampled virtual drag of a scenario file.
+
+    Its noise is that of the sensor, unless the section [law] sets the noise.
+    """
     values = file.values("law")
     if values is None:
         return None

@@ -1,4 +1,7 @@
-"""Create the simulated control loop from a scenario file: sensor chain, controller, robot and contact."""
+"""Create the simulated control loop from a scenario file.
+
+The loop consists of sensor chain, controller, robot and contact.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +46,10 @@ def loop_fields(
     sensor: SensorModel | None,
     calibration: CalibrationReport | None,
 ) -> dict[str, Any]:
-    """Return the fields of a task that describe the sampled loop; empty if the scenario file contains mistakes."""
+    """Return the task fields that describe the sampled loop.
+
+    The result is empty if the scenario file contains mistakes.
+    """
     _refuse_missing_sections(file)
     plant, contact = _plant(file), _contact(file)
     settings = file.settings("loop")
@@ -72,7 +78,7 @@ def loop_fields(
 
 
 def _refuse_missing_sections(file: Reading) -> None:
-    """Report a mistake if a sampled loop has no sensor chain or no controller."""
+    """Report a missing sensor chain or controller of the loop."""
     data = file.data
     first = next(name for name in LOOP_SECTIONS if name in data)
     for name, keys in _NEEDED.items():
@@ -85,7 +91,10 @@ def _refuse_missing_sections(file: Reading) -> None:
 
 
 def _plant(file: Reading) -> PlantModel | None:
-    """Build the robot model of the sampled loop; return None if the section [robot] contains mistakes."""
+    """Return the robot model of the sampled loop.
+
+    The result is None if the section [robot] contains mistakes.
+    """
     if "robot" not in file.data or has_model(file.data):
         return IdealPlant()
     plant: PlantModel | None = file.make("robot")
@@ -94,7 +103,10 @@ def _plant(file: Reading) -> PlantModel | None:
 
 
 def _contact(file: Reading) -> ContactModel | None:
-    """Build the contact model; return None if the section [contact] is missing or contains mistakes."""
+    """Return the contact model of the sampled loop.
+
+    The result is None if the section [contact] is missing or contains mistakes.
+    """
     robot = file.data.get("robot", {} if "robot" in file.misspelled else {"kind": "ideal"})
     robot = {"kind": "ideal"} if has_model(file.data) else robot
     if "contact" in file.data and isinstance(robot, dict) and robot.get("kind") == "ideal":
@@ -115,7 +127,10 @@ def _part(file: Reading) -> SensorPart | None:
 
 
 def _chain(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> SensorChain | None:
-    """Build the sensor chain from scenario file, calibration and data sheet, in this order of priority."""
+    """Return the sensor chain of the sampled loop.
+
+    The scenario file has priority over the calibration, and the calibration over the data sheet.
+    """
     values = file.values("chain")
     if values is None or ("part" in values and part is None):
         return None
@@ -128,7 +143,10 @@ def _chain(file: Reading, part: SensorPart | None, calibration: CalibrationRepor
 
 
 def _fitted(calibration: CalibrationReport | None, rate: Any) -> dict[str, float]:
-    """Return the properties of a sensor chain that a calibration determines, such as noise and resolution."""
+    """Return the sensor-chain properties determined by a calibration.
+
+    Examples are noise and resolution.
+    """
     if calibration is None or calibration.best is None:
         return {}
     chain = chain_of_fit(calibration.best, rate=rate)

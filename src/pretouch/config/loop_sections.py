@@ -1,4 +1,7 @@
-"""Define the keys of a scenario file that describe sensor chain, controller, robot and contact."""
+"""Define the scenario-file keys of the simulated control loop.
+
+They describe sensor chain, controller, robot and contact.
+"""
 
 from __future__ import annotations
 
@@ -54,14 +57,15 @@ def _check_margin(values: Mapping[str, Any]) -> None:
     margin = values.get("stability_margin", 2.0)
     if not margin > 1:
         raise UnfitValueError(
-            f"found a gain margin of {margin:g}, expected a number above 1, such as 2, because the loop becomes "
+            f"found a gain margin of {margin:g}, expected a number above 1, such as 2. The loop becomes "
             "unstable if the gain grows by this factor",
             "stability_margin",
         )
 
 
 def _stiffness_reader(exponent: float | None) -> Callable[[Any], Any]:
-    """Make a function that parses a contact stiffness, such as "1e6 N/m^1.5", whose unit depends on the exponent."""
+    """Make a parser for a contact stiffness."""
+    # The exponent determines the unit of the stiffness, such as N/m^1.5.
     power = 1.5 if exponent is None else exponent
 
     def read(value: Any) -> Any:
@@ -97,7 +101,10 @@ _CHAIN: Final = Section(
 
 
 def _controller(law: ContinuousLaw) -> Section:
-    """Return the keys that the section [controller] of a scenario file may have for a control law."""
+    """Return the allowed keys of the section [controller].
+
+    They depend on the control law.
+    """
     # The virtual admittance is that of the section [admittance].
     keys = {
         "rate": Key(Quantity("Hz", '"1 kHz"', "positive")),
@@ -115,7 +122,7 @@ def _controller(law: ContinuousLaw) -> Section:
 
 
 def _check_drag(values: Mapping[str, Any]) -> None:
-    """Check that a scenario file sets the virtual drag in only one way: by its coefficient or by one desired effect."""
+    """Check that only one key sets the virtual drag."""
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(
@@ -143,7 +150,7 @@ AT_A_SPEED: Final = ("acceleration", "contact_speed", "impact_force")
 
 
 def law_section(law: Any) -> Section:
-    """Describe the section [law] of a scenario file for a control law that declares its parameters."""
+    """Describe the section [law] for a control law's parameters."""
     return described_section(law, {law.number.key: Key(gain_of(law))})
 
 

@@ -1,4 +1,7 @@
-"""Check that all sensor outputs in a scenario file have the same unit, volts or counts."""
+"""Check that all sensor outputs have the same unit.
+
+The unit of a sensor output in a scenario file is V or counts.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +19,16 @@ if TYPE_CHECKING:
 
 
 def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> None:
-    """Report a mistake if the sensor component or the sampled loop has another output unit than the sensor curve."""
+    """Report sensor outputs in different units.
+
+    The sensor component and the sampled loop must have the output unit of the sensor curve.
+    """
     path, unit = _unit_of_sensor(file, calibration)
     if part is not None and unit and part.unit not in {"", unit}:
         file.refuse(
             ("chain", "part"),
             f"the sensor component reports readings in {part.unit}, but the outputs of the sensor curve "
-            f"are in {unit} ({_location(file, path)}); use a curve in {part.unit}, or a component that "
+            f"are in {unit} ({_location(file, path)}). Use a curve in {part.unit}, or a component that "
             f"reports {unit}",
         )
         return
@@ -36,7 +42,7 @@ def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: Cali
 
 
 def _unit_of_sensor(file: Reading, calibration: CalibrationReport | None) -> tuple[KeyPath, str]:
-    """Return the unit of the sensor output, and the key of the scenario file that determines this unit."""
+    """Return the sensor's output unit and the key with it."""
     # The unit is empty for bare numbers.
     if calibration is not None:
         return ("sensor", "calibration"), calibration.calibration.unit
@@ -48,7 +54,10 @@ def _unit_of_sensor(file: Reading, calibration: CalibrationReport | None) -> tup
 
 
 def _loop_outputs(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
-    """Yield key, text and unit of each value in [chain], [controller] and [law] that is given in V or counts."""
+    """Yield the sensor outputs of the sampled loop.
+
+    Each item has the key, the text and the unit, V or counts.
+    """
     for section in ("chain", "controller", "law"):
         keys = file.sections[section][0].keys if section in file.sections else {}
         for key, value in file.data[section].items() if keys else ():
@@ -59,6 +68,6 @@ def _loop_outputs(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
 
 
 def _location(file: Reading, path: KeyPath) -> str:
-    """Return a key together with its line number, as text for error messages."""
+    """Return a key and its line number as text."""
     line = file.source.lines.get(path)
     return f"{'.'.join(map(str, path))}" + (f", line {line}" if line else "")

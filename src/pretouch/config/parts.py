@@ -1,4 +1,7 @@
-"""Read a scenario file once for each built-in sensor part, such as the VCNL4010, to compare the parts."""
+"""Load a scenario file for each built-in sensor part.
+
+The tasks serve to compare the sensor parts, such as the VCNL4010.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +27,10 @@ _SIGMAS: Final = 3.0  # default floor in standard deviations of the noise
 
 
 def load_with_parts(path: str | os.PathLike[str]) -> dict[str, Task]:
-    """Read a scenario file once for each built-in sensor part, and replace the sensor chain by that of the part.
+    """Create a design task for each built-in sensor part.
 
-    The curve keeps its shape. Its scale, the floor of the controller and the noise become those of the part.
+    The sensor chain of the scenario file is replaced by that of the part. The curve keeps its shape. Its scale, the
+    floor of the controller and the noise become those of the part.
 
     Args:
         path: the scenario file, with [chain] and [controller] and a sensor curve by its parameters.
@@ -44,12 +48,12 @@ def load_with_parts(path: str | os.PathLike[str]) -> dict[str, Task]:
     if missing:
         raise InvalidInputError(
             f"{path}: found no section [{missing[0]}], expected [chain] and [controller], because sensor parts differ "
-            "in rate, delay and noise; run pretouch init for a file that has both"
+            "in rate, delay and noise. Run pretouch init for a file that has both"
         )
     if "scale" not in data.get("sensor", {}):
         raise InvalidInputError(
-            f"{path}: [sensor] has no key scale, but the comparison of sensor parts replaces the scale of the curve "
-            "for each part. Replace a calibration by model and its parameters, such as pretouch fit prints"
+            f"{path}: [sensor] has no key scale, but the comparison replaces the scale of the curve for each sensor "
+            "part. Replace a calibration by model and its parameters, such as pretouch fit prints"
         )
     read = partial(load_document, Path(path), text, hashlib.sha256(content).hexdigest())
     base = read(data)
@@ -57,7 +61,7 @@ def load_with_parts(path: str | os.PathLike[str]) -> dict[str, Task]:
 
 
 def _with_part(read: Callable[[Mapping[str, Any]], Task], data: dict[str, Any], base: Task, part: SensorPart) -> Task:
-    """Create a task from the contents of a scenario file, with the sensor chain of another sensor part."""
+    """Create the design task for another sensor part."""
     changed = copy.deepcopy(data)
     chain: dict[str, Any] = {"part": part.name}
     rate = 1.0 / base.loop.law.period
@@ -80,5 +84,8 @@ def _with_part(read: Callable[[Mapping[str, Any]], Task], data: dict[str, Any], 
 
 
 def _scale_of(task: Task) -> float:
-    """Return the scale of the sensor curve of a task, also if the sensor has a recess."""
+    """Return the scale of a task's sensor curve.
+
+    The sensor may have a recess.
+    """
     return float(getattr(getattr(task.sensor, "sensor", task.sensor), "scale"))  # noqa: B009 - curves with a scale only

@@ -29,7 +29,7 @@ _LONGEST: Final = 60
 
 
 class UnfitValueError(ValueError):
-    """Error that is raised for a value that a key of a scenario file does not allow.
+    """Raised for a value not allowed by a scenario-file key.
 
     Args:
         sentence: the message; if it starts with "expected", the wrong value is written before it.
@@ -49,7 +49,9 @@ class UnfitValueError(ValueError):
 
 
 def value_text(value: Any) -> str:
-    """Return a value as a TOML file shows it; long values are shortened.
+    """Format a value as in a TOML file.
+
+    Long values are shortened.
 
     Returns:
         Text for a message.
@@ -75,7 +77,7 @@ def value_text(value: Any) -> str:
 
 
 def printable(text: str) -> str:
-    r"""Replace line breaks and control characters in a text by escape sequences, for error messages.
+    r"""Escape line breaks and control characters in a text.
 
     Returns:
         The text on one line.
@@ -89,7 +91,9 @@ def printable(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A function object that parses a quantity: a text with a number and a unit, or a bare number in SI units.
+    """A parser for a physical quantity with its unit.
+
+    A quantity is a text with a number and a unit, or a bare number in SI units.
 
     Args:
         unit: the expected SI unit; empty for a pure number; "output" for a sensor output, which may be in V, in counts
@@ -129,7 +133,14 @@ class Quantity:
         return text + "".join(f' or "{word}"' for word in self.words)
 
     def __call__(self, value: Any) -> float | str:
-        """Convert a TOML value to a number in SI units; allowed words such as "auto" are returned unchanged."""
+        """Convert a TOML value to a number in SI units.
+
+        Returns:
+            The number; an allowed word such as "auto" unchanged.
+
+        Raises:
+            UnfitValueError: the value is not such a quantity.
+        """
         if isinstance(value, str) and value in self.words:
             return value
         if self.unit == "rad/s" and isinstance(value, str) and "Hz" in value:
@@ -140,7 +151,7 @@ class Quantity:
         if not isinstance(value, str) and abs(number) > self.largest_bare:
             raise UnfitValueError(
                 "expected a quantity with its unit, because the number is implausibly large in the default "
-                f'unit {self.unit}; did you mean "{value:g} m{self.unit}"? Otherwise write "{value:g} '
+                f'unit {self.unit}. Did you mean "{value:g} m{self.unit}"? Otherwise write "{value:g} '
                 f'{self.unit}"'
             )
         if self.sign != "any" and not _HOLDS[self.sign](number, 0.0):
@@ -165,7 +176,8 @@ class Quantity:
         raise UnfitValueError(f"expected {self.expected}{_reason(value)}")
 
     def _with_unit(self, text: str) -> str:
-        """Return a suggested value with unit for a number that lacks its unit; empty if no unit is missing."""
+        """Suggest a value with unit for a bare number."""
+        # The text is empty if no unit is missing.
         volts, counts, _ = _OUTPUT_UNITS.get(self.unit, (self.unit, "", ""))
         instead = missing_unit(text, volts)
         if counts and instead:
@@ -187,7 +199,10 @@ def _in_unit(value: float | str, unit: str) -> float | None:
 
 
 def output_unit(value: Any) -> str:
-    """Return the unit of a sensor output or of its rate of change, V or counts; empty for other quantities."""
+    """Return the unit of a sensor output.
+
+    The unit is V or counts, also for a rate of change. It is empty for other quantities.
+    """
     names = {"": ("", "1/s"), "V": ("V", "V/s"), "counts": ("counts", "counts/s")}
     if not isinstance(value, str):
         return ""
@@ -195,7 +210,10 @@ def output_unit(value: Any) -> str:
 
 
 def _reason(value: Any) -> str:
-    """Return why a text cannot be parsed as a quantity, for example because of a decimal comma."""
+    """Return why a text is not a valid quantity.
+
+    An example of a reason is a decimal comma.
+    """
     # The result is empty if only the dimension is wrong.
     if not isinstance(value, str):
         return ""

@@ -1,4 +1,7 @@
-"""Parse the sections of a scenario file, and report all mistakes together with their line numbers."""
+"""Parse a scenario file and report all its mistakes.
+
+The mistakes are reported together, with their line numbers.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +52,7 @@ _KEY_OF_NAME: Final[dict[str, KeyPath]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioSource:
-    """Path, text and hash of the scenario file that describes a design task.
+    """The scenario file of a design task.
 
     Args:
         path: path of the file.
@@ -69,7 +72,10 @@ class ScenarioSource:
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """All files from which the task was read; pretouch refuses to overwrite these files."""
+        """All files from which the task was read.
+
+        pretouch refuses to overwrite these files.
+        """
         return (self.path, *self.calibration_files, *self.model_files)
 
     @property
@@ -78,7 +84,7 @@ class ScenarioSource:
         return _lines_of(self.text)
 
     def placed(self, error: InvalidInputError) -> InvalidInputError:
-        """Convert an input error to an error whose message also gives the line in the scenario file."""
+        """Add the line in the scenario file to an error."""
         if isinstance(error, ScenarioFileError):  # converted already by a nested verb
             return error
         message = self.explained(error)
@@ -87,11 +93,17 @@ class ScenarioSource:
         return ScenarioFileError(self.list_mistakes([(path, sentence)]) if has_line else f"{self.path}: {message}")
 
     def explained(self, error: InvalidInputError) -> str:
-        """Return the message of an error; if a distance is out of range, add the calibrated range."""
+        """Return an error message with the calibrated range of distances.
+
+        The range is added only if a distance is out of range.
+        """
         return f"{error}; {self.supported}" if self.supported and isinstance(error, OutOfRangeError) else str(error)
 
     def list_mistakes(self, mistakes: Iterable[Mistake]) -> str:
-        """Return a text that lists the mistakes in the scenario file, one per line, sorted by line number."""
+        """Return the mistakes in the scenario file by line number.
+
+        Each mistake has its own line of text.
+        """
         # A missing key has the line of its section, or else the last line.
         last = self.text.rstrip().count("\n") + 1
         rows = []
@@ -117,7 +129,7 @@ def _dotted(path: KeyPath) -> str:
 
 
 def split_message(message: str, section: str, keys: Iterable[str] = ()) -> Mistake:
-    """Split an error message into the wrong key of the scenario file and the sentence about this key.
+    """Split an error message into key and sentence.
 
     The text before the colon is a key of `section`, one of `keys`, or a section followed by one of its keys.
 
@@ -162,7 +174,7 @@ _OTHER_TAGS: Final = {
 
 
 class Reading:
-    """The sections of a scenario file with their values, and all mistakes in the file.
+    """The values and mistakes in a scenario file.
 
     Args:
         source: the file.
@@ -190,7 +202,10 @@ class Reading:
                 self.unread.append(((name,), f"found no such section, expected [{name}] with {examples[name]}"))
 
     def _read(self, name: str, content: Any) -> None:
-        """Read one section of the scenario file, and record the mistakes in the section."""
+        """Read one section of the scenario file.
+
+        The mistakes in the section are recorded.
+        """
         if not isinstance(content, dict):
             what = f"[[{name}]]" if isinstance(content, list) else value_text(content)
             self.unread.append(((name,), f"found {what}, expected a section [{name}] with keys"))
@@ -211,7 +226,8 @@ class Reading:
         self.mistakes.append((path, sentence))
 
     def attempt(self, section: str, make: Callable[[], T], path: KeyPath = ()) -> T | None:
-        """Call the function `make`; if it raises an error, record a mistake at the key that the error names."""
+        """Call a function and record its error as a mistake."""
+        # The mistake belongs to the key that the error names.
         # A `path` takes precedence over the key in the message.
         try:
             return make()
@@ -221,22 +237,34 @@ class Reading:
             return None
 
     def values(self, section: str) -> dict[str, Any] | None:
-        """Return the values of a section of the scenario file; None if the section is missing or contains mistakes."""
+        """Return the values of a section of the scenario file.
+
+        The result is None if the section is missing or contains mistakes.
+        """
         return self.sections[section][1] if section in self.sections else None
 
     def settings(self, section: str) -> dict[str, Any]:
-        """Return the values of an optional section of the scenario file, or the default values if it is missing."""
+        """Return the values of an optional section.
+
+        If the section is missing, the values are the defaults.
+        """
         return dict(self.sections[section][1]) if section in self.sections else variants(section)[""]({})
 
     def options(self, section: str) -> Any:
-        """Make the options object that a file section describes; if the section is missing, use the default values."""
+        """Return the options object of a section.
+
+        If the section is missing, the options have their default values.
+        """
         if section in self.data:
             return self.make(section)
         variant: Any = _variant(section, {}, (self.law or DAMPER).kind)
         return variant.make(**variant({}))
 
     def make(self, section: str, without: tuple[str, ...] = ()) -> Any:
-        """Create the instance that a section of the scenario file describes, ignoring some keys of the section."""
+        """Return the object that a section describes.
+
+        The keys in `without` are ignored.
+        """
         if section not in self.sections:
             return None
         variant, values = self.sections[section]
@@ -245,7 +273,10 @@ class Reading:
 
 
 def _law(kind: Any) -> Any:
-    """Return the control law with a given name, or its class; None if it does not exist or cannot be imported."""
+    """Return the control law with a given name.
+
+    The result is a law or its class. It is None if the law does not exist or cannot be imported.
+    """
     try:
         return LAW_KINDS.find(kind) if isinstance(kind, str) else None
     except InvalidInputError:  # reported when [law] is read
@@ -253,7 +284,10 @@ def _law(kind: Any) -> Any:
 
 
 def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
-    """Yield a mistake for each unknown section of the scenario file, with a suggested correction."""
+    """Yield a mistake for each unknown section.
+
+    The mistake contains a suggested correction.
+    """
     for name in data:
         if name in SECTIONS:
             continue
@@ -270,7 +304,8 @@ def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
 
 
 def _variant(name: str, content: Mapping[str, Any], law: str) -> Section | Mistake:
-    """Choose the variant (the set of allowed keys) of a file section; return a mistake if no variant fits."""
+    """Choose the set of allowed keys for a section."""
+    # The result is a mistake if no such variant of the section fits.
     if name == "sensor":
         curves = sensor_variants(foreign=True)
         calibrated = curves.pop(CALIBRATION)
@@ -289,7 +324,7 @@ def _variant(name: str, content: Mapping[str, Any], law: str) -> Section | Mista
 
 
 def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[str, Section]) -> Section | Mistake:
-    """Choose the variant of a section of the scenario file by a key such as `kind`."""
+    """Choose a section's variant by a key such as `kind`."""
     names = tuple(name for name in variants(section) if name not in {CALIBRATION, MODEL})
     key = _TAGS[section]
     if key in content:
@@ -316,7 +351,8 @@ def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[st
 
 
 def _unknown_key(source: ScenarioSource, name: str, variant: Section, content: Mapping[str, Any], key: str) -> str:
-    """Return a message about an unknown key of the scenario file that suggests the right key or section."""
+    """Write the error message about an unknown key."""
+    # The message suggests the right key or section.
     takes = ", ".join(variant.names)
     if key in keys_of(name):
         return _key_of_another_variant(source, name, takes, content, key)
@@ -336,7 +372,7 @@ _INSTEAD: Final = {
 
 
 def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, content: Mapping[str, Any], key: str) -> str:
-    """Return a message about a key that is not allowed in the selected variant of its section."""
+    """Write the error message about another variant's key."""
     owners = [tag for tag, other in variants(name).items() if key in other.keys]
     if name == "sensor" and CALIBRATION in content:
         return (

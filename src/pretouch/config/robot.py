@@ -1,4 +1,7 @@
-"""Read the robot model that a scenario file names, and compute its mass and limits along the axis of its sensor."""
+"""Project the robot model of a scenario file onto its sensor axis.
+
+The projection gives the mass and the limits of the robot along this axis.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RobotInPosture:
-    """A robot model with its sensor, in the posture that a scenario file sets.
+    """A robot model with its sensor in a given posture.
 
     Args:
         model: a `mujoco.MjModel`.
@@ -34,7 +37,10 @@ class RobotInPosture:
 
 
 def project_robot(file: Reading) -> Projection | None:
-    """Compute mass and limits of a robot model along its sensor axis; return None without a valid robot model."""
+    """Return mass and limits of a robot along its sensor axis.
+
+    The result is None without a valid robot model.
+    """
     values = file.values("robot")
     if values is None or not has_model(file.data):
         return None
@@ -56,7 +62,8 @@ def model_path(source: ScenarioSource, values: Mapping[str, Any]) -> Path:
 
 
 def read_robot(path: Path, values: Mapping[str, Any], sensor: SensorModel | None = None) -> RobotInPosture:
-    """Load the robot model that the section [robot] names, and set the posture of the robot."""
+    """Load the robot model in the posture of the file."""
+    # The section [robot] of the scenario file names the model and sets the posture.
     from pretouch.robots import SensorSite, load_model, make_data  # noqa: PLC0415 - only with a robot model
 
     try:

@@ -1,4 +1,4 @@
-"""Simulate the encounter of a scenario file with the whole robot whose model the file names."""
+"""Simulate the encounter of a scenario file with a whole robot."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _BELOW: Final = 0.5  # the floor of this controller, as a share of the sensor ou
 def simulate_robot_file(
     path: str | os.PathLike[str], task: Task, *, runs: int = 1, seed: int | None = None
 ) -> RobotSimulation:
-    """Simulate the encounter of a scenario file with the whole robot whose model the file names.
+    """Simulate the encounter of a scenario file with a whole robot.
 
     The scenario file gives the sensor, the posture and the motion of the object. The object is the one that the sensor
     sees in the robot model, or otherwise a ball that is added to the model. The controller is that of the scenario
@@ -84,7 +84,7 @@ def simulate_robot_file(
 
 
 def _refuse_other_motion(path: Path, task: Task) -> None:
-    """Raise an error if the encounter has a motion that the simulation of the whole robot does not support."""
+    """Refuse a motion that the whole-robot simulation does not support."""
     scenario = task.scenario
     zero = {
         "plant.velocity": scenario.plant.velocity,
@@ -96,14 +96,14 @@ def _refuse_other_motion(path: Path, task: Task) -> None:
         wrong.append("obstacle.course")
     if wrong:
         raise ScenarioFileError(
-            f"{path}: the key {wrong[0]} is not possible with a whole robot, which starts at its reference with a "
-            "constant velocity and meets a freely moving object; remove this key, or simulate the encounter in Python "
-            "with simulate_robot"
+            f"{path}: the key {wrong[0]} is not possible with a whole robot. The robot starts at its reference "
+            "with a constant velocity and meets a freely moving object. Remove this key, or simulate the encounter in "
+            "Python with simulate_robot"
         )
 
 
 def _control(file: Reading, task: Task) -> tuple[Controller, SensorChain | None]:
-    """Return the controller with its gain, and the sensor chain, of the robot simulation."""
+    """Return the controller and sensor chain of the robot simulation."""
     gain = chosen_gain(task)
     if task.loop is not None:
         law: Any = task.loop.law

@@ -1,4 +1,4 @@
-"""Define the keys of the section [robot] of a scenario file for a robot model in MuJoCo."""
+"""Define the scenario-file keys of a robot model in MuJoCo."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ _ANGLE: Final = Quantity("", '"8 deg"', "nonnegative")
 
 
 def _axis(value: Any) -> Any:
-    """Parse the axis of a sensor, which is a name such as "+x" or a list of three numbers."""
+    """Parse the axis of a sensor."""
+    # The axis is a name such as "+x" or a list of three numbers.
     if not isinstance(value, str | list):
         raise UnfitValueError('expected an axis of the site such as "+x", or a list of three numbers')
     return tuple(value) if isinstance(value, list) else value
@@ -43,6 +44,6 @@ ROBOT_MODEL: Final = Section(
 
 
 def has_model(data: Mapping[str, Any]) -> bool:
-    """Return True if the section [robot] of a scenario file names a robot model."""
+    """Check whether a scenario file names a robot model."""
     robot = data.get("robot")
     return isinstance(robot, Mapping) and MODEL in robot

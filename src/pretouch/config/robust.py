@@ -41,7 +41,7 @@ def robust_fields(
     calibration: CalibrationReport | None,
     constraints: tuple[Constraint, ...],
 ) -> dict[str, Any]:
-    """Return the uncertain inputs of a task, and the constraints with their required probabilities.
+    """Return a task's uncertain inputs and probabilistic constraints.
 
     Contradictions are recorded as mistakes of the file. The arguments are None if they could not be built.
     """
@@ -62,14 +62,17 @@ def robust_fields(
 def _required(
     file: Reading, probabilities: Mapping[str, float], constraints: tuple[Constraint, ...]
 ) -> Iterator[Constraint | Required]:
-    """Yield the constraints, each with its required probability if the scenario file gives one."""
+    """Yield the constraints with their required probabilities.
+
+    A constraint without a probability in the scenario file is returned unchanged.
+    """
     limited = {c.name for c in constraints}
     for name in probabilities:
         if name not in limited:
             file.refuse(
                 ("robust", "required", name),
-                f"this probability belongs to no constraint of the scenario file; add a limit for {name} to "
-                "the section [constraints]",
+                f"found a required probability, but no limit for {name}; add a limit for {name} to the section "
+                "[constraints]",
             )
     for constraint in constraints:
         probability = probabilities.get(constraint.name)
@@ -101,7 +104,7 @@ def _uncertainty(
             file.refuse(
                 (*path, "interval"),
                 f'an interval has no probabilities, but the risk measure in measure = "{measure}" needs '
-                'probabilities; use uniform if all values are equally likely, or measure = "worst-case"',
+                'probabilities. Use uniform if all values are equally likely, or measure = "worst-case"',
             )
         distribution = file.attempt("", partial(_distribution, values), path)
         distributions |= {} if distribution is None else {f"{part}.{key}": distribution}
@@ -114,7 +117,10 @@ def _uncertainty(
 
 
 def _fitted(file: Reading, path: tuple[str, ...], calibration: CalibrationReport | None) -> CorrelatedNormal | None:
-    """Return the joint distribution of the fitted sensor parameters, computed from their covariance."""
+    """Return the joint distribution of the fitted sensor parameters.
+
+    It is computed from their covariance.
+    """
     if calibration is None or calibration.best is None:
         if "calibration" not in file.data.get("sensor", {}):
             file.refuse(
@@ -144,7 +150,10 @@ def _distribution(values: Mapping[str, Any]) -> Distribution:
 
 
 def _check_means(file: Reading, scenario: Scenario, sensor: SensorModel, uncertainty: Uncertainty) -> None:
-    """Report mistakes if uncertain inputs contradict each other, or if their mean values form no valid encounter."""
+    """Check the mean values of the uncertain inputs.
+
+    They must not contradict each other, and must form a valid encounter.
+    """
     means: dict[str, list[float]] = {}
     for name, value in uncertainty.items():
         if name in means:

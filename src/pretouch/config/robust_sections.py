@@ -50,7 +50,7 @@ _INPUT_EXAMPLES: Final = {
 
 
 def _check_distribution(values: Mapping[str, Any]) -> None:
-    """Check that an uncertain input has exactly one type of distribution, and that its numbers are valid."""
+    """Check the distribution of an uncertain input."""
     kinds = [kind for kind in values if kind != "between"]
     if len(kinds) != 1:
         what = " and ".join(kinds) or ("between alone" if "between" in values else "nothing")
@@ -77,7 +77,7 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
 
 
 def _distribution_section(unit: str) -> Section:
-    """Return the description of the file keys for the distribution of an uncertain input with a given unit."""
+    """Describe the scenario-file keys of a probability distribution."""
     what = f"quantities in {written_unit(unit)}" if unit else "numbers"
     example = f"[{_EXAMPLES.get(unit, _EXAMPLES[''])}]"
     pair = f"a list of two {what}, the smaller one first"
@@ -104,7 +104,10 @@ def _distribution_section(unit: str) -> Section:
 
 
 def _described_distribution(unit: str, name: str) -> Key | None:
-    """Return the file key for a further type of distribution, for example one that an installed package adds."""
+    """Return the scenario-file key for an added type of distribution.
+
+    An installed package may add such a type.
+    """
     described = DISTRIBUTION_KINDS.find(name)
     if described is None:
         return None
@@ -131,7 +134,10 @@ def _from_calibration(value: Any) -> Any:
 
 
 def _inputs(part: str) -> dict[str, str]:
-    """Return the inputs of one part of the encounter, such as the obstacle, with their units."""
+    """Return the uncertain inputs of an encounter's part.
+
+    The result has the unit of each input. A part is, for example, the obstacle.
+    """
     # A sensor has the inputs of all curves, but no scale, which cancels from the slope.
     if part != "sensor":
         units = {tuple(name.split(".")): unit for name, unit in SCENARIO_INPUTS.items()}
@@ -141,7 +147,7 @@ def _inputs(part: str) -> dict[str, str]:
 
 
 def _part(part: str) -> Callable[[Any], Any]:
-    """Make a function that parses the uncertain inputs of one part of the encounter, such as the obstacle."""
+    """Make a parser for the uncertain inputs of a part."""
     keys = {name: Key(_distribution_section(unit)) for name, unit in _inputs(part).items()}
     section = Section(keys | ({FROM_CALIBRATION: Key(_from_calibration)} if part == "sensor" else {}))
 
@@ -156,12 +162,19 @@ def _part(part: str) -> Callable[[Any], Any]:
 
 
 def uncertainty_section() -> Section:
-    """Return the description of the section [uncertainty] of a scenario file, which lists the uncertain inputs."""
+    """Describe the section [uncertainty] of a scenario file."""
     return Section({part: Key(_part(part)) for part in _INPUT_EXAMPLES})
 
 
 def read_probability(value: Any) -> float:
-    """Parse a probability between 0 and 1, where 0 and 1 are not allowed."""
+    """Parse a probability between 0 and 1.
+
+    Returns:
+        The probability; 0 and 1 are not allowed.
+
+    Raises:
+        UnfitValueError: the value is not such a probability.
+    """
     number = Quantity("")(value)
     if not (isinstance(number, float) and 0 < number < 1):
         raise UnfitValueError("expected a probability between 0 and 1, such as 0.95")

@@ -1,4 +1,4 @@
-"""Define which sections and keys a scenario file may have, and the unit of each key.
+"""Define the sections, keys and units of a scenario file.
 
 Messages and the test of docs/reference/scenario-file.md use this schema.
 """
@@ -46,7 +46,13 @@ _OBSTACLE: Final = ("obstacle speed",)
 
 
 def _check_second_term(values: Mapping[str, Any]) -> None:
-    """Check that an objective of the published letter, L(20) or L(22), has either contact velocity or impact force."""
+    """Check the second term of the letter's objective.
+
+    The objective, L(20) or L(22), has either contact velocity or impact force.
+
+    Raises:
+        UnfitValueError: both or none of the two are given.
+    """
     expected = 'expected either velocity_scale = "0.3 m/s" or force_scale = "100 N"'
     if {"velocity_scale", "force_scale"} <= set(values):
         raise UnfitValueError(f"found both velocity_scale and force_scale, {expected}", "force_scale")
@@ -60,7 +66,7 @@ def _check_second_term(values: Mapping[str, Any]) -> None:
 
 
 def _two_term_objective(first: str, unit: str, example: str) -> Section:
-    """Return the description of the file section [objective] for an objective with two terms."""
+    """Describe the section [objective] for two terms."""
     # The second term is contact velocity or impact force.
     return Section(
         {
@@ -77,7 +83,8 @@ def _two_term_objective(first: str, unit: str, example: str) -> Section:
 
 
 def _scale(quantity: str | None) -> Any:
-    """Make a function that parses the typical value of a quantity, in the unit of this quantity."""
+    """Make a parser for the typical value of a quantity."""
+    # The value is in the unit of the quantity.
     if quantity is None:  # another check refuses this
         return lambda _: 1.0
     words = _OBSTACLE if "velocity" in quantity or "speed" in quantity else ()
@@ -85,7 +92,8 @@ def _scale(quantity: str | None) -> Any:
 
 
 def _quantity_name(value: Any) -> str:
-    """Parse the name of a quantity, which is built in or comes from an installed package."""
+    """Parse the name of a quantity."""
+    # The quantity is built in or comes from an installed package.
     try:
         quantity = None if not isinstance(value, str) else find_quantity(value)
     except InvalidInputError as error:
@@ -129,7 +137,7 @@ FREE: Final = {
 
 
 def _check_order(*keys: str, unit: str = "", what: str = "the lower first") -> Callable[[Mapping[str, Any]], None]:
-    """Make a function that checks that lower bounds are smaller than upper bounds."""
+    """Make a check that lower bounds are below upper bounds."""
 
     def check(values: Mapping[str, Any]) -> None:
         for key in keys:
@@ -177,7 +185,10 @@ def _limit(unit: str) -> Key:
 
 
 def _added_limit(name: str) -> Key | None:
-    """Return the file key of a constraint on a user-defined quantity; None if no such quantity exists."""
+    """Return the key of a constraint on a user-defined quantity.
+
+    The result is None if no such quantity exists.
+    """
     if name in QUANTITY_KINDS.built_in() or find_quantity(name) is None:
         return None
     return _limit(QUANTITY_UNITS[name])
@@ -269,7 +280,7 @@ _REQUIRED_SECTIONS: Final[Mapping[str, str]] = {
 
 
 def required_sections(law: ContinuousLaw, chosen: Iterable[str]) -> dict[str, str]:
-    """Return the required sections of a scenario file, each with an example of its keys.
+    """Return the required sections with example keys.
 
     Args:
         law: the law, or its class.
@@ -281,7 +292,10 @@ def required_sections(law: ContinuousLaw, chosen: Iterable[str]) -> dict[str, st
 
 
 def variants(section: str) -> Mapping[str, Section]:
-    """Return the variants of a section of the scenario file, such as one variant for each sensor model."""
+    """Return the variants of a section of the scenario file.
+
+    For example, each sensor model has its own variant.
+    """
     if section == "sensor":
         return sensor_variants()
     if section == "uncertainty":
@@ -294,7 +308,10 @@ def variants(section: str) -> Mapping[str, Section]:
 
 
 def extensions_of(section: str) -> tuple[Extensions, Callable[[Any], Section]] | None:
-    """Return the types that installed packages add to a section, and the function that describes the keys of a type."""
+    """Return the types that installed packages add to a section.
+
+    The second element is the function that describes the keys of a type.
+    """
     if section == "sensor":
         return CURVE_KINDS, section_of_curve
     if section == "objective":
@@ -311,5 +328,8 @@ def extensions_of(section: str) -> tuple[Extensions, Callable[[Any], Section]] |
 
 
 def keys_of(section: str) -> tuple[str, ...]:
-    """Return all keys that a section of the scenario file may have, in the documented order."""
+    """Return all possible keys of a scenario-file section.
+
+    The keys are in the documented order.
+    """
     return tuple(dict.fromkeys(key for variant in variants(section).values() for key in variant.keys))

@@ -1,4 +1,4 @@
-"""Describe the keys of one section of a scenario file, and check a section against this description."""
+"""Describe and check one section of a scenario file."""
 
 from __future__ import annotations
 
@@ -37,7 +37,10 @@ class Key:
     after: tuple[str, Callable[[Any], Reader]] | None = None
 
     def missing(self, name: str) -> str:
-        """Return a message about a missing key, with the expected value and an example."""
+        """Return the error message about a missing key.
+
+        The message gives the expected value and an example.
+        """
         if isinstance(self.read, Quantity):
             example = written_unit(self.read.example)
             if not example:
@@ -48,7 +51,9 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """Description of a section or table of a scenario file; unknown keys in the section raise an error.
+    """The allowed keys of a scenario-file section or table.
+
+    Unknown keys raise an error.
 
     Args:
         keys: its keys, in the order of messages.
@@ -69,7 +74,8 @@ class Section:
     more: tuple[Extensions, Callable[[str], Key | None]] | None = None
 
     def __call__(self, table: Any, unknown: Callable[[str], str] | None = None) -> dict[str, Any]:
-        """Return the values of a TOML table by key; raise an error that lists all mistakes in the table."""
+        """Parse the values of a TOML table."""
+        # The error message lists all mistakes in the table.
         if not isinstance(table, Mapping):
             raise UnfitValueError(f"expected a table such as {self.example}")
         keys = dict(self.keys)
@@ -97,7 +103,10 @@ class Section:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of all keys of the section, including keys that installed packages add."""
+        """The names of all keys of the section.
+
+        Keys that installed packages add are included.
+        """
         return (*self.keys, *(() if self.more is None else self.more[0].installed()))
 
     def _unknown(self, name: str) -> str:
@@ -107,7 +116,8 @@ class Section:
 
 
 def _attempt(read: Reader, value: Any, at: str | int, mistakes: list[tuple[KeyPath, str]]) -> Any:
-    """Parse a value, and record each mistake in it together with the path of the wrong key."""
+    """Parse a value and record its mistakes."""
+    # Each mistake has the path of the wrong key.
     try:
         return read(value)
     except UnfitValueError as unfit:
@@ -125,7 +135,8 @@ TAG: Final = Key(lambda _: None, REQUIRED)
 
 
 def _added_key(find: Callable[[str], Key | None], name: str) -> Key | None:
-    """Return the file key that an installed package adds, or None; raise an error if the package is broken."""
+    """Return the file key added by an installed package."""
+    # The result is None if no package adds the key. A broken package raises an error.
     try:
         return find(name)
     except InvalidInputError as error:
@@ -133,7 +144,10 @@ def _added_key(find: Callable[[str], Key | None], name: str) -> Key | None:
 
 
 def checked(holds: Callable[[Any], bool], what: str) -> Reader:
-    """Make a function that returns a value if the value meets a condition, and otherwise raises an error."""
+    """Return a function that checks a condition on a value.
+
+    The function returns the value, or raises an error if the condition is not met.
+    """
 
     def read(value: Any) -> Any:
         if not holds(value):
@@ -149,7 +163,7 @@ def text(example: str) -> Reader:
 
 
 def whole(least: int, example: str) -> Reader:
-    """Make a function that accepts only integers that are not smaller than a given number."""
+    """Make a parser for integers with a lower limit."""
     what = f"a whole number of at least {least}, such as {example}"
     return checked(lambda v: type(v) is int and least <= v < 2**31, what)
 
@@ -166,7 +180,10 @@ def name_of(*names: str) -> Reader:
 
 
 def list_of(read: Reader, least: int, most: int | None, what: str) -> Reader:
-    """Make a function that parses a list whose number of elements lies between `least` and `most`."""
+    """Return a parser for a list with limited length.
+
+    The number of elements lies between `least` and `most`.
+    """
 
     def read_all(value: Any) -> list[Any]:
         if not isinstance(value, list) or len(value) < least or (most is not None and len(value) > most):
@@ -181,7 +198,9 @@ def list_of(read: Reader, least: int, most: int | None, what: str) -> Reader:
 
 
 def one_of(value: Any, names: tuple[str, ...]) -> str:
-    """Return a message that lists the allowed names, and suggests the name most similar to the value.
+    """Describe the allowed names in an error message.
+
+    The message suggests the name most similar to the value.
 
     Returns:
         The part of a message after the value.
@@ -196,7 +215,7 @@ def one_of(value: Any, names: tuple[str, ...]) -> str:
 
 
 def nearest(name: str, valid: tuple[str, ...]) -> str | None:
-    """Return the valid name that is most similar to a misspelled name; None if no name is similar.
+    """Return the valid name closest to a misspelled name.
 
     Returns:
         The valid name, or None.
@@ -214,9 +233,10 @@ def nearest(name: str, valid: tuple[str, ...]) -> str | None:
 
 
 class ByLaw(dict[str, Section]):
-    """Variants of a section of the scenario file, one for each control law; the keys are the names of the laws.
+    """Variants of a scenario-file section for different control laws.
 
-    Iteration gives the variants of the built-in laws. The variant of an installed law is made when a file uses the law.
+    The keys are the names of the laws. Iteration gives the variants of the built-in laws. The variant of an installed
+    law is made when a file uses the law.
 
     Args:
         make: makes the section for a law, which is a value or a class.
@@ -237,7 +257,7 @@ def gain_of(law: ContinuousLaw) -> Quantity:
 
 
 def example_bounds(law: ContinuousLaw) -> str:
-    """Return an example of the bounds for the gain of a control law, as TOML."""
+    """Return example gain bounds of a control law as TOML."""
     if law == DAMPER:
         return '["-10 N*s", "-0.01 N*s"]'
     unit = written_unit(law.number.unit)
@@ -265,7 +285,9 @@ def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] 
 
 
 def described_section(described: Any, keys: Mapping[str, Key] | None = None) -> Section:
-    """Describe the scenario-file section for a class; its keys are the declared fields of the class.
+    """Describe the scenario-file section for a class.
+
+    Its keys are the declared fields of the class.
 
     Args:
         described: a class whose declared fields are keys, or a value; the fields of a value have default values.
@@ -287,7 +309,10 @@ def described_section(described: Any, keys: Mapping[str, Key] | None = None) -> 
 
 
 def _reader_of(metadata: Mapping[str, Any]) -> Reader | None:
-    """Return the function that parses a dataclass field; None if the field is not declared as a file key."""
+    """Return the parser for a dataclass field.
+
+    The result is None if the field is not declared as a file key.
+    """
     if "unit" in metadata:
         unit = metadata["unit"] if metadata.get("of_output") is None else "output"
         return Quantity(unit, metadata["example"], metadata["sign"], metadata["infinite"])

@@ -1,4 +1,7 @@
-"""Create the sensor curve from the section `[sensor]` of a scenario file, or fit it to a calibration."""
+"""Create or fit the sensor curve of a scenario file.
+
+The section `[sensor]` gives the parameters of the curve or a calibration.
+"""
 
 from __future__ import annotations
 
@@ -34,20 +37,26 @@ _GEOMETRY: Final = {
 
 
 def section_of_curve(curve: type[SensorModel]) -> Section:
-    """Describe the scenario-file section of a sensor curve: its keys are the parameters or points of the curve."""
+    """Return a description of a sensor curve's scenario-file section.
+
+    Its keys are the parameters or points of the curve.
+    """
     points = {f.name: _points(f.metadata["points"]) for f in fields(curve) if "points" in f.metadata}
     return Section({**_GEOMETRY, **declared_keys(curve), "model": TAG, **points}, make=curve)
 
 
 def sensor_variants(*, foreign: bool = False) -> dict[str, Section]:
-    """Return the variants of the section [sensor]: one variant for each sensor curve, and one for a calibration."""
+    """Return the variants of the section [sensor].
+
+    There is one variant for each sensor curve, and one for a calibration.
+    """
     return {name: section_of_curve(curve) for name, curve in sensor_curves(foreign=foreign).items()} | {
         CALIBRATION: _CALIBRATED
     }
 
 
 def _points(unit: str) -> Key:
-    """Make the scenario-file key for a list of distances or of sensor outputs."""
+    """Make the key for a list of distances or outputs."""
     if unit != "output":
         distances = list_of(Quantity(unit), 2, None, f"a list of two or more quantities in {unit}")
         return Key(distances, REQUIRED, '["0 mm", "10 mm", "20 mm"]')
@@ -77,7 +86,8 @@ def _model(value: Any) -> str:
 
 
 def _level_or_file(value: Any) -> float | str:
-    """Parse the sensor output without an object, or the path of a file with such readings."""
+    """Parse the sensor output without an object."""
+    # The value may also be the path of a file with such readings.
     if isinstance(value, str) and re.search(r"\.[A-Za-z]\w*$", value):
         return value
     try:
@@ -121,7 +131,9 @@ OutputValue: TypeAlias = tuple[float, str]
 
 
 def read_output(value: float | str, *, name: str) -> OutputValue:
-    """Parse a sensor output in V, in counts or as a bare number.
+    """Parse a sensor output with or without unit.
+
+    The unit is V or counts.
 
     Returns:
         The number, in SI, and its unit.
@@ -142,7 +154,14 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
 
 
 def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValue | Path:
-    """Parse the sensor output without an object, or the path of a file in `folder` with such readings."""
+    """Parse the sensor output without an object.
+
+    Returns:
+        The output and its unit, or the path of a file in `folder` with such readings.
+
+    Raises:
+        UnitError: the value is neither of them.
+    """
     try:
         return read_output(value, name=name)
     except UnitError:
@@ -186,7 +205,8 @@ class FitRequest:
         return (self.path, self.no_object) if isinstance(self.no_object, Path) else (self.path,)
 
     def read(self) -> tuple[Calibration, ...]:
-        """Read the calibration curves that match the labels in `select`; raise an error if no curve matches."""
+        """Read the calibration curves with the selected labels."""
+        # An error is raised if no curve matches the labels.
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
@@ -212,7 +232,8 @@ class FitRequest:
         return matches
 
     def _is_calibration(self) -> bool:
-        """Return True if the file is a readable calibration, so that messages may quote its contents."""
+        """Check whether the file is a readable calibration."""
+        # Messages may quote the contents of a calibration.
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         try:
@@ -241,7 +262,10 @@ class FitRequest:
         return replace(report, scenario_lines=tuple(self._scenario_lines(calibration, report)))
 
     def _scenario_lines(self, calibration: Calibration, report: CalibrationReport) -> Iterator[str]:
-        """Yield the lines of the section [sensor] of a scenario file that repeat this fit."""
+        """Yield the scenario-file lines that repeat this fit.
+
+        The lines belong to the section [sensor].
+        """
         yield f"{CALIBRATION} = {_in_toml(self.path)}"
         if self.models and report.best is not None:
             yield f"model = {_in_toml(report.best.model)}"
@@ -264,7 +288,8 @@ class FitRequest:
 
 
 def _in_toml(value: str | float | OutputValue | Path | None) -> str:
-    """Return a value of an option as a TOML value; a quantity is a number with its unit."""
+    """Format the value of an option as TOML."""
+    # A quantity is a number with its unit.
     if isinstance(value, tuple):
         value = f"{value[0]!r} {value[1]}" if value[1] else value[0]
     if isinstance(value, Path):
@@ -284,7 +309,7 @@ def _as_toml(label: str) -> str:
 
 
 def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> float:
-    """Return the number of a sensor output; raise an error if its unit differs from the calibration's unit."""
+    """Return a sensor output in the calibration's unit."""
     number, unit = value
     if unit and unit != calibration.unit:
         raise UnitError(
@@ -295,7 +320,7 @@ def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> floa
 
 
 def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
-    """Fit a sensor curve to the calibration curve that the options select; raise an error if several curves match."""
+    """Fit a sensor curve to the selected calibration curve."""
     # several calibration curves, or a curve without a usable fit, raise an error
     curves = request.read()
     if len(curves) > 1:

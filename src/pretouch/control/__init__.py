@@ -1,8 +1,8 @@
-"""Implement the sampled controller, which turns sensor readings into a reference motion of the robot.
+"""Implement the sampled controller of the robot.
 
-This package contains everything that the robot runs. It uses no sensor model and no motion model, and imports only
-`_core`. A `Law` turns changes of the reading into a force. A custom law is built from `observe`, `push_by_drag` and
-`drive`.
+The controller turns sensor readings into a reference motion. This package contains everything that the robot runs. It
+uses no sensor model and no motion model, and imports only `_core`. A `Law` turns changes of the reading into a force. A
+custom law is built from `observe`, `push_by_drag` and `drive`.
 """
 
 from .components import Conditioning, Limits, VirtualAdmittance

@@ -32,9 +32,10 @@ HIGHEST_ORDER = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditioning:
-    """Settings for processing the sensor readings: offset, detection threshold, filters and rejection rules.
+    """Settings for processing the sensor readings.
 
-    It runs at the sensor's rate.
+    The processing subtracts the offset, applies the detection threshold, filters readings and rejects faulty ones. It
+    runs at the sensor's rate.
 
     Args:
         floor: detection threshold > 0 after the offset is subtracted [unit of xi]; choose it above noise and drift.
@@ -92,12 +93,18 @@ class Conditioning:
             )
 
     def numbers(self, period: float) -> SensingNumbers:
-        """Return the settings of the signal processing as a C structure, for a controller with a given period [s]."""
+        """Return the settings of the signal processing as a C structure.
+
+        `period` is the controller period [s].
+
+        Raises:
+            InvalidInputError: sensor period, timeout or cutoff frequency do not fit together.
+        """
         sensor_period = period if self.sensor_period is None else self.sensor_period
         if sensor_period < period * (1 - 1e-9):
             raise InvalidInputError(
                 f"sensor_period: found {sensor_period:g} s, expected at least the controller period of "
-                f"{period:g} s; run the controller at the sensor's rate, or use only every second or third "
+                f"{period:g} s. Run the controller at the sensor's rate, or use only every second or third "
                 "reading"
             )
         timeout = _TIMEOUT_PERIODS * sensor_period if self.timeout is None else self.timeout
@@ -121,7 +128,10 @@ class Conditioning:
         )
 
     def fade_step(self, period: float) -> float:
-        """Return the fraction of the virtual force that is removed per control period while a reading is overdue."""
+        """Return how much the force fades per control period.
+
+        It is the fraction of the virtual force that is removed while a reading is overdue.
+        """
         # A fraction of 1 removes the force at once.
         sensor_period = period if self.sensor_period is None else self.sensor_period
         fade_time = _FADE_PERIODS * sensor_period if self.fade_time is None else self.fade_time
@@ -129,7 +139,7 @@ class Conditioning:
 
 
 def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[FilterSection, ...]:
-    """Design a Butterworth low-pass filter of order 0 (no filter) to 8 for a given sampling rate [Hz]."""
+    """Design a Butterworth low-pass filter for a sampling rate [Hz]."""
     # The result equals that of scipy.signal, which a test checks. Importing scipy.signal would take too long.
     if not isinstance(order, int) or isinstance(order, bool) or not 0 <= order <= HIGHEST_ORDER:
         raise InvalidInputError(
@@ -156,13 +166,13 @@ def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[F
 
 
 def _first_order(warped: float) -> FilterSection:
-    """Compute a first-order low-pass section from its prewarped cutoff frequency, by the bilinear transform."""
+    """Compute a first-order low-pass section by the bilinear transform."""
     b = warped / (1 + warped)
     return FilterSection(b, b, 0.0, (warped - 1) / (1 + warped), 0.0)
 
 
 def _second_order(warped: float, damping: float) -> FilterSection:
-    """Compute a second-order low-pass section from prewarped cutoff and damping ratio, by the bilinear transform."""
+    """Compute a second-order low-pass section by the bilinear transform."""
     square = warped * warped
     size = 1 + 2 * damping * warped + square
     b = square / size
@@ -217,7 +227,7 @@ def discretize(admittance: VirtualAdmittance, period: float) -> AdmittanceNumber
 
 
 def _differences(p: float, q: float) -> tuple[float, float]:
-    """Return divided differences of the exponential function, which are needed to discretize the admittance."""
+    """Return divided differences of the exponential function."""
     # The results are exp[z1, z2] and exp[0, z1, z2] for z1 + z2 = p <= 0 and z1 z2 = q >= 0.
     d = p * p / 4 - q
     magnitude = -p / 2 + math.sqrt(d) if d > 0 else math.sqrt(q)
@@ -243,9 +253,9 @@ def _differences(p: float, q: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits of the virtual force, and of speed, acceleration and excursion of the robot from its reference motion.
+    """Limits of the virtual force and the robot's motion.
 
-    None means no limit.
+    The motion is relative to the reference motion. None means no limit.
 
     All limits hold together for any force. A speed is allowed only if the plant can stop from it within the excursion
     limit at the largest deceleration. The stopping distance is piecewise linear in the speed, so the largest speed
@@ -280,9 +290,10 @@ class Limits:
 
 
 def stopping_distance(limits: MotionLimits, speed: float) -> float:
-    """Return the stopping distance [m] of the robot from a speed [m/s], with constant deceleration per control period.
+    """Return the stopping distance of the robot from a speed [m].
 
-    All periods but the last brake with the largest deceleration; the last one removes the remaining speed.
+    The speed is in m/s. The deceleration is constant in each control period. All periods but the last brake with the
+    largest deceleration; the last one removes the remaining speed.
     """
     n = limits
     step = n.acceleration * n.period
@@ -292,5 +303,6 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
 
 
 def format_output(value: float) -> str:
-    """Format a sensor output as text; its unit is that of the readings, which the controller does not know."""
+    """Format a sensor output as text."""
+    # Its unit is that of the readings, which the controller does not know.
     return f"{value:.6g} (unit of the readings)"

@@ -1,4 +1,7 @@
-"""Define the sampled controller, which runs one control step in each period of the control loop."""
+"""Define the sampled controller and its control step.
+
+The control step runs once in each period of the control loop.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +49,9 @@ _new: Final[Any] = tuple.__new__
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Controller:
-    """The sampled controller, which turns sensor readings into a reference motion of the robot.
+    """The sampled controller of the robot.
+
+    It turns sensor readings into a reference motion of the robot.
 
     Args:
         period: period T of the control loop [s].
@@ -89,14 +94,14 @@ class Controller:
 
     @property
     def step(self) -> Callable[..., Any]:
-        """The function of one control step, which computes next state and output from parameters, state and inputs.
+        """The function of one control step.
 
-        Robots use `begin` instead.
+        It computes next state and output from parameters, state and inputs. Robots use `begin` instead.
         """
         return as_step(self.law.step)
 
     def begin(self, position: float = 0.0, velocity: float = 0.0) -> Run:
-        """Start running this controller, from a position and a velocity of the robot relative to its reference.
+        """Start a run of this controller.
 
         The run holds parameters and state, and a step takes about a microsecond.
 
@@ -112,7 +117,10 @@ class Controller:
         return run(step, self.parameters(), self.start(position, velocity))
 
     def parameters(self) -> Any:
-        """Return the parameters of the controller and its control law as the structure that the control step reads."""
+        """Return the parameters that the control step reads.
+
+        One structure holds the parameters of the controller and of its control law.
+        """
         # With the letter's law, the parameters are `pretouch_parameters` of pretouch_law.h.
         sensing = self.conditioning.numbers(self.period)
         drive = DriveNumbers(
@@ -127,22 +135,33 @@ class Controller:
         return _join_parts(ControllerNumbers, sensing, drive, self.law.numbers(self))
 
     def start(self, position: float = 0.0, velocity: float = 0.0) -> Any:
-        """Return the initial state of the controller, in which no object is detected and no virtual force acts."""
+        """Return the initial state of the controller.
+
+        No object is detected, and no virtual force acts. Position [m] and velocity [m/s] are relative to the reference.
+
+        Raises:
+            InvalidInputError: the robot cannot stay within its limits from this position and velocity.
+        """
         x, v = finite(position, "position", "m"), finite(velocity, "velocity", "m/s")
         limits = self._motion_limits()
         ahead = x if v >= 0 else -x
         farthest = max(abs(x), ahead + stopping_distance(limits, abs(v)))
         if abs(v) > limits.speed or farthest > limits.excursion:
             raise InvalidInputError(
-                f"start: found position {x:g} m and velocity {v:g} m/s, both relative to the reference, from "
-                f"which the robot cannot stay within the limits {self.limits}; start nearer to the reference or "
-                "slower, or widen the limits"
+                f"start: found position {x:g} m and velocity {v:g} m/s, from which the robot cannot stay within its "
+                f"limits. Start nearer to the reference or slower, or widen the limits {self.limits}"
             )
         sensing = start_sensing(self.conditioning.numbers(self.period))
         return _join_parts(ControllerState, sensing, start_drive(x, v), self.law.start())
 
     def with_gain(self, gain: float) -> Controller:
-        """Return a copy of the controller in which the virtual damper has another gain D_p [N s]."""
+        """Return a copy of the controller with another gain.
+
+        The gain is D_p [N s] of the virtual damper.
+
+        Raises:
+            InvalidInputError: the control law has no gain.
+        """
         law: Any = self.law
         if not hasattr(law, "with_gain"):
             raise InvalidInputError(
@@ -152,11 +171,17 @@ class Controller:
         return replace(self, law=law.with_gain(gain))
 
     def with_value(self, value: float) -> Controller:
-        """Return a copy of the controller with another coefficient of its control law, such as gain D_p or drag phi."""
+        """Return a copy of the controller with another law coefficient.
+
+        Examples are the gain D_p [N s] and the drag phi [N s^2].
+        """
         return replace(self, law=self.law.with_value(value))
 
     def rows(self) -> Iterator[Row]:
-        """Yield the parameters of the controller and of its control law as table rows for a report."""
+        """Yield the controller parameters as table rows for a report.
+
+        The parameters of the control law are included.
+        """
         name = getattr(self.law, "continuous", None)  # a user-defined law is shown by its own name
         yield "law", name.replace("-", " ") if isinstance(name, str) else type(self.law).__name__
         yield "period", Measured(self.period, "s")
@@ -180,7 +205,7 @@ class Controller:
         yield "contact threshold", Measured(self.contact_threshold, "N")
 
     def _conditioning_rows(self) -> Iterator[Row]:
-        """Yield the settings for processing the sensor readings as table rows for a report."""
+        """Yield the settings of the signal processing as table rows."""
         c, numbers = self.conditioning, self.conditioning.numbers(self.period)
         yield "nominal time between readings", Measured(numbers.sensor_period, "s")
         yield "subtracted offset", format_output(c.offset)
@@ -202,7 +227,7 @@ class Controller:
 
 
 def _join_parts(base: type[Structure], sensing: Structure, drive: Structure, law: Any) -> Any:
-    """Combine the parameters or states of signal processing, robot motion and control law in one structure."""
+    """Join the parameters or states of the controller's parts."""
     # For a compiled step, all parts are one block of memory, in which the law's part comes last.
     if not isinstance(law, ctypes.Structure):
         return Parts(sensing, drive, law)
@@ -212,7 +237,7 @@ def _join_parts(base: type[Structure], sensing: Structure, drive: Structure, law
 
 @cache
 def _with_law(base: type[Structure], law: type[ctypes.Structure]) -> type[Structure]:
-    """Return a copy of a C structure type in which the field `law` has another type."""
+    """Return a copy of a C structure with another law type."""
     fields = [(name, law if name == "law" else kind) for name, kind in base._fields_]
     return type(base.__name__, (Structure,), {"_fields_": fields})
 
@@ -262,7 +287,11 @@ class Run:
         reference_velocity: float = 0.0,
         reference_acceleration: float = 0.0,
     ) -> Output:
-        """Run one control period: process a sensor reading, and return the reference motion of the robot."""
+        """Run one control step with a sensor reading.
+
+        Returns:
+            The reference motion of the robot for one period.
+        """
         _pack_sample(
             *(self._sample, 0, reading, age, contact_force),
             *(reference_position, reference_velocity, reference_acceleration, 1 if fresh else 0),
@@ -273,7 +302,7 @@ class Run:
 
 
 class _PythonRun(Run):
-    """A running controller whose step is written in Python instead of compiled code."""
+    """A running controller with a control step in Python."""
 
     __slots__ = ("_parameters", "_state", "_step")
 

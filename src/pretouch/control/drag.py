@@ -1,4 +1,7 @@
-"""Define the sampled virtual drag, a control law that reduces every approach speed by the same fraction."""
+"""Define the sampled virtual drag, a control law.
+
+The drag reduces every approach speed by the same fraction.
+"""
 
 from __future__ import annotations
 
@@ -93,7 +96,7 @@ class VirtualDrag:
         if self.known_acceleration > 0:
             raise InvalidInputError(
                 f"known_acceleration: found {self.known_acceleration:g} m/s^2, expected 0 or a negative number "
-                "(toward the robot); a positive number would make the robot follow an object that slows down"
+                "(toward the robot). A positive number would make the robot follow an object that slows down"
             )
         largest = dict.fromkeys(("drag", "dead_zone", "still_rate", "own_advance", "known_acceleration"), _LARGEST)
         largest |= dict.fromkeys(("noise", "relative_noise", "resolution"), _LARGEST_NOISE)
@@ -109,12 +112,18 @@ class VirtualDrag:
 
     @property
     def value(self) -> float:
-        """The coefficient phi [N s^2] of the virtual drag, which a design computes."""
+        """The coefficient phi of the virtual drag [N s^2].
+
+        A design computes it.
+        """
         return self.drag
 
     @property
     def step(self) -> CompiledStep:
-        """The compiled control step with the virtual drag: the function `pretouch_step_drag` in pretouch_law.c."""
+        """The compiled control step with the virtual drag.
+
+        It is the function `pretouch_step_drag` in pretouch_law.c.
+        """
         return _STEP
 
     def numbers(self, controller: Setting) -> DragNumbers:
@@ -146,7 +155,10 @@ class VirtualDrag:
         )
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
-        """Yield all parameters of the virtual drag except its coefficient phi, as table rows for a report."""
+        """Yield the settings of the virtual drag as table rows.
+
+        The coefficient phi is not included.
+        """
         yield "noise of a reading", format_output(self.noise)
         yield "relative noise of a reading", Measured(self.relative_noise)
         yield "step of the readings", format_output(self.resolution)
@@ -161,7 +173,10 @@ class VirtualDrag:
             yield "known acceleration of the object", Measured(self.known_acceleration, "m/s^2")
 
     def with_value(self, value: float) -> VirtualDrag:
-        """Return a copy of the virtual drag with another coefficient phi [N s^2]."""
+        """Return a copy of the virtual drag with another coefficient.
+
+        The coefficient is phi [N s^2].
+        """
         return replace(self, drag=value)
 
     def start(self) -> DragState:

@@ -42,9 +42,9 @@ _drive: Final = kernel("drive", POINTER, POINTER, POINTER, POINTER, POINTER, POI
 
 
 class Parts(NamedTuple):
-    """Parameters or state of a controller, divided into signal processing, robot motion and control law.
+    """Parameters or state of a controller in three parts.
 
-    The law is a Python function.
+    The parts are signal processing, robot motion and control law. The law is a Python function.
 
     Args:
         sensing: parameters or state of `observe`.
@@ -59,7 +59,10 @@ class Parts(NamedTuple):
 
 
 class Setting(Protocol):
-    """Interface of the controller settings that a control law reads to compute its own parameters."""
+    """Interface of the controller settings for a control law.
+
+    A control law reads the settings to compute its own parameters.
+    """
 
     @property
     def period(self) -> float:
@@ -75,36 +78,40 @@ class Setting(Protocol):
 
 
 class SteppedLaw(Protocol):
-    """Interface of any control law that a controller can run, one control step after another.
+    """Interface of any control law that a controller can run.
 
     Unlike a `Law`, it needs no number that a design chooses.
     """
 
     @property
     def step(self) -> Any:
-        """The function that runs one whole control step with this law, written in Python or compiled."""
+        """The function for one control step with this law.
+
+        It runs the whole step. It is written in Python or compiled.
+        """
 
     def numbers(self, controller: Setting) -> Any:
-        """Return the parameters of the control law, as a ctypes structure if the control step is compiled.
+        """Return the parameters of the control law.
 
-        `Controller.parameters` calls this before a run. The step reads the result from `parameters.law`.
+        They are a ctypes structure if the control step is compiled. `Controller.parameters` calls this before a run.
+        The step reads the result from `parameters.law`.
         """
 
     def start(self) -> Any:
-        """Return the state of the law before the first reading, as a ctypes structure if the control step is compiled.
+        """Return the state of the law before the first reading.
 
-        `Controller.start` calls this. The step reads the result from `state.law`. States are never changed in place:
-        a step in Python returns the next state.
+        It is a ctypes structure if the control step is compiled. `Controller.start` calls this. The step reads the
+        result from `state.law`. States are never changed in place: a step in Python returns the next state.
         """
 
 
 class Law(SteppedLaw, Protocol):
-    """Interface of a sampled control law, which computes a force from the sensor output and the robot's own motion.
+    """Interface of a sampled control law.
 
-    A custom law is a dataclass with these six members and one function. In Python the function is
-    `state, output = step(parameters, state, sample)`: it calls `observe`, computes the force of the law, and calls
-    `drive`; parameters and state are `Parts`. It may also be compiled, see `CompiledStep`. docs/how-to/own-law.md
-    builds one, from a force to a verdict.
+    The law computes a force from the sensor output and the robot's own motion. A custom law is a dataclass with these
+    six members and one function. In Python the function is `state, output = step(parameters, state, sample)`: it calls
+    `observe`, computes the force of the law, and calls `drive`; parameters and state are `Parts`. It may also be
+    compiled, see `CompiledStep`. docs/how-to/own-law.md builds one, from a force to a verdict.
 
     A law may smooth ln xi before it computes an impulse. This may equal, near an operating point, one low-pass that
     weights every new reading by 1 - exp(-T/tau), with the sensor's period T. Then the law reports tau [s] as the
@@ -113,27 +120,28 @@ class Law(SteppedLaw, Protocol):
 
     @property
     def continuous(self) -> Any:
-        """The continuous-time control law that this sampled law approximates; predictions use the continuous-time law.
+        """The continuous-time law that this sampled law approximates.
 
-        It is a name or a ContinuousLaw.
+        Predictions use the continuous-time law. It is a name or a ContinuousLaw.
         """
 
     @property
     def value(self) -> float:
-        """The coefficient of the control law that a design computes, such as the gain [N s] of a virtual damper.
+        """The design coefficient of the control law.
 
-        `continuous` defines its unit.
+        A design computes it. An example is the gain of a virtual damper [N s]. `continuous` defines its unit.
         """
 
     def with_value(self, value: float) -> Law:
-        """Return a copy of the control law with another coefficient, such as another gain of a virtual damper."""
+        """Return a copy of the control law with another coefficient."""
 
 
 @dataclass(frozen=True, slots=True)
 class CompiledStep:
-    """A control step in machine code, with the signature of the C function type `pretouch_law_step`.
+    """A control step in machine code.
 
-    The C header native/law/pretouch_law.h declares this type.
+    It has the signature of the C function type `pretouch_law_step`. The C header native/law/pretouch_law.h declares
+    this type.
 
     Args:
         function: the compiled function, such as a scipy.LowLevelCallable; or the name of a step of the compiled core.
@@ -142,14 +150,22 @@ class CompiledStep:
     function: Any
 
     def located(self) -> int:
-        """Return the memory address of the compiled function, or raise an error for a Python function."""
+        """Return the memory address of the compiled function.
+
+        Raises:
+            InvalidInputError: the function is not compiled.
+        """
         address = entry(self.function) if isinstance(self.function, str) else machine_code(self.function)
         if address is None:
             raise InvalidInputError(f"step: found {self.function!r}, expected a compiled function")
         return address
 
     def __call__(self, parameters: Any, state: Any, sample: Sample) -> tuple[Any, Output]:
-        """Run one control period with the compiled step, and return the next state and the output."""
+        """Run one control period with the compiled step.
+
+        Returns:
+            The next state and the output.
+        """
         after, out = copy_of(state), RawOutput()
         places = (location(memory, name)[0] for memory, name in ((parameters, "parameters"), (after, "state")))
         PROTOTYPE(self.located())(*map(ctypes.c_void_p, places), ctypes.byref(raw_sample(sample)), ctypes.byref(out))
@@ -157,15 +173,15 @@ class CompiledStep:
 
 
 def as_step(step: Any) -> Callable[[Any, Any, Sample], Any]:
-    """Return a control step as a function that Python can call, whether or not the step is compiled."""
+    """Make a control step callable from Python."""
     # A step is called as `state, output = step(parameters, state, sample)`.
     return step if isinstance(step, CompiledStep) or machine_code(step) is None else CompiledStep(step)
 
 
 def start_sensing(numbers: SensingNumbers) -> SensingState:
-    """Return the state of the signal processing before the first sensor reading, when no object is detected.
+    """Return the initial state of the signal processing.
 
-    `Controller.start` calls this.
+    No sensor reading has arrived, and no object is detected. `Controller.start` calls this.
 
     Args:
         numbers: `parameters.sensing` of a controller, or `Conditioning.numbers` for a law without one.
@@ -176,9 +192,9 @@ def start_sensing(numbers: SensingNumbers) -> SensingState:
 
 
 def start_drive(position: float, velocity: float) -> DriveState:
-    """Return the state of the admittance at the start of a run: position and velocity, without a virtual force.
+    """Return the initial state of the admittance.
 
-    `Controller.start` calls this.
+    No virtual force acts. `Controller.start` calls this.
 
     Args:
         position: position of the plant relative to its reference [m].
@@ -190,7 +206,9 @@ def start_drive(position: float, velocity: float) -> DriveState:
 
 
 def observe(numbers: SensingNumbers, state: SensingState, sample: Sample) -> tuple[SensingState, Observation]:
-    """Check and filter a sensor reading, and compute the change of ln(sensor output) since the previous reading.
+    """Check and filter a sensor reading.
+
+    The change of ln(sensor output) since the previous reading is computed, too.
 
     Args:
         numbers: `parameters.sensing` of the controller.
@@ -208,9 +226,9 @@ def observe(numbers: SensingNumbers, state: SensingState, sample: Sample) -> tup
 def push_by_drag(
     numbers: DragNumbers, state: DragState, observation: Observation, drive_state: DriveState
 ) -> tuple[DragState, Push]:
-    """Compute the force of the virtual drag in one control step, as a building block of custom control laws.
+    """Compute the force of the virtual drag in one step.
 
-    It is called after `observe` and before `drive`.
+    Custom control laws may use this function. It is called after `observe` and before `drive`.
 
     Without `own_advance` the impulse is proportional to phi. A law that chooses phi at each reading therefore calls
     this with a drag of 1 N s^2 and multiplies the impulse.
@@ -232,9 +250,9 @@ def push_by_drag(
 def drive(
     numbers: DriveNumbers, state: DriveState, observation: Observation, push: Push, sample: Sample
 ) -> tuple[DriveState, Output]:
-    """Apply the force of the control law to the admittance, and compute the robot's reference motion for one period.
+    """Apply the control law's force to the admittance.
 
-    This is the last block of a step.
+    The result is the robot's reference motion for one period. This is the last block of a step.
 
     Args:
         numbers: `parameters.drive` of the controller.
@@ -260,7 +278,7 @@ def raw_sample(sample: Any) -> RawSample:
 
 
 def output_of(raw: RawOutput) -> Output:
-    """Convert the output of a control step from a C structure to a named tuple."""
+    """Convert the C output of a control step to a tuple."""
     return Output(*(getattr(raw, name) for name in Output._fields))
 
 
@@ -269,9 +287,10 @@ _STEP = CompiledStep("step_damper")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualDamper:
-    """Sampled virtual damper, F_p = D_p xi'/xi with the sensor output xi, applied as one impulse per reading.
+    """Sampled virtual damper with the force F_p = D_p xi'/xi.
 
-    It is equation L(2) of the published letter. The impulses D_p d(ln xi) are exact at any sampling rate.
+    The force is equation L(2) of the published letter, with the sensor output xi. It is applied as one impulse per
+    reading. The impulses D_p d(ln xi) are exact at any sampling rate.
 
     Args:
         gain: D_p [N s]; negative gains mitigate the impact.
@@ -302,21 +321,30 @@ class VirtualDamper:
 
     @property
     def value(self) -> float:
-        """The gain D_p [N s] of the virtual damper, which a design computes."""
+        """The gain D_p of the virtual damper [N s].
+
+        A design computes it.
+        """
         return self.gain
 
     @property
     def step(self) -> CompiledStep:
-        """The compiled control step with the virtual damper: the function `pretouch_step_damper` in pretouch_law.c."""
+        """The compiled control step with the virtual damper.
+
+        It is the function `pretouch_step_damper` in pretouch_law.c.
+        """
         return _STEP
 
     def numbers(self, controller: Setting) -> DamperNumbers:
-        """Return the parameters of the virtual damper as a C structure, for a controller with a given period."""
+        """Return the parameters of the virtual damper as a C structure."""
         ramp_step = min(controller.period / self.ramp_time, 1.0) if self.ramp_time > 0 else 1.0
         return DamperNumbers(self.gain, self.release, ramp_step, bool(self.approach_only))
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
-        """Yield all parameters of the virtual damper except its gain, as table rows for a report."""
+        """Yield the settings of the virtual damper as table rows.
+
+        The gain is not included.
+        """
         if self.approach_only:
             yield (
                 "acts",
@@ -327,11 +355,17 @@ class VirtualDamper:
             yield "ramp of the gain", Measured(self.ramp_time, "s")
 
     def with_gain(self, gain: float) -> VirtualDamper:
-        """Return a copy of the virtual damper with another gain D_p [N s]."""
+        """Return a copy of the virtual damper with another gain.
+
+        The gain is D_p [N s].
+        """
         return replace(self, gain=gain)
 
     def with_value(self, value: float) -> VirtualDamper:
-        """Return a copy of the virtual damper with another gain D_p [N s]."""
+        """Return a copy of the virtual damper with another gain.
+
+        The gain is D_p [N s].
+        """
         return self.with_gain(value)
 
     def start(self) -> DamperState:

@@ -1,6 +1,6 @@
-"""Define the C structures that hold inputs, outputs, parameters and state of a control step.
+"""Define the C structures of a control step.
 
-native/law/pretouch_law.h explains the fields of the structures.
+They hold inputs, outputs, parameters and state. native/law/pretouch_law.h explains the fields of the structures.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ _integers = partial(numbers, kind=ctypes.c_int32)
 
 
 class Status(IntFlag):
-    """Status flags that a control step reports; several flags may be set together.
+    """Status flags of a control step.
 
-    DETECTING: the filtered output is above the floor. STALE: a reading is due and no usable one arrived.
-    SATURATED, INVALID (not finite, late or out of order), IMPLAUSIBLE (faster than any approach): the reason why a
-    reading was rejected. LOST: no usable reading for longer than the timeout. FORCE_LIMITED, MOTION_LIMITED: a limit
-    acts. IN_CONTACT: the contact force exceeds its threshold. INPUT_FAULT: the contact force or the reference is not
-    finite; then the force counts as 0, and the reference keeps its last position.
+    Several flags may be set together. DETECTING: the filtered output is above the floor. STALE: a reading is due and no
+    usable one arrived. SATURATED, INVALID (not finite, late or out of order), IMPLAUSIBLE (faster than any approach):
+    the reason why a reading was rejected. LOST: no usable reading for longer than the timeout. FORCE_LIMITED,
+    MOTION_LIMITED: a limit acts. IN_CONTACT: the contact force exceeds its threshold. INPUT_FAULT: the contact force or
+    the reference is not finite; then the force counts as 0, and the reference keeps its last position.
     """
 
     NONE = 0
@@ -59,9 +59,9 @@ _MEANINGS: Final = {
 
 
 class Sample(NamedTuple):
-    """Inputs of the controller at the start of a control period, such as a sensor reading.
+    """Inputs of the controller in one control period.
 
-    Any number is accepted, also NaN.
+    The controller reads them at the start of the period. Any number is accepted, also NaN.
 
     Args:
         reading: raw output of the sensor [its unit].
@@ -83,9 +83,9 @@ class Sample(NamedTuple):
 
 
 class Output(NamedTuple):
-    """Output of a control step: the reference motion of the robot for one period.
+    """Reference motion of the robot for one control period.
 
-    The period lasts from t_k to t_k + T.
+    It is the output of a control step. The period lasts from t_k to t_k + T.
 
     Args:
         position: x_v at t_k + T [m].
@@ -143,7 +143,10 @@ class SensingNumbers(Structure):
 
 
 class MedianState(Structure):
-    """The latest readings in the median filter, both in order of arrival and sorted by size."""
+    """The latest readings in the median filter.
+
+    They are stored in order of arrival and sorted by size.
+    """
 
     _fields_ = (
         ("arrived", ctypes.c_double * _MEDIAN),
@@ -153,7 +156,10 @@ class MedianState(Structure):
 
 
 class SensingState(Structure):
-    """State of the processing of sensor readings: the latest usable reading, and the filter states."""
+    """State of the sensor signal processing.
+
+    It holds the latest usable reading and the filter states.
+    """
 
     _fields_ = (
         *numbers("quiet", "measured", "level", "filtered", "log_level"),
@@ -186,19 +192,20 @@ class Observation(Structure):
 
 
 class DamperNumbers(Structure):
-    """Parameters of the virtual damper as a C structure, including its gain [N s].
+    """Parameters of the virtual damper as a C structure.
 
-    The others are the width of the release, the rise of the ramp per period, and whether the law acts on approaches
-    only.
+    They include the gain [N s]. The others are the width of the release, the rise of the ramp per period, and whether
+    the law acts on approaches only.
     """
 
     _fields_ = (*numbers("gain", "release", "ramp_step"), *_integers("approach_only"))
 
 
 class DamperState(Structure):
-    """State of the virtual damper: the active fraction of its gain, and the signal level above which a rise counts.
+    """State of the virtual damper.
 
-    The level is one of ln(xi / floor). It matters only if the law acts on approaches only.
+    It holds the active fraction of the gain, and the level of ln(xi / floor) above which a rise counts. The level
+    matters only if the law acts on approaches only.
     """
 
     _fields_ = numbers("ramp", "mark")
@@ -218,16 +225,19 @@ class DragNumbers(Structure):
 
 
 class DragState(Structure):
-    """State of the virtual drag: smoothed signal, its rate, threshold for a rise, and time until the approach ends.
+    """State of the virtual drag.
 
-    The signal is ln(xi / floor). The approach ends unless the signal rises above the threshold within this time [s].
+    It holds the smoothed signal, its rate, the threshold for a rise, and the time until the approach ends. The signal
+    is ln(xi / floor). The approach ends unless the signal rises above the threshold within this time [s].
     """
 
     _fields_ = numbers("level", "rate", "mark", "hold")
 
 
 class Push(Structure):
-    """Force and impulse that a control law applies in one step; negative values push the robot back.
+    """Force and impulse of a control law in one step.
+
+    Negative values push the robot back.
 
     Args:
         impulse: impulse of a new reading [N s], delivered as a constant force over one sensor period; else 0.
@@ -238,9 +248,10 @@ class Push(Structure):
 
 
 class AdmittanceNumbers(Structure):
-    """Transition matrix and input vector of the admittance, discretized exactly for a constant force per period.
+    """Transition matrix and input vector of the discretized admittance.
 
-    The admittance is equation L(1). The state is (x~, x~'), position and velocity relative to the reference.
+    The discretization is exact for a constant force per period. The admittance is equation L(1). The state is (x~,
+    x~'), position and velocity relative to the reference.
     """
 
     _fields_ = numbers(
@@ -254,7 +265,7 @@ class AdmittanceNumbers(Structure):
 
 
 class MotionLimits(Structure):
-    """Control period and motion limits of the robot (speed, acceleration, excursion) as a C structure.
+    """Control period and motion limits as a C structure.
 
     `NO_LIMIT` stands for a missing limit.
     """
@@ -263,9 +274,9 @@ class MotionLimits(Structure):
 
 
 class DriveNumbers(Structure):
-    """Parameters that turn a force into the reference motion of the robot: admittance and limits, as a C structure.
+    """Parameters of the admittance and its limits as a C structure.
 
-    See `Controller`.
+    They turn a force into the reference motion of the robot. See `Controller`.
     """
 
     _fields_ = (
@@ -276,9 +287,10 @@ class DriveNumbers(Structure):
 
 
 class Delivery(Structure):
-    """An impulse of the control law, which acts on the admittance as a constant force over one sensor period.
+    """Delivery of an impulse to the admittance.
 
-    The fields are constant force [N], remaining impulse [N s], impulse delivered ahead [N s], and fading.
+    The impulse of the control law acts as a constant force over one sensor period. The fields are constant force [N],
+    remaining impulse [N s], impulse delivered ahead [N s], and fading.
     """
 
     _fields_ = numbers("steady", "rest", "ahead", "fading")
@@ -291,18 +303,27 @@ class MotionState(Structure):
 
 
 class DriveState(Structure):
-    """State of the admittance: position and velocity, last reference position, and impulse not yet applied."""
+    """State of the controller's admittance.
+
+    It holds position and velocity, the last reference position, and the impulse not yet applied.
+    """
 
     _fields_ = (("delivery", Delivery), ("motion", MotionState), *numbers("reference"))
 
 
 class ControllerNumbers(Structure):
-    """Parameters of a control step with the virtual damper, as a C structure."""
+    """Parameters of a control step as a C structure.
+
+    The control law is the virtual damper.
+    """
 
     _fields_ = (("sensing", SensingNumbers), ("drive", DriveNumbers), ("law", DamperNumbers))
 
 
 class ControllerState(Structure):
-    """State of a control step with the virtual damper, as a C structure."""
+    """State of a control step as a C structure.
+
+    The control law is the virtual damper.
+    """
 
     _fields_ = (("sensing", SensingState), ("drive", DriveState), ("law", DamperState))

@@ -1,4 +1,7 @@
-"""Find the gain that minimizes an objective and meets all constraints, with evidence of optimality."""
+"""Find the gain that minimizes an objective within constraints.
+
+Each design comes with evidence of its optimality.
+"""
 
 from pretouch.motion.evaluator import Evaluator
 

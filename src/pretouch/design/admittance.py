@@ -37,7 +37,9 @@ _ONE: Final = np.ones(1)
 @check_arguments
 @with_file_location
 def design_admittance(task: Task) -> AdmittanceDesign:
-    """Find the optimal gain D_p together with the optimal natural frequency or damping ratio of the admittance.
+    """Optimize the gain and the admittance together.
+
+    The free parameters are the gain D_p and the natural frequency, the damping ratio or both.
 
     A grid over all free parameters locates the minima. SciPy's SLSQP refines each one, with exact gradients if the
     objective depends only on quantities at contact. Two tests follow: encounters at other points, and a complete
@@ -107,7 +109,7 @@ def design_admittance(task: Task) -> AdmittanceDesign:
 
 
 class _AdmittanceSearch:
-    """Search for gains and admittances at which the objective has a local minimum."""
+    """Local search for the best gains and admittances."""
 
     def __init__(self, trials: Trials) -> None:
         self.trials = trials
@@ -119,7 +121,7 @@ class _AdmittanceSearch:
         self.local_minima: list[AdmittanceMinimum] = []
 
     def minima(self) -> list[AdmittanceMinimum]:
-        """Find local minima by searches from the best grid points, then from test points that are even better."""
+        """Find the local minima of the objective."""
         for i in self._starts():
             self.add_start(self.grid[i])
         for _ in range(_ROUNDS):
@@ -133,7 +135,11 @@ class _AdmittanceSearch:
         return self.local_minima
 
     def add_start(self, start: FloatArray) -> list[AdmittanceMinimum]:
-        """Start one more local search at a given point, and return all local minima, best first."""
+        """Start one more local search at a given point.
+
+        Returns:
+            All local minima, best first.
+        """
         trials = self.trials
         descended = descend(trials, start, _ONE)
         tried = [start] if descended is None else [descended[0], start]
@@ -177,7 +183,7 @@ class _AdmittanceSearch:
         return tuple(len(np.unique(column)) for column in self.grid.T)
 
     def map(self) -> AdmittanceMap:
-        """Return the lowest objective that any gain reaches, for each admittance of a grid."""
+        """Return the lowest objective for each admittance of the grid."""
         shape = self._shape()
         grid, values = self.grid.reshape(*shape, -1), self.values.reshape(shape)
         best, middle = values.min(axis=0), np.take_along_axis(grid[..., 0], values.argmin(axis=0)[None], axis=0)[0]
@@ -192,14 +198,21 @@ class _AdmittanceSearch:
         return AdmittanceMap(natural_frequency=frequency, damping_ratio=ratio, objective=best)
 
     def best_ratio(self) -> float | None:
-        """Return |quantity| / limit at the grid point with the smallest violation; None if a grid point is feasible."""
+        """Return the smallest constraint violation on the grid.
+
+        It is a ratio |quantity| / limit. None if a grid point is feasible, or without constraints or contact.
+        """
         worst = self._worst()
         if not self.trials.constraints or not np.isfinite(worst).any():
             return None
         return float(worst.min()) if worst.min() > HELD else None
 
     def answer(self, unchanged: GainDesign, chosen: GainDesign | None) -> AdmittanceDesign:
-        """Combine two gain designs into one result: with the given admittance and with the optimal admittance."""
+        """Combine two gain designs into one result.
+
+        Returns:
+            One result for the given and the optimal admittance.
+        """
         freedom, certificate = self.trials.freedom, None
         status = DesignStatus.INFEASIBLE if np.isfinite(self.rows).all(axis=1).any() else DesignStatus.NO_CONTACT
         if chosen is not None:

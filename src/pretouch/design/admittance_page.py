@@ -14,7 +14,7 @@ Row = tuple[Cell, ...]
 
 
 def admittance_page(design: AdmittanceDesign) -> Page:
-    """Return the report page of a design that optimizes the gain and the admittance together."""
+    """Return the report of a combined gain and admittance design."""
     chosen = design.gain_design is not None
     page = gain_page(design.gain_design or design.unchanged)
     head = ("", "natural frequency", "damping ratio", design.number.label, "objective")

@@ -38,7 +38,9 @@ class AdmittanceMinimum(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdmittanceCertificate(Value):
-    """Evidence that a design of gain and admittance is the global optimum within the bounds.
+    """Evidence that the gain and the admittance are globally optimal.
+
+    The optimum is global within the bounds.
 
     Args:
         grid: number of encounters of the grid over all free parameters.
@@ -65,7 +67,9 @@ class AdmittanceCertificate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class AdmittanceMap(Value):
-    """The lowest objective that any gain reaches, for each admittance of a grid.
+    """The lowest objective for each admittance of a grid.
+
+    It is the lowest objective of all gains of the grid.
 
     Args:
         natural_frequency: natural frequency [rad/s], with the shape of the grid over the free parameters.
@@ -112,17 +116,26 @@ class AdmittanceDesign(Answer):
 
     @property
     def gain(self) -> float | None:
-        """The optimal gain of the control law; None if there is no optimum."""
+        """The optimal gain of the control law.
+
+        None if there is no optimum.
+        """
         return None if self.gain_design is None else float(self.gain_design.gain)
 
     @property
     def objective(self) -> float | None:
-        """The objective at the optimal gain and admittance; None if there is no optimum."""
+        """The objective at the optimal gain and admittance.
+
+        None if there is no optimum.
+        """
         return None if self.gain_design is None else float(self.gain_design.objective)
 
     @property
     def scenario(self) -> Scenario:
-        """The encounter with the optimal admittance; if there is no optimum, the encounter of the task."""
+        """The encounter with the optimal admittance.
+
+        Without an optimum, it is the encounter of the task.
+        """
         return self.problem.task.scenario if self.gain_design is None else self.gain_design.scenario
 
     @property
@@ -149,7 +162,10 @@ class AdmittanceDesign(Answer):
         return None if self.certificate is None else self.certificate.local_minima[0].damping_ratio
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the optimal gain and the optimal admittance, with their evidence, as one JSON object."""
+        """Return the gain and admittance design as a JSON object.
+
+        The evidence of optimality is included.
+        """
         names = ("free", "natural_frequency", "damping_ratio", "natural_frequency_bounds", "damping_ratio_bounds")
         chosen = None if self.gain_design is None else self.admittance
         document = {

@@ -1,4 +1,4 @@
-"""Define the evidence that a design result contains, such as local minima and active constraints."""
+"""Define the evidence of a design, such as its local minima."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ ACTIVE: Final = 1e-6
 
 
 class DesignStatus(StrEnum):
-    """Status of a design: an optimal gain, no feasible gain, or no gain with which the object reaches contact."""
+    """Outcome of a gain design, such as optimal or infeasible.
+
+    The design is infeasible if no gain meets all constraints. It is no-contact if no gain results in contact.
+    """
 
     OPTIMAL = "optimal"
     INFEASIBLE = "infeasible"
@@ -53,11 +56,17 @@ class ConstraintOutcome(Value):
 
     @property
     def achievable(self) -> bool:
-        """True if some gain within the bounds meets this constraint, even if the gain violates other constraints."""
+        """True if some gain within the bounds meets the constraint.
+
+        This gain may violate other constraints.
+        """
         return self.best_value is not None and self.best_value <= self.limit
 
     def to_dict(self) -> dict[str, Any]:
-        """Return value, limit and margin of the constraint as one JSON object, in SI units."""
+        """Return the constraint and its margin as a JSON object.
+
+        Numbers are in SI units.
+        """
         return {**asdict(self), "achievable": self.achievable}
 
 
@@ -80,7 +89,10 @@ class TradeOff(Value):
     state: ContactState
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the evaluated gains and their results, one column per quantity; infinite values mean no contact."""
+        """Return the evaluated gains and their results as columns.
+
+        Infinite values mean no contact.
+        """
         state = {name: getattr(self.state, name) for name in ("time", "displacement", "relative_velocity")}
         columns = {"objective": self.objective, **state}
         finite = {name: np.where(self.reached, values, np.inf) for name, values in columns.items()}
@@ -115,7 +127,7 @@ class Certificate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensitivity(Value):
-    """The change of the optimal gain when one input of the design changes.
+    """Sensitivity of the optimal gain to one input.
 
     Args:
         name: the input, such as `obstacle.velocity` or `sensor.exponent`.
@@ -137,7 +149,9 @@ class Sensitivity(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdealDesign(Value):
-    """The optimal gain in continuous time, compared with the gain that was designed for a sampled control loop.
+    """Comparison with the optimal gain in continuous time.
+
+    The designed gain is for a sampled control loop.
 
     Args:
         gain: the optimal gain in continuous time, L(1), with a perfect sensor: the law's number, such as D_p [N s].

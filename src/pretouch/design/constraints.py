@@ -17,7 +17,7 @@ from .quantities import CONSTRAINT_NAMES, QUANTITY_KINDS, QUANTITY_UNITS, quanti
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Constraint:
-    """An upper limit on the magnitude of a quantity, such as the excursion of the robot.
+    """An upper limit on a quantity, such as the robot's excursion.
 
     Args:
         name: a key of CONSTRAINT_NAMES: `excursion` (|x - x_d| over the whole motion), `travel` (|x - x(0)| over the

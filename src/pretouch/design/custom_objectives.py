@@ -1,4 +1,7 @@
-"""Accept user-defined objectives: an instance with a method `value`, or a function of the state at contact."""
+"""Accept user-defined objectives in a gain design.
+
+An objective is an instance with a method `value`, or a function of the state at contact.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +25,16 @@ _SUM: Final = 1e-9  # largest relative error of the sum of the parts: far above 
 
 
 class Valued(Protocol):
-    """Interface of a user-defined objective: its method `value` computes the objective at contact."""
+    """Interface of a user-defined objective.
+
+    Its method `value` computes the objective at contact.
+    """
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None) -> Any:
-        """Return the value of the objective at contact, a number >= 0 that the design minimizes."""
+        """Return the objective at contact.
+
+        The design minimizes this number, which must be >= 0.
+        """
 
 
 AnyObjective: TypeAlias = Objective | Valued | Callable[[ContactState], Any]
@@ -34,7 +43,9 @@ AnyObjective: TypeAlias = Objective | Valued | Callable[[ContactState], Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CustomObjective(Objective):
-    """Objective that calls an instance of a user-defined class, or a function of the state at contact.
+    """Objective that calls a user-defined class or function.
+
+    A function receives the state at contact.
 
     Its parts are those that the object's method `parts` returns, if they add up to the value; otherwise it has none.
 
@@ -51,7 +62,14 @@ class CustomObjective(Objective):
         pass
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> FloatArray:
-        """Compute the user-defined objective for an array of contacts, and return an array of the same shape."""
+        """Compute a user-defined objective for an array of contacts.
+
+        Returns:
+            The objective, with the shape of the array.
+
+        Raises:
+            InvalidInputError: the user-defined code fails for arrays, or returns values of another shape.
+        """
         try:
             if callable(getattr(self.given, "value", None)):
                 value = self.given.value(state, obstacle_speed, impact)
@@ -72,7 +90,10 @@ class CustomObjective(Objective):
         return np.broadcast_to(numbers, np.shape(state.time))
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Return the terms of a user-defined objective by name; empty unless the terms add up to the objective."""
+        """Return the terms of a user-defined objective.
+
+        The result is empty unless the terms add up to the objective.
+        """
         if not _declares_parts(self.given):
             return {}
         parts: Mapping[str, Any] = self.given.parts(state, obstacle_speed, impact)
@@ -84,12 +105,15 @@ class CustomObjective(Objective):
 
 
 def _objective_problem(name: str, objective: Any) -> str:  # noqa: ARG001 - an objective has no kind of its own
-    """Return an error message if an installed package provides an invalid objective; otherwise an empty text."""
+    """Return an error message if an installed objective is invalid.
+
+    The text is empty if the objective is valid.
+    """
     if callable(getattr(objective, "value", None)) or (callable(objective) and not isinstance(objective, type)):
         return ""
     return (
-        f"found {short_repr(objective)}, but an objective must be a function of the state at contact, "
-        "or a class or instance with the method value(state, obstacle_speed, impact)"
+        f"found {short_repr(objective)}, expected a function of the state at contact, "
+        "or a class or instance with value(state, obstacle_speed, impact)"
     )
 
 
@@ -102,7 +126,7 @@ OBJECTIVE_KINDS: Final = Extensions(
 
 
 def as_objective(given: AnyObjective) -> Objective:
-    """Convert an instance of a user-defined class, or a function, to an `Objective`.
+    """Convert a user-defined class instance or function to an `Objective`.
 
     Args:
         given: an Objective; an object with `value(state, obstacle_speed, impact)` and, optionally, `parts` with the
@@ -137,7 +161,13 @@ def appraise(
     obstacle_speed: Any,
     impact: ImpactModel | None,
 ) -> FloatArray:
-    """Return the objective of each encounter (infinite without contact); reject negative custom objectives."""
+    """Return the objective of each encounter.
+
+    It is infinite without contact.
+
+    Raises:
+        InvalidInputError: a user-defined objective is negative.
+    """
     value = objective.value(state, obstacle_speed, impact)
     if type(objective) is CustomObjective:
         wrong = np.asarray(reached) & ~(value >= 0)
@@ -151,7 +181,10 @@ def appraise(
 
 
 def _declares_parts(given: Any) -> bool:
-    """Return True if a user-defined objective has a method `parts` that splits the objective into its terms."""
+    """Return True if a user-defined objective provides its terms.
+
+    Its method `parts` returns the terms.
+    """
     if not callable(getattr(given, "parts", None)):
         return False
     if not isinstance(given, Objective):

@@ -1,4 +1,4 @@
-"""Compute the evidence that a designed gain is optimal, and how sensitive the gain is to the inputs."""
+"""Compute evidence of optimality and sensitivities of a gain design."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SMOOTH = 1e-2
 
 
 def _part(make: Callable[[Any], R]) -> cached_property[R]:
-    """Make a cached property that raises an error if the design has more than one encounter."""
+    """Make a cached property for designs of a single encounter."""
 
     @wraps(make)
     def part(evidence: GainEvidence) -> R:
@@ -46,7 +46,9 @@ def _part(make: Callable[[Any], R]) -> cached_property[R]:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class GainEvidence(Answer):
-    """Evidence of a gain design: all evaluated gains, the local minima and the results computed from them.
+    """Evidence that a designed gain is optimal.
+
+    It contains all evaluated gains, the local minima and the results computed from them.
 
     Args:
         settled: status, optimal gain and objective, if a fast search has already found them, without the whole scan;
@@ -69,25 +71,36 @@ class GainEvidence(Answer):
 
     @property
     def status(self) -> Any:
-        """The status: optimal, infeasible (no gain meets all constraints) or no-contact (no gain results in contact).
+        """Status of the design, such as optimal or infeasible.
 
-        For an array of encounters, it is an array of statuses.
+        It is infeasible if no gain meets all constraints, and no-contact if no gain results in contact. For an array of
+        encounters, it is an array of statuses.
         """
         return self.answer[0]
 
     @property
     def gain(self) -> Any:
-        """The optimal gain of the control law; None, or NaN in an array, if there is no optimum."""
+        """The optimal gain of the control law.
+
+        Without an optimum, it is None, or NaN in an array.
+        """
         return self.answer[1]
 
     @property
     def objective(self) -> Any:
-        """The objective at the optimal gain; None, or NaN in an array, if there is no optimum."""
+        """The objective at the optimal gain.
+
+        Without an optimum, it is None, or NaN in an array.
+        """
         return self.answer[2]
 
     @_part
     def scanned(self) -> Scan:
-        """The objective at a series of gains, dense enough to interpolate accurately between neighboring gains."""
+        """The objective at a dense series of gains.
+
+        Returns:
+            The scan, whose neighboring gains allow accurate interpolation.
+        """
         return scan(self.problem.landscape, *self.problem.axis.span)
 
     @_part
@@ -101,7 +114,7 @@ class GainEvidence(Answer):
         return self.problem.landscape(coordinate).merit
 
     def _between_gains(self) -> list[Minimum]:
-        """Find minima in a range of feasible gains that is so narrow that it lies between two evaluated gains."""
+        """Find minima between two evaluated gains."""
         near = self._least_excess
         if near is None or near.value > HELD:
             return []
@@ -113,33 +126,49 @@ class GainEvidence(Answer):
 
     @_part
     def _least_excess(self) -> Minimum | None:
-        """The gain that comes closest to meeting all limits; None if no gain results in contact."""
+        """The gain closest to meeting all limits.
+
+        Returns:
+            The minimum of the violation; None if no gain results in contact.
+        """
         scanned, problem = self.scanned, self.problem
         near = refine(lambda u: problem.landscape(u).worst_ratio, scanned.coordinate, scanned.landscape.worst_ratio)
         return near[0] if near else None
 
     @_part
     def nearest_gain(self) -> float | None:
-        """If the design is infeasible, the gain that comes closest to meeting all limits; otherwise None."""
+        """The gain closest to meeting all limits, if none does.
+
+        Returns:
+            The gain; None unless the design is infeasible.
+        """
         if self.minima or self._least_excess is None:
             return None
         return float(self.problem.axis.gain(self._least_excess.coordinate))
 
     @_part
     def result(self) -> ContactResult | None:
-        """The predicted motion and contact at the optimal gain; None if there is no optimum."""
+        """The predicted motion and contact at the optimal gain.
+
+        Returns:
+            The encounter; None if there is no optimum.
+        """
         return None if self.gain is None else self.problem.run(self.gain)
 
     @_part
     def nearest(self) -> ContactResult | None:
-        """The motion and contact at the gain that violates the limits least; None unless the design is infeasible."""
+        """The encounter at the gain with the smallest limit violation.
+
+        Returns:
+            The encounter; None unless the design is infeasible.
+        """
         if self.gain is not None or self.nearest_gain is None:
             return None
         return self.problem.run(self.nearest_gain)
 
     @_part
     def no_mitigation(self) -> ContactResult:
-        """The predicted motion and contact without mitigation, that is, with a gain of 0."""
+        """The predicted motion and contact without mitigation, with a gain of 0."""
         return self.problem.run(0.0)
 
     @_part
@@ -160,7 +189,11 @@ class GainEvidence(Answer):
 
     @_part
     def constraints(self) -> tuple[ConstraintOutcome, ...]:
-        """The value of each constraint at the designed gain, and the smallest value that any gain reaches."""
+        """The value of each constraint at the designed gain.
+
+        Returns:
+            The constraints, each with the smallest value that any gain reaches.
+        """
         shown = self.result or self.nearest
         return tuple(self._outcome(i, constraint, shown) for i, constraint in enumerate(self.problem.task.limits))
 
@@ -184,7 +217,11 @@ class GainEvidence(Answer):
 
     @_part
     def place(self) -> str:
-        """The location of the optimal gain, such as between its bounds, on a bound, or on the limit of a constraint."""
+        """The location of the optimal gain, such as on a bound.
+
+        Returns:
+            `interior`, `bound`, `corner`, `edge of contact`, or the name of the active constraint.
+        """
         if self._is_settled_inside() or not self.minima or not self.minima[0].edge:
             return "interior"
         best = self.minima[0]
@@ -197,14 +234,21 @@ class GainEvidence(Answer):
         return "corner" if reached.all() else "edge of contact"
 
     def _is_settled_inside(self) -> bool:
-        """Return True if the task has no limits and a fast search has found the optimal gain between its bounds."""
+        """Return True if the fast search found an unconstrained optimum.
+
+        The task has no limits, and the gain lies between its bounds.
+        """
         p = self.problem
         free = self.settled is not None and self.gain is not None and not p.task.limits
         return free and not p.axis.is_end(float(p.axis.coordinate(self.gain)))
 
     @_part
     def certificate(self) -> Certificate | None:
-        """Evidence that the designed gain is the global optimum; None if there is no optimum."""
+        """Evidence that the designed gain is the global optimum.
+
+        Returns:
+            The evidence; None if there is no optimum.
+        """
         if not self.minima:
             return None
         axis, best = self.problem.axis, self.minima[0]
@@ -219,14 +263,21 @@ class GainEvidence(Answer):
         )
 
     def _at_answer(self, best: Minimum) -> Minimum:
-        """Return the best local minimum; take its gain and objective from the fast search if that search succeeded."""
+        """Return the best local minimum of the objective.
+
+        Its gain and objective come from the fast search if that search succeeded.
+        """
         if self.settled is None:
             return best
         return replace(best, coordinate=float(self.problem.axis.coordinate(self.gain)), value=float(self.objective))
 
     @_part
     def sensitivities(self) -> tuple[Sensitivity, ...]:
-        """Derivatives of the optimal gain with respect to each input; empty if the optimum is not differentiable."""
+        """Derivatives of the optimal gain with respect to each input.
+
+        Returns:
+            One entry per input; empty if the optimum is not differentiable.
+        """
         if self.gain is None or self.place == "corner":
             return ()
         p = self.problem
@@ -235,14 +286,20 @@ class GainEvidence(Answer):
         return gain_sensitivities(p, self.gain, self.place)
 
     def _is_smooth(self) -> bool:
-        """Return True if the objective is smooth enough for derivatives by finite differences."""
+        """Return True if the objective is smooth at the optimum.
+
+        Then derivatives by finite differences are accurate.
+        """
         slope = _stationarity(self.problem, self.minima[0]) if self.minima else None
         return slope is not None and slope < _SMOOTH
 
     @_part
     def ideal(self) -> IdealDesign | None:
-        """The optimal gain in continuous time, and how much worse the sampled loop performs with this gain."""
-        # None without `evaluate` or without an optimal gain
+        """The optimal gain in continuous time.
+
+        Returns:
+            Its comparison with the gain designed on the loop; None without `evaluate` or without an optimal gain.
+        """
         p = self.problem
         if p.task.evaluate is None or self.gain is None:
             return None
@@ -257,7 +314,11 @@ class GainEvidence(Answer):
 
 
 def settle(problem: GainProblem) -> tuple[Any, Any, Any] | None:
-    """Find optimal gains by a fast search; return None if the fast search is not certain of the result."""
+    """Find optimal gains by a fast search.
+
+    Returns:
+        Status, gain and objective; None if the search is not certain of the result.
+    """
     if problem.task.scenario.shape:
         return design_many(problem, _search_one)
     free = problem.within_gain_limit()
@@ -276,7 +337,10 @@ def _search_one(problem: GainProblem) -> tuple[Any, Any, Any]:
 
 
 def _stationarity(problem: GainProblem, best: Minimum) -> float | None:
-    """Return |slope| / value of the objective at an optimum between the bounds, by a five-point finite difference."""
+    """Return the relative slope of the objective at an optimum.
+
+    It is |slope| / value, by a five-point finite difference.
+    """
     narrow = min(1e-2, 0.1 * (best.bracket[1] - best.bracket[0]))  # a sharp minimum has a narrow bracket
     step = narrow if problem.task.evaluate is None else 0.05  # wider than the ripples of a sampled loop
     f = problem.landscape(best.coordinate + step * np.array([-2.0, -1.0, 1.0, 2.0])).objective

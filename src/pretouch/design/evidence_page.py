@@ -1,4 +1,4 @@
-"""Build two report sections: why a designed gain is optimal, and how sensitive the result is to the inputs."""
+"""Build the report sections on optimality and input sensitivity."""
 
 from __future__ import annotations
 
@@ -76,7 +76,11 @@ def _certificate_rows(design: GainDesign) -> Iterator[Row]:
 
 
 def ideal_in_words(ideal: IdealDesign, number: LawNumber) -> str:
-    """Return text on the optimal gain in continuous time, such as `-0.7463 N s, which here is 24 % worse`."""
+    """Describe the optimal gain in continuous time in words.
+
+    Returns:
+        Text such as `-0.7463 N s, which here is 24 % worse`.
+    """
     text = f"{number.text(ideal.gain)}, which here "
     if not math.isfinite(ideal.objective):
         return text + "ends without contact"
@@ -87,7 +91,11 @@ def ideal_in_words(ideal: IdealDesign, number: LawNumber) -> str:
 
 
 def sensitivity_section(design: GainDesign) -> PageSection:
-    """Return a report table of the sensitivities of the optimal gain to the inputs, largest first."""
+    """Report the sensitivity of the optimal gain to each input.
+
+    Returns:
+        The report section, with the largest sensitivity first.
+    """
     ranked = sorted(design.sensitivities, key=lambda s: abs(s.gain_change_per_percent), reverse=True)
     largest = max(abs(s.gain_change_per_percent) for s in ranked)
     rows, n = [], design.number

@@ -31,7 +31,7 @@ _KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
 
 
 def designed_number(task: Task) -> float | None:
-    """Return the designed gain of a task, or the designed coefficient of a virtual drag.
+    """Return the designed gain or virtual drag of a task.
 
     Returns:
         The number, such as D_p [N s] or phi [N s^2]; None if no gain meets the constraints or ends in contact.
@@ -44,7 +44,9 @@ def designed_number(task: Task) -> float | None:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class GainDesign(GainEvidence):
-    """Result of `design_gain`: the optimal gain and its evidence, which is computed when it is first accessed.
+    """Result of `design_gain`: the optimal gain and its evidence.
+
+    The evidence is computed when it is first accessed.
 
     Args:
         problem: the task and the bounds of the gain.
@@ -55,23 +57,35 @@ class GainDesign(GainEvidence):
 
     @classmethod
     def of(cls, problem: GainProblem) -> GainDesign:
-        """Design the gain for one encounter, or for each encounter of an array."""
+        """Design the gain for one or many encounters.
+
+        Returns:
+            One design, in which each encounter of an array has its own gain.
+        """
         design = cls(problem=problem, settled=settle(problem))
         _ = design.answer  # searches now instead of when the gain is first read
         return design
 
     def at(self, *index: int) -> GainDesign:
-        """Return the design for one encounter of an array; `index` has one integer per axis."""
+        """Return the design for one encounter of an array.
+
+        `index` has one integer per axis.
+        """
         return GainDesign.of(self.problem.at(index)) if self.scenario.shape else self
 
     @property
     def method(self) -> str:
-        """Name of the method that computed the motions: `closed-form`, `integration`, `uniform-motion` or `loop`."""
+        """Name of the method that computed the motions.
+
+        It is `closed-form`, `integration`, `uniform-motion` or `loop`.
+        """
         return self.no_mitigation.method
 
     @property
     def objective_parts(self) -> dict[str, float]:
-        """The contribution of each quantity to the objective; empty if there is no optimum.
+        """The contribution of each quantity to the objective.
+
+        Empty if there is no optimum.
 
         A user-defined objective declares its parts by a method `parts`; empty if they do not add up to its value.
         """
@@ -82,9 +96,10 @@ class GainDesign(GainEvidence):
 
     @property
     def damping_at_contact(self) -> Any:
-        """The damping coefficient [N s/m] of the virtual force at contact, which is D_p g(0) for the virtual damper.
+        """The damping of the virtual force at contact [N s/m].
 
-        For other laws, the damping dF/dl' at contact; NaN if the law does not give it.
+        It is D_p g(0) for the virtual damper. For other laws, the damping dF/dl' at contact; NaN if the law does not
+        give it.
         """
         if self.gain is None:
             return None
@@ -94,9 +109,10 @@ class GainDesign(GainEvidence):
         return float_or_array(law.damping(self.gain, slope, self.problem.run(self.gain).end.relative_velocity))
 
     def gradient(self, by: str) -> Any:
-        """Return the derivative of the optimal gain with respect to one input, such as the velocity of the obstacle.
+        """Differentiate the optimal gain with respect to one input.
 
-        The derivative is exact if objective and limits are taken at contact.
+        An example of an input is the velocity of the obstacle. The derivative is exact if objective and limits are
+        taken at contact.
 
         Args:
             by: the input, such as `obstacle.velocity` or `sensor.exponent`: one of `ContactGradients.inputs`, except
@@ -119,7 +135,10 @@ class GainDesign(GainEvidence):
 
     @cached_property
     def without_margin(self) -> GainDesign | None:
-        """The optimal design without the required gain margin, if only this margin makes the design infeasible."""
+        """The optimal design without the required gain margin.
+
+        None unless only this margin makes the design infeasible.
+        """
         task = self.problem.task
         if self.scenario.shape or self.status is not DesignStatus.INFEASIBLE or task.stability_margin is None:
             return None
@@ -148,7 +167,10 @@ class GainDesign(GainEvidence):
         return "No gain within the bounds ends in contact."
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the design as one JSON object with numbers in SI units and None for missing numbers."""
+        """Return the gain design as a JSON object.
+
+        Numbers are in SI units. Missing numbers are None.
+        """
         answer = {"status": self.status, "gain": self.gain, "objective": self.objective}
         if self.scenario.shape:
             return answer
@@ -171,7 +193,7 @@ class GainDesign(GainEvidence):
 
 
 def _conflict(design: GainDesign) -> str:
-    """Return a sentence that names the constraints that no gain can meet, alone or together."""
+    """Name the constraints that prevent a feasible gain."""
     exceeded = [o for o in design.constraints if o.margin is None or o.margin < 0]
     gain = design.number.equals(float(design.nearest.gain) if design.nearest else 0.0)
     if len(exceeded) == 1:
@@ -239,7 +261,10 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
 
 
 def _depends_on_noise(design: GainDesign) -> bool:
-    """Return True if another random draw of the sensor noise changes the contact at the optimal gain."""
+    """Return True if the contact depends on the sensor noise.
+
+    The test is another random draw at the optimal gain.
+    """
     evaluator = design.problem.task.evaluate
     if design.result is None or not isinstance(evaluator, NoisyEvaluator):
         return False
@@ -260,8 +285,8 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
             cause = ", because the object recedes: an approach has a negative velocity"
         elif kind is ContactStatus.LEFT_RANGE and low > 0:
             cause = (
-                f", because the sensor curve starts at a distance of {format_quantity(low, 'm')}: mount the sensor "
-                "this far behind the contact surface, and set its recess to this distance"
+                f", because the sensor curve starts at {format_quantity(low, 'm')}: mount the sensor this far behind "
+                "the contact surface, and set its recess"
             )
         nearest = float(np.asarray(scanned.closest_distance)[status == kind].min())
         yield caution(
@@ -276,7 +301,9 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
 @check_arguments
 @with_file_location
 def design_gain(task: Task) -> GainDesign:
-    """Find the gain D_p that minimizes an objective within constraints: the letter's design problems L(20) to L(23).
+    """Find the gain that minimizes an objective within constraints.
+
+    The gain D_p solves the letter's design problems L(20) to L(23).
 
     The whole range of gains is scanned until each gain is well interpolated from its neighbors. Then each local
     minimum is refined, and the best one is the answer. The result does not depend on a starting point. With another

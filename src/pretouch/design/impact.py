@@ -1,4 +1,4 @@
-"""Model the impact of robot and obstacle, and compute the peak force from the relative velocity."""
+"""Compute the peak impact force from the relative velocity."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # central dif
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImpactModel(ABC):
-    """Base class for models of a lossless normal impact between two free bodies, the robot and the obstacle.
+    """Base class of impact models for robot and obstacle.
 
-    Losses would only make the peak force smaller.
+    A model describes a lossless normal impact between two free bodies. Losses would only make the peak force smaller.
 
     The peak force is no upper bound if a force drives the bodies together during the impact, such as the robot's drive.
 
@@ -44,15 +44,27 @@ class ImpactModel(ABC):
 
     @property
     def reduced_mass(self) -> float:
-        """The reduced mass [kg] of robot and obstacle, 1 / (1/m_robot + 1/m_obstacle)."""
+        """The reduced mass of robot and obstacle [kg].
+
+        It is 1 / (1/m_robot + 1/m_obstacle).
+        """
         return 1 / (1 / self.robot_mass + 1 / self.obstacle_mass)
 
     @abstractmethod
     def peak_force(self, relative_velocity: ArrayLike) -> Any:
-        """Return the peak force [N] of an impact at the given relative velocity [m/s]."""
+        """Return the peak impact force at a relative velocity.
+
+        The force is in N, the relative velocity in m/s.
+        """
 
     def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
-        """Return the derivative [N s/m] of the peak force with respect to the nonzero relative velocity l' [m/s]."""
+        """Differentiate the peak force with respect to the relative velocity.
+
+        The relative velocity l' [m/s] must not be zero.
+
+        Returns:
+            The derivative [N s/m].
+        """
         # Models without a formula use a difference of order 8, with an error of about 1e-13 of force over velocity.
         v = np.asarray(relative_velocity, dtype=np.float64)
         step = _STEP * v
@@ -62,7 +74,9 @@ class ImpactModel(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElasticImpact(ImpactModel):
-    """Impact with an elastic contact force k d^n, which depends on the penetration depth d.
+    """Impact with an elastic contact force.
+
+    The contact force is k d^n at the penetration depth d.
 
     The peak force is k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)) at a speed v, with the reduced mass mu.
     It follows from 1/2 mu v^2 = k d^(n+1) / (n+1): at the largest depth, the contact has stored all energy.
@@ -89,7 +103,10 @@ class ElasticImpact(ImpactModel):
 
     @property
     def speed_exponent(self) -> float:
-        """Exponent with which the peak force grows with the speed: 2 n / (n+1) for a contact force with exponent n."""
+        """Exponent of the peak force as a function of speed.
+
+        It is 2 n / (n+1) for a contact force with exponent n.
+        """
         return 2 * self.exponent / (self.exponent + 1)
 
     def peak_force(self, relative_velocity: ArrayLike) -> Any:
@@ -99,7 +116,11 @@ class ElasticImpact(ImpactModel):
         return float_or_array(factor * np.abs(relative_velocity) ** power)
 
     def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
-        """Return the derivative of the peak force with respect to the relative velocity [N s/m]."""
+        """Differentiate the peak force with respect to the relative velocity.
+
+        Returns:
+            The derivative [N s/m].
+        """
         force = np.asarray(self.peak_force(relative_velocity))
         return float_or_array(self.speed_exponent * force / np.asarray(relative_velocity))
 
@@ -125,9 +146,9 @@ class SpringImpact(ElasticImpact):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HertzImpact(ElasticImpact):
-    """Impact of a sphere with a Hertzian contact force (K. L. Johnson, Contact Mechanics, 1985, 11.4).
+    """Impact of a sphere with a Hertzian contact force.
 
-    The force at depth d is F = 4/3 E* sqrt(R) d^(3/2).
+    See K. L. Johnson, Contact Mechanics, 1985, 11.4. The force at depth d is F = 4/3 E* sqrt(R) d^(3/2).
 
     With k_h = 4/3 E* sqrt(R): F = k_h^(2/5) (5/4 mu v^2)^(3/5).
 
@@ -158,7 +179,10 @@ class HertzImpact(ElasticImpact):
 
 
 def impact_rows(impact: ImpactModel | None) -> Iterator[tuple[Cell, ...]]:
-    """Yield table rows with the masses of robot and obstacle; no rows without an impact model."""
+    """Yield table rows with the masses of robot and obstacle.
+
+    There are no rows without an impact model.
+    """
     if impact is not None:
         yield "physical mass of the robot", Measured(impact.robot_mass, "kg")
         yield "mass of the obstacle", Measured(impact.obstacle_mass, "kg")

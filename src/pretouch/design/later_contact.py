@@ -25,7 +25,10 @@ def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
 
 
 def premises_hold(scenario: Scenario) -> BoolArray:
-    """Return for which encounters a stronger gain delays contact, if the sensor output falls with the distance."""
+    """Return for which encounters a stronger gain delays contact.
+
+    The sensor output must fall with the distance.
+    """
     # The premise that ln xi falls with the distance is tested by `falls`.
     if scenario.obstacle.course:
         return np.zeros(scenario.shape, dtype=bool)
@@ -37,7 +40,10 @@ def premises_hold(scenario: Scenario) -> BoolArray:
 
 
 def least_objective(objective: Objective, state: ContactState, obstacle_speed: Any) -> FloatArray:
-    """Return a lower bound of the objective for all stronger gains, given the contact with one gain."""
+    """Return a lower bound of the objective for stronger gains.
+
+    It follows from the contact with one gain.
+    """
     # The bound is the part of the objective that can only grow with time; obstacle_speed is |x_o'| at the start [m/s].
     total = np.zeros(np.shape(state.time))
     if type(objective) is not Objective:
@@ -53,5 +59,8 @@ def least_objective(objective: Objective, state: ContactState, obstacle_speed: A
 
 @cache_by_curve(256)
 def falls(sensor: SensorModel, reach: float) -> bool:
-    """Return True if the sensor output falls steadily with the distance, from contact up to `reach` [m]."""
+    """Return True if the sensor output falls with the distance.
+
+    The distances are between contact and `reach` [m].
+    """
     return bool((np.asarray(sensor.log_slope(np.linspace(0.0, reach, _PROBES))) < 0).all())

@@ -50,7 +50,13 @@ class Term:
             raise InvalidInputError("scale: found 0, expected a typical value other than 0")
 
     def scale_for(self, obstacle_speed: Any) -> Any:
-        """Return the scale that normalizes a quantity in the objective, such as the obstacle's speed [m/s]."""
+        """Return the scale of a quantity in the objective.
+
+        An example is the obstacle's speed [m/s].
+
+        Raises:
+            InvalidInputError: the scale is the obstacle's speed, but the obstacle is at rest.
+        """
         if not isinstance(self.scale, str):
             return self.scale
         if np.any(np.asarray(obstacle_speed) == 0):
@@ -61,7 +67,10 @@ class Term:
         return np.abs(obstacle_speed)
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Any:
-        """Return the value of one term at contact: weight * (quantity / scale)^2."""
+        """Return the value of one objective term at contact.
+
+        It is weight * (quantity / scale)^2.
+        """
         # `obstacle_speed` is |x_o'| at the start [m/s].
         with np.errstate(over="ignore"):  # an infinite objective is never the least
             return self.weight * (quantity_of(self.quantity, state, impact) / self.scale_for(obstacle_speed)) ** 2
@@ -105,7 +114,10 @@ class Objective:
         return np.asarray(sum(self.parts(state, obstacle_speed, impact).values()), dtype=np.float64)
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Return, for each quantity, the sum of the objective's terms that contain this quantity."""
+        """Return the contribution of each quantity to the objective.
+
+        It is the sum of all terms with this quantity.
+        """
         parts: dict[str, Any] = {}
         for term in self.terms:
             part = term.value(state, obstacle_speed, impact)
@@ -117,7 +129,9 @@ class Objective:
 def excursion_objective(
     *, position_scale: float, velocity_scale: Scale, position_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
-    """Make the letter's objective L(20): the weighted sum of squared excursion and squared contact velocity.
+    """Make the letter's objective L(20) of excursion and contact velocity.
+
+    It is the weighted sum of squared excursion and squared contact velocity.
 
     Args:
         position_scale: x_typ [m]; x is the deviation from the reference at contact, x - x_d.
@@ -143,7 +157,9 @@ def excursion_objective(
 def time_objective(
     *, time_scale: float, velocity_scale: Scale, time_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
-    """Make the letter's objective L(22): the weighted sum of squared contact time and squared contact velocity.
+    """Make the letter's objective L(22) of contact time and velocity.
+
+    It is the weighted sum of squared contact time and squared contact velocity.
 
     Args:
         time_scale: t_typ [s].

@@ -20,12 +20,19 @@ if TYPE_CHECKING:
 
 
 class ExplainsNames:
-    """Base class whose constructor explains misspelled field names, and names that belong to another class."""
+    """Base class whose constructor explains unknown field names.
+
+    A name may be misspelled or belong to another class.
+    """
 
     __slots__ = ()
 
     def __new__(cls, *_: Any, **values: Any) -> Self:
-        """Raise an error if a field name is unknown; the message suggests the right place or spelling."""
+        """Raise an error if a field name is unknown.
+
+        Raises:
+            TypeError: a field name is unknown; the message suggests the right place or spelling.
+        """
         for name in values:
             if name not in cls.__dataclass_fields__:  # type: ignore[attr-defined]
                 raise TypeError(f"{cls.__name__}: found an unknown name {name!r}{_hint(cls, name)}")
@@ -33,7 +40,10 @@ class ExplainsNames:
 
 
 def _hint(cls: Any, name: str) -> str:
-    """Return a hint on an unknown field name: where it belongs, or a similar valid name; empty without a hint."""
+    """Return a hint for an unknown field name.
+
+    It says where the name belongs, or gives a similar valid name. Empty without a hint.
+    """
     places: dict[str, list[str]] = {}
     for f in fields(cls):
         places.setdefault(f.name, []).append(f.name)
@@ -49,11 +59,17 @@ def _hint(cls: Any, name: str) -> str:
 
 
 class Choice(Protocol):
-    """Interface of a design that a Pareto plot can mark as the user's choice."""
+    """Interface of a design marked in a Pareto plot.
+
+    The plot marks it as the user's choice.
+    """
 
     @property
     def gain(self) -> Any:
-        """The designed coefficient of the control law: for the virtual damper, the gain D_p [N s]."""
+        """The designed coefficient of the control law.
+
+        It is the gain D_p [N s] for the virtual damper.
+        """
 
     @property
     def scenario(self) -> Scenario:

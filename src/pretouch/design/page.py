@@ -1,4 +1,7 @@
-"""Build the report of a gain design: optimal gain, state at contact, and evidence of optimality."""
+"""Build the report of a gain design.
+
+It shows the optimal gain, the state at contact and the evidence of optimality.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +62,10 @@ _MOTION_NOTES: Final = {
 
 
 def task_page(task: Task) -> Page:
-    """Return the report page that describes the problem of a task: encounter, sensor, objective and limits."""
+    """Return the report page of a design problem.
+
+    It describes encounter, sensor, objective and limits.
+    """
     if task.scenario.shape:
         return Page(kind="Task", headline=f"Task for encounters of shape {task.scenario.shape}")
     number = task.law.number
@@ -127,7 +133,7 @@ def _key_figures(design: GainDesign) -> Iterator[tuple[str, Cell]]:
 
 
 def _findings(design: GainDesign) -> Iterator[str]:
-    """Yield one sentence for each constraint, with the value of the limited quantity and its limit."""
+    """Yield one sentence for each constraint of the design."""
     for c in design.constraints:
         met = c.margin is not None and c.margin >= -ACTIVE * c.limit
         yield limit_in_words(design.number.entry(c.quantity).words, c.value, c.limit, c.unit, met=met)
@@ -211,8 +217,8 @@ def _trade_off(design: GainDesign) -> PageSection:
     itemized = bool(design.objective_parts or not isinstance(design.definition, CustomObjective))
     caption = (
         f"The left plot shows {'the objective and its terms' if itemized else 'the objective'} over the searched "
-        "range of gains. Hatched gains exceed the named limit or end without contact. The right plot shows the "
-        "state at contact that results from each gain."
+        "range of gains. Hatched gains exceed a limit or end without contact. The right plot shows the state at "
+        "contact for each gain."
     )
     if shows_equals(design):
         caption += (
@@ -252,7 +258,10 @@ def _valued_terms(design: GainDesign) -> Iterator[Row]:
 
 
 def objective_rows(objective: Objective, number: LawNumber) -> Iterator[Row]:
-    """Yield a table row for each term of an objective, with its quantity, typical value and weight."""
+    """Yield a table row for each term of an objective.
+
+    A row has quantity, typical value and weight.
+    """
     if isinstance(objective, CustomObjective):
         yield f"{objective.name}: a user-defined objective", "", ""
         return
@@ -263,7 +272,10 @@ def objective_rows(objective: Objective, number: LawNumber) -> Iterator[Row]:
 
 
 def traded_quantity(design: GainDesign) -> str:
-    """Return the quantity that the objective weighs against the contact speed, such as the excursion."""
+    """Return the quantity that the objective weighs against contact speed.
+
+    An example is the excursion.
+    """
     for term in design.definition.terms:
         if term.quantity not in {"relative_velocity", "impact_force"} and term.weight > 0:
             return term.quantity
@@ -271,7 +283,10 @@ def traded_quantity(design: GainDesign) -> str:
 
 
 def shows_equals(design: GainDesign) -> bool:
-    """Return True if the objective depends on two quantities, so that a plot can show its contour lines."""
+    """Return True if a plot can show contours of the objective.
+
+    The objective must depend on the contact speed and exactly one other quantity.
+    """
     quantities = sorted(t.quantity for t in design.definition.terms if t.weight > 0)
     return design.objective is not None and quantities == sorted((traded_quantity(design), "relative_velocity"))
 
@@ -300,7 +315,10 @@ _FORCE_LAWS: Final = {
 
 
 def _gain_and_sensor(design: GainDesign) -> PageSection | None:
-    """Return a report table of the coefficient of the virtual force, such as D_p g, at the start and at contact."""
+    """Return a report table of the virtual force coefficient.
+
+    It lists the coefficient, such as D_p g, at the start and at contact.
+    """
     run, n, law = _displayed_result(design), design.number, design.law
     if run is None or law.degree is None:
         return None

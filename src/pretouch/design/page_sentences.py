@@ -10,7 +10,11 @@ from .task import Task
 
 
 def limit_in_words(quantity: str, value: float | None, limit: float, unit: str, *, met: bool) -> str:
-    """Return a sentence with the value of a limited quantity, its limit, and whether the limit is met."""
+    """Say whether a quantity meets its limit.
+
+    Returns:
+        A sentence with the value and the limit.
+    """
     allowed = format_quantity(limit, unit, 3)
     if value is None:
         return f"{quantity}: no contact, limit {allowed}"
@@ -34,6 +38,6 @@ def step_without_gain(scenario: Scenario, *, contact: bool) -> str:
 
 
 def verify_step(task: Task) -> str:
-    """Return the text of the next step after a successful design: to verify the gain on the sampled loop."""
+    """Suggest to verify a designed gain on the sampled loop."""
     describe = "" if task.loop is not None else "describe sensor chain and controller, then "
     return f"{describe}run `pretouch verify` to check the {task.law.number.name} on the sampled loop"

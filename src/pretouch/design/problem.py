@@ -1,4 +1,7 @@
-"""Define the search problem of a gain design, and evaluate the objective and constraints for a gain."""
+"""Define the search problem of a gain design.
+
+The problem evaluates the objective and the constraints for a gain.
+"""
 
 from __future__ import annotations
 
@@ -40,14 +43,21 @@ _WITH_GRADIENTS: Final = frozenset(
 # contact.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """A number that rates an encounter, such as the objective, with its gradient in the contact quantities."""
+    """A search criterion, such as the objective, with its gradient.
+
+    The gradient contains the derivatives with respect to the contact quantities.
+    """
 
     value: Callable[[ContactResult], Any]
     rates: Callable[[ContactState], Rates]
     has_gradients: bool  # False if a quantity needs the whole motion, or if a user-defined class computes the number
 
     def slope(self, state: ContactState, of: Slope) -> FloatArray:
-        """Return the derivative of the objective or constraint with respect to one input, in SI units."""
+        """Differentiate the objective or a constraint with respect to one input.
+
+        Returns:
+            The derivative in SI units.
+        """
         # `along` makes the function `of`.
         total = np.zeros(np.shape(state.time))
         for quantity, rate in self.rates(state):
@@ -56,7 +66,10 @@ class Criterion:
 
 
 def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
-    """Return a function that gives the derivative of any contact quantity with respect to one input."""
+    """Return a function for derivatives with respect to one input.
+
+    The function differentiates any contact quantity.
+    """
     # `of` returns the derivative of a quantity by an input, as `ContactGradients` does. `velocity` is the obstacle's
     # velocity at the start [m/s]; it is needed for scales that equal the obstacle's speed.
 
@@ -71,12 +84,20 @@ def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
 
 
 def ratio(constraint: Constraint, impact: ImpactModel | None) -> Criterion:
-    """Make a search criterion from the ratio |quantity| / limit of a constraint."""
+    """Make a search criterion from a constraint.
+
+    Returns:
+        The criterion |quantity| / limit.
+    """
     return magnitude(constraint.quantity, impact, constraint.limit)
 
 
 def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> Criterion:
-    """Make a search criterion from the magnitude of a contact quantity, divided by a given number."""
+    """Make a search criterion from a contact quantity.
+
+    Returns:
+        The magnitude of the quantity, divided by `unit`.
+    """
 
     def rates(state: ContactState) -> Rates:
         return [_at_contact(quantity, np.sign(quantity_of(quantity, state, impact)) / unit, state, impact)]
@@ -89,7 +110,11 @@ def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> C
 
 
 def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None) -> Criterion:
-    """Make a search criterion from an objective, with derivatives with respect to the quantities at contact."""
+    """Make a search criterion from an objective.
+
+    Returns:
+        The objective, with its derivatives with respect to the quantities at contact.
+    """
 
     def rates(state: ContactState) -> Rates:
         rates_by_quantity = []
@@ -110,7 +135,7 @@ def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None)
 
 
 def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactModel | None) -> tuple[str, Any]:
-    """Convert derivatives with respect to the impact force to derivatives with respect to the contact velocity."""
+    """Convert impact force derivatives to contact velocity derivatives."""
     if quantity != "impact_force":
         return quantity, rate
     if impact is None:
@@ -122,7 +147,9 @@ def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactMod
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainProblem(Value):
-    """The problem of finding the optimal gain of a task, with the transformed gain as search variable.
+    """The optimization problem of a gain design.
+
+    The search variable is the transformed gain.
 
     Args:
         task: the task.
@@ -134,7 +161,10 @@ class GainProblem(Value):
 
     @property
     def is_differentiable(self) -> bool:
-        """True if exact derivatives exist: the law is built in, and the obstacle's acceleration is constant."""
+        """True if the gain problem has exact derivatives.
+
+        Time must be continuous, the law built in, and the obstacle's acceleration constant.
+        """
         is_solved = self.is_continuous and not self.task.scenario.obstacle.course
         return is_solved and self.task.law in {DAMPER, DRAG}
 
@@ -145,20 +175,30 @@ class GainProblem(Value):
 
     @property
     def is_noisy(self) -> bool:
-        """True if each encounter has its own random noise, which depends on the encounter's position in the array."""
+        """True if each encounter has its own random noise.
+
+        The noise depends on the encounter's position in the array.
+        """
         return isinstance(self.task.evaluate, NoisyEvaluator)
 
     @property
     def merit(self) -> Criterion:
-        """The objective of the task, with its derivatives with respect to contact quantities."""
+        """The objective of the task, with its derivatives.
+
+        The derivatives are with respect to the contact quantities.
+        """
         return merit(self.task.goal, abs(self.task.scenario.obstacle.velocity), self.task.impact)
 
     def changed(self, **changes: Any) -> GainProblem:
-        """Return a copy of the problem in which some fields of the task have new values."""
+        """Return a copy of the problem with a changed task."""
         return GainProblem(task=self.task.replace(**changes), axis=self.axis)
 
     def solve(self, scenario: Scenario, gain: Any) -> ContactResult:
-        """Compute encounters by the task's function `evaluate`; without this function, in continuous time."""
+        """Compute encounters with given gains.
+
+        Returns:
+            The encounters, computed by the task's function `evaluate`, or else in continuous time.
+        """
         task = self.task
         if task.evaluate is not None:
             return task.evaluate(scenario, task.sensor, gain)
@@ -169,7 +209,10 @@ class GainProblem(Value):
         return self.solve(self.task.scenario, gain)
 
     def at(self, index: tuple[int, ...]) -> GainProblem:
-        """Return the problem of one encounter of an array, with the same noise as in the array."""
+        """Return the problem of one encounter of an array.
+
+        The noise is the same as in the array.
+        """
         shape, evaluate = self.task.scenario.shape, self.task.evaluate
         if evaluate is not None:
             evaluate = with_noise_after(evaluate, int(np.ravel_multi_index(index, shape, mode="wrap")))
@@ -177,10 +220,12 @@ class GainProblem(Value):
         return self.changed(scenario=scenario, evaluate=evaluate)
 
     def within_gain_limit(self) -> GainProblem:
-        """Return an equivalent problem in which narrower bounds of the gain replace constraints on the gain.
+        """Replace constraints on the gain by narrower bounds.
 
-        An optimum inside these bounds is an optimum of the problem itself. If no interval remains, the problem is
-        returned unchanged.
+        An optimum inside the narrower bounds is an optimum of the problem itself.
+
+        Returns:
+            An equivalent problem; the problem itself if no interval remains.
         """
         limits = [c.limit for c in self.task.limits if c.quantity == "gain"]
         if not limits:
@@ -193,7 +238,10 @@ class GainProblem(Value):
         return GainProblem(task=self.task.replace(constraints=others), axis=GainAxis(low=low, high=high))
 
     def column(self, which: IntArray) -> GainProblem:
-        """Return the problem of selected encounters, in column arrays that NumPy broadcasts with a row of gains."""
+        """Return the gain problem of selected encounters.
+
+        Its column arrays broadcast with a row of gains.
+        """
         shape = self.task.scenario.shape
 
         def select(value: Any) -> Any:
@@ -202,7 +250,13 @@ class GainProblem(Value):
         return self.changed(scenario=map_fields(self.task.scenario, select))
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Compute the objective and the constraints for several gains, given as values of the search variable."""
+        """Compute the objective and the constraints for several gains.
+
+        The gains are values of the search variable.
+
+        Returns:
+            The objective, and the ratio |quantity| / limit of each constraint.
+        """
         task, result = self.task, self.run(self.axis.gain(coordinate))
         reached, speed = result.reached, abs(task.scenario.obstacle.velocity)
         ratios = [c.magnitude(result.end, task.impact) / c.limit for c in task.limits]
@@ -214,7 +268,9 @@ class GainProblem(Value):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Answer(Described, Value):
-    """Base class of design results; each result keeps the problem that was solved.
+    """Base class of design results.
+
+    Each result keeps the problem that was solved.
 
     Args:
         problem: the task and the bounds of the gain.
@@ -224,7 +280,10 @@ class Answer(Described, Value):
 
     @property
     def headline(self) -> str:
-        """A summary of the result in one or two sentences; empty in this base class."""
+        """A summary of the result in one or two sentences.
+
+        It is empty in this base class.
+        """
         return ""
 
     def __repr__(self) -> str:
@@ -232,7 +291,10 @@ class Answer(Described, Value):
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """The lower and the upper bound of the gain, in the unit of the gain."""
+        """The lower and the upper bound of the gain.
+
+        They have the unit of the gain.
+        """
         return self.problem.axis.ends
 
     @property
@@ -257,7 +319,10 @@ class Answer(Described, Value):
 
     @property
     def impact(self) -> ImpactModel | None:
-        """The impact model with the masses of robot and obstacle; None if the task has no impact model."""
+        """The impact model of the task.
+
+        None if the task has no impact model.
+        """
         return self.problem.task.impact
 
     @property
@@ -267,5 +332,8 @@ class Answer(Described, Value):
 
     @property
     def on_evaluator(self) -> bool:
-        """True if a function `evaluate` of the task, such as a simulated loop, computed the encounters."""
+        """True if the task's function `evaluate` computed the encounters.
+
+        An example of such a function is a simulated loop.
+        """
         return self.problem.task.evaluate is not None

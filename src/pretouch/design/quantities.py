@@ -28,7 +28,9 @@ CONSTRAINT_NAMES: Final[dict[str, str]] = {entry.limit: name for name, entry in 
 
 
 class ContactQuantity(str):
-    """A user-defined contact quantity for objectives, constraints, Pareto fronts, sweeps, verification and reports.
+    """A user-defined contact quantity.
+
+    It works in objectives, constraints, Pareto fronts, sweeps, verification and reports.
 
     It is the name of the quantity, with all that describes it. Its `name` is also that of its constraint. If two
     have the same name, the later one replaces the earlier one.
@@ -93,7 +95,10 @@ class ContactQuantity(str):
 
 
 def _quantity_problem(name: str, quantity: Any) -> str:
-    """Return an error message if the quantity of an installed package is invalid; otherwise return an empty text."""
+    """Return an error message if an installed quantity is invalid.
+
+    The text is empty if the quantity is valid.
+    """
     if not isinstance(quantity, ContactQuantity):
         return f"found {short_repr(quantity)}, expected a pretouch.design.ContactQuantity"
     return (
@@ -109,14 +114,22 @@ QUANTITY_KINDS: Final = Extensions(group="pretouch.terms", built_in=lambda: _BUI
 
 
 def find_quantity(name: str) -> Entry | None:
-    """Return the quantity with a given name: built-in, user-defined or from an installed package; None if unknown."""
+    """Find a contact quantity by its name.
+
+    Returns:
+        The built-in, user-defined or installed quantity; None if the name is unknown.
+    """
     if name not in QUANTITY_UNITS and QUANTITY_KINDS.find(name) is None:
         return None
     return QUANTITIES[name]
 
 
 def check_quantity(name: str, argument: str) -> None:
-    """Raise an error if no quantity has the given name; the message names the `argument` that contains this name."""
+    """Raise an error if a quantity name is unknown.
+
+    Raises:
+        InvalidInputError: the name is unknown; the message names the `argument` that contains it.
+    """
     if find_quantity(name) is None:
         names = dict.fromkeys((*QUANTITY_UNITS, *QUANTITY_KINDS.names()))
         raise InvalidInputError(f"{argument}: found {name!r}, expected one of {', '.join(names)}")
@@ -124,7 +137,7 @@ def check_quantity(name: str, argument: str) -> None:
 
 @check_arguments
 def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = None) -> Any:
-    """Return the value of a quantity at contact, given the name of the quantity, such as `impact_force`.
+    """Return the value of a named quantity at contact.
 
     Args:
         name: a key of QUANTITY_UNITS. `drive_force` is the physical mass times the largest acceleration;
@@ -143,12 +156,15 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
     entry = QUANTITIES[name]
     if entry.needs_impact and impact is None:
         raise InvalidInputError(
-            f"{name}: this quantity depends on the physical masses of robot and obstacle; pass an impact model "
+            f"{name}: this quantity depends on the physical masses of robot and obstacle. Pass an impact model "
             "with the robot's physical (reflected) mass, not the virtual mass of the admittance"
         )
     return entry.value(state, impact) if entry.value is not None else None
 
 
 def size_of(name: str, value: Any) -> Any:
-    """Return the value of a quantity that is compared with its limit: the magnitude or the signed value."""
+    """Return the value of a quantity to compare with limits.
+
+    It is the magnitude or the signed value.
+    """
     return np.abs(value) if QUANTITIES[name].is_magnitude else np.asarray(value)

@@ -1,7 +1,8 @@
-"""Optimize a virtual drag whose strength depends on the reading, for sensors whose output scale is uncertain.
+"""Optimize a virtual drag whose strength depends on the reading.
 
-If the reflectance of the object is uncertain, so is the output scale. Let the output scale be theta times that of the
-calibration. Then the loop reads s = ln xi(l) + ln theta. If phi has the constant value p_j on each step j of s, then
+Such a drag suits sensors whose output scale is uncertain. If the reflectance of the object is uncertain, so is the
+output scale. Let the output scale be theta times that of the calibration. Then the loop reads s = ln xi(l) + ln theta.
+If phi has the constant value p_j on each step j of s, then
 
     Q(l) = (1/M) sum_j p_j int_l^{l_d} [s in step j] g^2 dl
 
@@ -50,7 +51,9 @@ _SHARES: Final = np.array([0.0, *(1 + _NODES) / 2, 1.0])  # start, Gauss nodes, 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragSchedule(Value):
-    """A virtual drag whose coefficient phi depends on the log output ln xi, with its predicted effect.
+    """A virtual drag whose coefficient depends on the sensor reading.
+
+    The coefficient phi is a function of the log output ln xi.
 
     Every object, bright or dark, is assumed to be detected at the same distance. The assumptions of `DragDesign` hold.
     Noise has the effect of a change of reflectance.
@@ -81,22 +84,28 @@ class DragSchedule(Value):
 
     @property
     def largest_excursion(self) -> float:
-        """The largest excursion of the robot [m] for all evaluated reflectances of the object."""
+        """The largest excursion of the robot [m].
+
+        It is the maximum over all evaluated reflectances of the object.
+        """
         return float(self.excursion.max())
 
     @property
     def gap(self) -> float:
-        """The optimality gap [m]: the largest excursion minus its lower bound for all possible drag schedules."""
+        """The optimality gap of the drag schedule [m].
+
+        It is the largest excursion minus its lower bound for all possible schedules.
+        """
         return self.largest_excursion - self.lower_bound
 
     @property
     def verdict(self) -> str:
-        """A sentence that compares the scheduled virtual drag with a constant virtual drag."""
+        """Comparison of scheduled and constant virtual drag in words."""
         whole = self.constant.excursion
         if whole - self.lower_bound <= 2 * _CLOSE * whole:
             return (
-                f"a constant virtual drag with an excursion of {1e3 * whole:.2f} mm is optimal, because every "
-                f"{'rising ' * self.monotone}drag schedule with the same steps of ln xi has an excursion of at least "
+                f"a constant virtual drag with an excursion of {1e3 * whole:.2f} mm is optimal. Every "
+                f"{'rising ' * self.monotone}drag schedule with the same steps of ln xi needs at least "
                 f"{1e3 * self.lower_bound:.2f} mm"
             )
         saved = 1 - self.largest_excursion / whole
@@ -104,31 +113,41 @@ class DragSchedule(Value):
             "compared with a constant drag, the drag schedule is "
             f"{('worthwhile' if saved >= _WORTH else 'not worthwhile')}: the excursion is "
             f"{100 * saved:.0f} % smaller ({1e3 * self.largest_excursion:.1f} mm instead of "
-            f"{1e3 * whole:.1f} mm), but the peak acceleration is "
+            f"{1e3 * whole:.1f} mm). The peak acceleration is "
             f"{self.peak.max() / self.constant.peak:.1f} times as large"
         )
 
     def drag_at(self, log_output: ArrayLike) -> Any:
-        """Return the drag phi [N s^2] at log outputs ln xi; beyond the ends of the schedule, the drag is constant."""
+        """Return the virtual drag at given log outputs.
+
+        The drag phi is in N s^2, the log output is ln xi. Beyond the ends of the schedule, the drag is constant.
+        """
         step = np.searchsorted(self.log_output[1:-1], finite(log_output, "log_output"), side="right")
         return float_or_array(self.drag[step])
 
     def sampled(self, drag: VirtualDrag) -> ScheduledDrag:
-        """Return the sampled control law of the scheduled drag; noise, dead zone and smoothing are those of `drag`."""
+        """Return the sampled control law of the scheduled drag.
+
+        Noise, dead zone and smoothing are those of `drag`.
+        """
         return ScheduledDrag(schedule=self, drag=drag)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scheduled drag and the predicted approaches as one JSON object, in SI units."""
+        """Return the scheduled drag as a JSON object.
+
+        The predicted approaches are included. Numbers are in SI units.
+        """
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return dict(plain({**values, "gap": self.gap, "verdict": self.verdict}))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScheduledDrag(Value):
-    """Sampled control law of a scheduled virtual drag, which selects the drag coefficient phi at each reading.
+    """Sampled control law of a scheduled virtual drag.
 
-    `DragSchedule.sampled` makes it. It runs in Python, so it is simulated like a custom law. As the period
-    tends to 0, its motion tends to the one that the schedule predicts, with an error of first order.
+    It selects the drag coefficient phi at each reading. `DragSchedule.sampled` makes it. It runs in Python, so it is
+    simulated like a custom law. As the period tends to 0, its motion tends to the one that the schedule predicts, with
+    an error of first order.
 
     Args:
         schedule: phi over ln xi.
@@ -139,7 +158,10 @@ class ScheduledDrag(Value):
     drag: VirtualDrag
 
     def numbers(self, controller: Any) -> Any:
-        """Return the controller parameters of a drag with phi = 1 N s^2; `step` multiplies its impulse by phi."""
+        """Return the controller parameters of a unit drag.
+
+        The unit drag is phi = 1 N s^2. The method `step` multiplies its impulse by phi.
+        """
         return self.drag.with_value(1.0).numbers(controller)
 
     def start(self) -> Any:
@@ -167,7 +189,9 @@ def schedule_drag(
     rails: DragLimits | tuple[float, float] = (0.5, 2.0),
     steps: int = 48,
 ) -> DragSchedule:
-    """Find the scheduled virtual drag phi(ln xi) that minimizes the largest excursion over a range of reflectance.
+    """Find the drag schedule that minimizes the largest excursion.
+
+    The drag phi(ln xi) is optimal for a range of reflectance.
 
     Args:
         sensor: the sensor curve, which must be valid down to contact and whose ln xi must fall with the distance.
@@ -194,7 +218,7 @@ def schedule_drag(
         >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
         >>> schedule = schedule_drag(sensor, 0.0422, 1.0, ratio=0.26, reflectance=(0.9, 1.1), steps=24)
         >>> print(schedule.verdict.partition(": ")[2])
-        the excursion is 28 % smaller (24.7 mm instead of 34.2 mm), but the peak acceleration is 2.0 times as large
+        the excursion is 28 % smaller (24.7 mm instead of 34.2 mm). The peak acceleration is 2.0 times as large
     """
     low, high = np.log(_pair(reflectance, "reflectance"))
     if np.ndim(ratio) or not positive(ratio, "ratio") < 1:
@@ -234,7 +258,7 @@ def _pair(value: tuple[float, float], name: str) -> FloatArray:
 
 
 def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> DragLimits:
-    """Return the limits of the drag coefficient; raise an error unless the constant drag lies between them."""
+    """Return the limits of the drag coefficient."""
     if not isinstance(rails, DragLimits):
         drags = [float(factor * constant.drag) for factor in _pair(rails, "rails")]
         weak, strong = (predict_drag(constant.sensor, constant.detection_distance, constant.mass, d) for d in drags)
@@ -246,15 +270,16 @@ def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> Dra
         )
     if not rails.weak.drag <= constant.drag <= rails.strong.drag:
         raise InvalidInputError(
-            f"rails: the required ratio of contact speed to approach speed is {constant.ratio:g}, but "
-            "must lie between the ratios of the weak and the strong virtual drag, which are "
-            f"{rails.weak.ratio:g} and {rails.strong.ratio:g}"
+            f"rails: the required ratio of contact to approach speed is {constant.ratio:g}, expected a ratio between "
+            f"{rails.weak.ratio:g} (weak drag) and {rails.strong.ratio:g} (strong drag)"
         )
     return rails
 
 
 class _Paths(NamedTuple):
-    """The approach of an object for each reflectance, divided into short intervals of the distance.
+    """The approach of an object for each reflectance.
+
+    The distance is divided into short intervals.
 
     Args:
         step: index of the schedule's step on each piece, shape (m, pieces).
@@ -269,14 +294,20 @@ class _Paths(NamedTuple):
     rows: FloatArray
 
     def growth(self, shares: FloatArray) -> FloatArray:
-        """Return the exponent Q along each approach; the speed at each point is exp(-Q) times the approach speed."""
+        """Return the exponent Q along each approach.
+
+        The speed at each point is exp(-Q) times the approach speed.
+        """
         rate, share = self.strength[..., 1:-1] * self.length, shares[self.step][..., None]
         ends = np.cumsum(share * (rate @ _WEIGHTS)[..., None], axis=1)
         starts = np.concatenate([np.zeros_like(ends[:, :1]), ends[:, :-1]], axis=1)
         return np.concatenate([starts, starts + share * (rate @ _SO_FAR), ends], axis=2)
 
     def excursions(self, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the excursion for each reflectance [m], and its derivatives with respect to the drag of each step."""
+        """Return the excursion for each reflectance [m].
+
+        Return also its derivatives with respect to the drag of each step.
+        """
         growth = self.growth(shares)[..., 1:-1]
         grown = np.exp(growth) * self.length
         to_come = np.cumsum((grown @ _WEIGHTS)[:, ::-1], axis=1)[:, ::-1, None] - grown @ _SO_FAR
@@ -285,7 +316,10 @@ class _Paths(NamedTuple):
         return excursion, _by_step(self.step, weighted, len(shares))
 
     def peaks(self, shares: FloatArray) -> FloatArray:
-        """Return the largest acceleration for each reflectance, divided by the squared approach speed [1/m]."""
+        """Return peak acceleration per squared approach speed [1/m].
+
+        There is one value for each reflectance.
+        """
         pull = shares[self.step][..., None] * self.strength * np.exp(-2 * self.growth(shares))
         return np.asarray(np.where(self.length > 0, pull, 0.0).max(axis=(1, 2)))
 
@@ -297,7 +331,7 @@ def _by_step(step: IntArray, values: FloatArray, count: int) -> FloatArray:
 
 
 def _split_paths(constant: DragDesign, borders: FloatArray, offsets: FloatArray) -> _Paths:
-    """Split each approach at the distances where the scheduled drag changes, and at the knots of the sensor curve."""
+    """Split each approach into intervals with a constant drag."""
     sensor, farthest = constant.sensor, constant.detection_distance
     steps = len(borders) - 1
     fine = np.linspace(borders[0], borders[-1], steps * -(-_PIECES // steps) + 1)
@@ -318,7 +352,7 @@ def _split_paths(constant: DragDesign, borders: FloatArray, offsets: FloatArray)
 
 
 def _search(paths: _Paths, rails: DragLimits, constant: DragDesign, *, monotone: bool) -> tuple[FloatArray, float]:
-    """Minimize the largest excursion; return each drag relative to the constant drag, and a lower bound [m]."""
+    """Minimize the largest excursion over all drag schedules."""
     from scipy.optimize import linprog  # noqa: PLC0415 - keeps `import pretouch` fast
 
     rows = paths.rows / math.log(1 / constant.ratio)

@@ -1,4 +1,7 @@
-"""Compute the derivatives of optimal gains with respect to the inputs, by the implicit function theorem."""
+"""Compute derivatives of optimal gains with respect to inputs.
+
+The method is the implicit function theorem.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,10 @@ _FARTHEST: Final = 0.5  # largest error of a searched optimum, as a share of tha
 # Chebyshev nodes in the coordinate u of the gain around the optimum. Differentiating the polynomials through these
 # samples by u gives f_up and f_uu, so that no finite difference by an input is needed.
 def has_gradients(problem: GainProblem, constraint: Constraint | None) -> bool:
-    """Return True if contact quantities, objective and active constraint all have exact derivatives."""
+    """Return True if a gain problem has exact derivatives.
+
+    Contact quantities, objective and active constraint need exact derivatives.
+    """
     limited = constraint is None or ratio(constraint, problem.task.impact).has_gradients
     return problem.is_differentiable and problem.merit.has_gradients and limited
 
@@ -41,7 +47,10 @@ def follow_optimum(
     names: tuple[str, ...],
     held: bool = False,
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return the derivatives of optimal gains and of their objectives with respect to each input."""
+    """Return the derivatives of optimal gains and their objectives.
+
+    The derivatives are with respect to each input.
+    """
     # At an interior optimum f_u = 0 stays true under every change, so du/dp = -f_up / f_uu. On an active constraint
     # G = limit stays true, so du/dp = -G_p / G_u. On a bound (held=True) the gain stays. Each field of the scenario is
     # a number or of shape (n, 1). The result holds d gain / d input and d f / d input, shape (n,); NaN if a sample does
@@ -84,7 +93,7 @@ def _rise(samples: FloatArray, place: FloatArray) -> FloatArray:
 
 
 def _root(slope: FloatArray) -> FloatArray:
-    """Refine the optimal gain that the search found, by finding where the slope of the objective is zero."""
+    """Refine the optimal gain of the search."""
     place = np.zeros(len(slope))
     for _ in range(4):
         step = _value(slope, place) / _rise(slope, place) / _HALF
@@ -112,7 +121,9 @@ _Side: TypeAlias = tuple[str, int]
 
 
 def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sensitivity, ...]:
-    """Return the derivatives of the optimal gain and its objective with respect to every scalar input.
+    """Return the sensitivity of the optimal gain to all inputs.
+
+    The derivatives of gain and objective are with respect to every scalar input.
 
     At an interior optimum f_u = 0 stays true under every change, so du/dp = -f_up / f_uu. On an active constraint
     G = limit stays true, so du/dp = -G_p / G_u. On a bound the gain stays. The derivatives are exact if objective and
@@ -165,7 +176,7 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
 
 
 def _rank(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sensitivity, ...]:
-    """Sort the sensitivities by their effect, largest first, and remove those that are not finite."""
+    """Sort sensitivities by their effect, largest first."""
     entries = [
         Sensitivity(
             name=name,
@@ -184,7 +195,7 @@ def _rank(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sens
 def _samples_at(
     problem: GainProblem, inputs: _Inputs, sides: Mapping[_Side, float], sample: Callable[[GainProblem], FloatArray]
 ) -> dict[_Side, FloatArray]:
-    """Evaluate objective and constraint for small changes of one input at a time, in both directions."""
+    """Evaluate objective and constraint for small input changes."""
     # Changes of the scenario are solved as one array of encounters. User-defined functions get single encounters.
     task, samples = problem.task, {}
     if task.evaluate is None and type(task.goal) is Objective:
@@ -204,7 +215,7 @@ def _samples_at(
 
 
 def _derivative(above: FloatArray | None, below: FloatArray | None, step: float, middle: FloatArray) -> FloatArray:
-    """Compute a derivative by finite differences; use a one-sided difference if only one side is valid."""
+    """Compute a derivative by finite differences."""
     sides = (above is not None) + (below is not None)
     if not sides:
         return np.full_like(middle, np.nan)
@@ -213,7 +224,10 @@ def _derivative(above: FloatArray | None, below: FloatArray | None, step: float,
 
 
 def _inputs(problem: GainProblem) -> _Inputs:
-    """Return value, unit and typical magnitude of every scalar input of encounter and sensor."""
+    """Return value, unit and magnitude of every scalar input.
+
+    The inputs are those of encounter and sensor. The magnitude is a typical one.
+    """
     scenario, sensor = problem.task.scenario, problem.task.sensor
     length = float(scenario.distance)
     speed = max(abs(float(scenario.relative_velocity)), abs(float(scenario.obstacle.velocity)), 1e-3)
@@ -234,7 +248,7 @@ def _inputs(problem: GainProblem) -> _Inputs:
 
 
 def _with(problem: GainProblem, name: str, value: float) -> GainProblem:
-    """Return a copy of the search problem in which one input has a new value."""
+    """Copy the search problem with one changed input."""
     if name in SCENARIO_INPUTS:
         return problem.changed(scenario=scenario_with(problem.task.scenario, {name: value}))
     return problem.changed(sensor=sensor_with(problem.task.sensor, {name.removeprefix("sensor."): value}))
@@ -262,7 +276,7 @@ def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tup
 
 
 def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, derivative: FloatArray) -> IntArray:
-    """Compute the exact derivatives of optimal gains, and return which encounters have no exact derivatives."""
+    """Differentiate optimal gains exactly, and return encounters without exact derivatives."""
     kinds = _kinds(problem.column(where), gain[where])
     remaining = [where[kinds == _UNKNOWN]]
     for kind in np.unique(kinds[kinds != _UNKNOWN]):
@@ -276,7 +290,10 @@ def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, d
 
 
 def _kinds(problem: GainProblem, gain: FloatArray) -> Any:
-    """Return for each optimal gain whether the optimum is inside the bounds, on a bound, or on a constraint."""
+    """Return where each optimal gain lies.
+
+    The gain is inside the bounds, on a bound, or on a constraint.
+    """
     kinds = np.where(problem.axis.is_end(problem.axis.coordinate(gain)), _BOUND, _INSIDE)
     if problem.task.limits:
         end = problem.run(gain[:, None]).end

@@ -41,10 +41,16 @@ class Source(Protocol):
     """The scenario file that describes a task."""
 
     def placed(self, error: InvalidInputError) -> InvalidInputError:
-        """Return the error with the line and the key of the scenario file that caused the error."""
+        """Add the location in the scenario file to an error.
+
+        The location is the line and the key that caused the error.
+        """
 
     def explained(self, error: InvalidInputError) -> str:
-        """Return the message of an error together with its cause in the scenario file."""
+        """Return an error message with the calibrated range of distances.
+
+        The range is added only if a distance is out of range.
+        """
 
 
 _OF_LOOP: Final[Any] = None
@@ -53,11 +59,11 @@ _OF_LOOP: Final[Any] = None
 
 @dataclass(frozen=True)
 class Task(ExplainsNames, InNotebooks, Value):
-    """The complete design problem that functions such as `design_gain` solve: an encounter, a sensor and all options.
+    """The complete design problem of functions such as `design_gain`.
 
-    Each verb uses the fields that it needs and raises an error if one is missing. Options that only one verb reads are
-    one value: `pareto`, `robust` and `verify`. `load_scenario` returns a Task from a scenario file, whose sections
-    have the same names. Numbers without a stated unit are SI.
+    It consists of an encounter, a sensor and all options. Each verb uses the fields that it needs and raises an error
+    if one is missing. Options that only one verb reads are one value: `pareto`, `robust` and `verify`. `load_scenario`
+    returns a Task from a scenario file, whose sections have the same names. Numbers without a stated unit are SI.
 
     Args:
         scenario: the encounter; for `design_gain` also an array of encounters, each of which gets its own gain. The
@@ -155,7 +161,7 @@ class Task(ExplainsNames, InNotebooks, Value):
 
     @property
     def goal(self) -> Objective:
-        """The objective of the task; an error is raised if the task has no objective.
+        """The objective of the task.
 
         Raises:
             InvalidInputError: the task has no objective.
@@ -171,11 +177,16 @@ class Task(ExplainsNames, InNotebooks, Value):
 
     @property
     def is_admittance_free(self) -> bool:
-        """True if the design may change the natural frequency or the damping ratio."""
+        """True if the design may change the admittance.
+
+        It may change the natural frequency, the damping ratio or both.
+        """
         return self.natural_frequency is not None or self.damping_ratio is not None
 
     def stable_bounds(self) -> tuple[float, float]:
-        """Return the bounds of the gain, narrowed to gains that have the required gain margin on the sampled loop.
+        """Return the gain bounds that guarantee the required gain margin.
+
+        The bounds of the task are narrowed to gains with this margin on the sampled loop.
 
         Raises:
             InvalidInputError: there are no bounds, or no gain between them has the gain margin.
@@ -197,7 +208,9 @@ class Task(ExplainsNames, InNotebooks, Value):
         return stable
 
     def replace(self, **changes: Any) -> Task:
-        """Return a copy of the task in which some fields have new values; a new loop also brings its own control law.
+        """Return a copy of the task with some new values.
+
+        A new loop also brings its own control law.
 
         Options are replaced as a whole: `task.replace(robust=dataclasses.replace(task.robust, samples=512))`.
         """
@@ -206,13 +219,13 @@ class Task(ExplainsNames, InNotebooks, Value):
 
 
 def _law_of(loop: Any) -> ContinuousLaw:
-    """Return the continuous-time control law of a sampled loop; the virtual damper if there is no loop."""
+    """Return the continuous-time control law of a sampled loop."""
     if loop is None:
         return DAMPER
     if loop.continuous is None:
         raise InvalidInputError(
             f"loop: the control law {type(getattr(loop.law, 'law', loop.law)).__name__} has no form in "
-            "continuous time, which the prediction needs; set the attribute `continuous` of this law, for example to "
+            "continuous time, which the prediction needs. Set its attribute `continuous`, for example to "
             '"virtual-damper" or to a CustomLaw, or set the law of the task'
         )
     return cast("ContinuousLaw", loop.continuous)
@@ -222,7 +235,11 @@ _ALIKE: Final = 1e-9  # relative rounding error of a bound
 
 
 def at_bound_in_words(task: Task, gain: float) -> str:
-    """Return a sentence that says why an optimal gain lies at an end of its range, and how to widen the range."""
+    """Explain why an optimal gain lies on a bound.
+
+    Returns:
+        A sentence that also says how to widen the range.
+    """
     number = task.law.number
     at_own = any(math.isclose(gain, bound, rel_tol=_ALIKE) for bound in task.bounds or ())
     if task.stability_margin is not None and not at_own:
@@ -234,7 +251,11 @@ def at_bound_in_words(task: Task, gain: float) -> str:
 
 
 def with_file_location(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
-    """Decorate a function so that its error messages give the line and the key of the scenario file."""
+    """Add the scenario file location to a function's error messages.
+
+    Returns:
+        The decorated function, whose errors name the line and the key.
+    """
 
     # The task may also be passed by name; the type `Concatenate` cannot express that.
     @wraps(verb)

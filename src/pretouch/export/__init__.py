@@ -1,4 +1,7 @@
-"""Export a verified control law as C source, JSON parameters, a ROS 2 package, or co-simulation units (FMI)."""
+"""Export a verified control law for robots and co-simulation.
+
+The targets are C source, JSON parameters, a ROS 2 package and co-simulation units (FMI).
+"""
 
 from .export import Export
 from .targets import TARGETS, export_law

@@ -1,4 +1,7 @@
-"""Export a verified control law as C99 source, with its parameters, test vectors and a test program."""
+"""Export a verified control law as C99 source.
+
+The export includes parameters, test vectors and a test program.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ _ASCII: Final = {
 
 
 def c_files(design: LawDesign) -> dict[str, str]:
-    """Return the files of a C export: a dictionary that maps each file name to its text."""
+    """Return the files of a C export by name."""
     files = {
         "pretouch_design.h": design_header(design),
         HEADER: law_text(HEADER),
@@ -48,7 +51,7 @@ def c_files(design: LawDesign) -> dict[str, str]:
 
 
 def filled(name: str, design: LawDesign | None = None, **more: str) -> str:
-    """Return the text of a template file of this package, filled with the values of a controller design.
+    """Return a template file filled with values of a design.
 
     Args:
         name: path of the file in the folder `templates`.
@@ -76,7 +79,10 @@ def filled(name: str, design: LawDesign | None = None, **more: str) -> str:
 
 
 def design_header(design: LawDesign) -> str:
-    """Return a C header with all parameters of a controller, each with its meaning and unit."""
+    """Return the C header with the parameters of a controller.
+
+    Each parameter has a comment with its meaning and unit.
+    """
     about = [
         f"Parameters of one controller for the file {SOURCE}, written by pretouch version {version('pretouch')}. Do "
         "not edit this file. Change the scenario file instead, and export again.",
@@ -96,7 +102,10 @@ def design_header(design: LawDesign) -> str:
 
 
 def block_comment(lines: list[str]) -> str:
-    """Return lines of text as a C comment in ASCII; comment delimiters in the text are replaced by `* /`."""
+    """Return lines of text as an ASCII C comment.
+
+    Comment delimiters in the text become `* /`.
+    """
     wrapped = []
     for line in lines:
         plain = re.sub(r"\*/|/\*", "* /", _ascii(line))
@@ -111,7 +120,7 @@ def _ascii(text: str) -> str:
 
 
 def _values(kind: str, values: Any, level: int) -> Iterator[str]:
-    """Yield the lines of a C initializer for a structure, with a comment that explains each field."""
+    """Yield the lines of a C initializer for a structure."""
     indent = "    " * level
     for field in structures()[kind]:
         value = getattr(values, field.name)
@@ -132,7 +141,7 @@ def _meaning(field: Field) -> str:
 
 
 def _initializer(value: Any) -> str:
-    """Convert a number or structure to a C expression that has exactly the same value."""
+    """Convert a number or structure to an exact C expression."""
     if isinstance(value, ctypes.Structure):
         return f"{{{', '.join(_initializer(getattr(value, name)) for name, *_ in value._fields_)}}}"
     if isinstance(value, int):
@@ -141,7 +150,7 @@ def _initializer(value: Any) -> str:
 
 
 def _limit_lines(controller: Controller) -> Iterator[str]:
-    """Yield the limits of a controller, such as its largest speed, as lines of a Markdown list."""
+    """Yield the limits of a controller as a Markdown list."""
     limits = controller.limits
     rows = (
         ("virtual force", limits.force, "N"),
@@ -155,7 +164,7 @@ def _limit_lines(controller: Controller) -> Iterator[str]:
 
 
 def _flag_table() -> Iterator[str]:
-    """Yield the rows of a Markdown table that explains the status flags of a controller step."""
+    """Yield the rows of a Markdown table of status flags."""
     yield "| flag | value | meaning |"
     yield "|---|---|---|"
     for flag in Status:  # without NONE

@@ -16,7 +16,9 @@ from pretouch.verification import Verdict
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Export(Described, Value):
-    """Result of exporting a control law: the written files, or the negative verdict that prevented the export.
+    """Result of exporting a control law.
+
+    A negative verdict prevents the export, and the result has no files.
 
     Args:
         kind: name of the format, such as "C".
@@ -43,7 +45,7 @@ class Export(Described, Value):
 
     @property
     def headline(self) -> str:
-        """A sentence that says what the export wrote, or why it wrote nothing."""
+        """Summary of the export or of the failed verification."""
         if not self.is_written:
             assert self.verdict is not None  # noqa: S101 - only a verdict prevents an export
             return f"Nothing was exported, because the gain failed its verification. {self.verdict.headline}"
@@ -80,7 +82,7 @@ class Export(Described, Value):
 
 
 def _warnings(export: Export) -> Iterator[str]:
-    """Yield a warning if the law limits neither force nor motion, then the warnings of the verification."""
+    """Yield warnings about missing limits and about the verification."""
     if export.is_written and not export.is_limited:
         yield caution(
             "PT416",

@@ -1,4 +1,7 @@
-"""Export a verified control law as two functional mock-up units (FMU) for co-simulation: FMI 2.0 and FMI 3.0."""
+"""Export a verified control law as co-simulation units.
+
+The result is two functional mock-up units (FMU), for FMI 2.0 and FMI 3.0.
+"""
 
 from __future__ import annotations
 
@@ -40,12 +43,15 @@ _DATE: Final = (1980, 1, 1, 0, 0, 0)  # of every file in an archive: the same de
 
 
 def fmu_kind() -> str:
-    """Return the name of the FMU format; without a C compiler, the name says that the FMU has "sources only"."""
+    """Return the name of the FMU format.
+
+    Without a C compiler, the name contains "sources only".
+    """
     return "FMU" if _compiler() else "FMU with sources only, because this machine has no C compiler"
 
 
 def fmu_files(design: LawDesign) -> dict[str, str | bytes]:
-    """Return the files of an FMU export: a dictionary that maps each file name to its content.
+    """Return the files of an FMU export by name.
 
     The units have a library for the platform on which pretouch runs, if there is a C compiler. The environment variable
     CC names another compiler.
@@ -70,7 +76,7 @@ def fmu_files(design: LawDesign) -> dict[str, str | bytes]:
 
 
 def _unit(design: LawDesign, standard: int, compiler: tuple[str, ...]) -> dict[str, bytes]:
-    """Return the files of one FMU: a dictionary that maps each path in the archive to the content of the file."""
+    """Return the files of one FMU by archive path."""
     identifier = f"pretouch_{_name(design)}"
     token = _token(design, standard, identifier)
     sources = {
@@ -93,7 +99,7 @@ def _unit(design: LawDesign, standard: int, compiler: tuple[str, ...]) -> dict[s
 
 
 def _instance(design: LawDesign, identifier: str, token: str) -> str:
-    """Return the C header `unit.h`, which gives access to the variables of an FMU."""
+    """Return the C header `unit.h` of an FMU."""
     chosen = variables(design)
     reference = {variable.name: i for i, variable in enumerate(chosen)}
     reals = (f"    case {reference[v.name]}: return &{v.place};" for v in chosen if v.kind == "real")
@@ -111,13 +117,13 @@ def _instance(design: LawDesign, identifier: str, token: str) -> str:
 
 
 def _name(design: LawDesign) -> str:
-    """Return the name of the scenario file as a valid part of a C name; "law" without a scenario file."""
+    """Return the scenario name with only characters allowed in C names."""
     stem = "law" if design.digest is None else Path(design.origin).stem
     return re.sub(r"\W", "_", stem, flags=re.ASCII)
 
 
 def _token(design: LawDesign, standard: int, identifier: str) -> str:
-    """Return a hash that identifies the C sources and the XML description of an FMU."""
+    """Return a hash of an FMU's C sources and XML description."""
     parts = (
         _instance(design, identifier, ""),
         design_header(design),
@@ -130,7 +136,7 @@ def _token(design: LawDesign, standard: int, identifier: str) -> str:
 
 
 def _archive(files: Mapping[str, bytes]) -> bytes:
-    """Return files as a reproducible ZIP archive: the same files always result in the same bytes."""
+    """Return files as a reproducible ZIP archive."""
     memory = io.BytesIO()
     with zipfile.ZipFile(memory, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(files):
@@ -142,13 +148,16 @@ def _archive(files: Mapping[str, bytes]) -> bytes:
 
 
 def _platform() -> str:
-    """Return the FMI 3.0 name of the platform of this machine, such as "x86_64-linux"."""
+    """Return the FMI 3.0 platform name of this machine."""
     machine, system = platform.machine(), platform.system()
     return f"{_ARCHITECTURES.get(machine, machine)}-{_SYSTEMS.get(system, system.lower())}"
 
 
 def _compiler() -> tuple[str, ...]:
-    """Return the command of the C compiler on this machine, as a tuple of words; empty without a compiler."""
+    """Return the command of the C compiler on this machine.
+
+    The tuple is empty without a compiler.
+    """
     if "CC" in os.environ:
         words = tuple(shlex.split(os.environ["CC"]))
         return words if words and shutil.which(words[0]) else ()
@@ -156,7 +165,7 @@ def _compiler() -> tuple[str, ...]:
 
 
 def _library(compiler: tuple[str, ...], standard: int, sources: Mapping[str, str]) -> bytes:
-    """Compile the C sources of an FMU into a shared library, and return the bytes of the library."""
+    """Compile the C sources of an FMU into a shared library."""
     options = ["-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden"]
     options += [f"-DFMI{standard}_OVERRIDE_FUNCTION_PREFIX"]
     options += ["-s"] if platform.system() == "Linux" else []  # without names of temporary files

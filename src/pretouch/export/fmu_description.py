@@ -1,4 +1,7 @@
-"""Write the XML description of a control law as a functional mock-up unit (FMU) for FMI 2.0 and FMI 3.0."""
+"""Write the XML description of an FMU for a control law.
+
+The functional mock-up unit (FMU) follows FMI 2.0 or FMI 3.0.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +67,7 @@ class Variable:
 
     @property
     def place(self) -> str:
-        """The C expression that accesses the variable in the data structure of an FMU instance."""
+        """The C expression for the variable in an FMU instance."""
         return _PLACES[self.causality] + self.name
 
 
@@ -107,12 +110,18 @@ _OUTPUTS: Final = (
 
 
 def variables(design: LawDesign) -> tuple[Variable, ...]:
-    """Return the variables of an FMU; the index of each variable is its FMI value reference."""
+    """Return the variables of an FMU.
+
+    The index of each variable is its FMI value reference.
+    """
     return (_TIME, *_INPUTS, _number(design), *_OUTPUTS)
 
 
 def _number(design: LawDesign) -> Variable:
-    """Return the FMU parameter for the gain or drag of the law; users may weaken it, but not strengthen it."""
+    """Return the FMU parameter for the gain or drag.
+
+    Users may weaken the value, but not strengthen it.
+    """
     name, symbol, unit = ("drag", "phi", "N.s2") if design.is_drag else ("gain", "D_p", "N.s")
     value: float = getattr(design.controller.parameters().law, name)
     return Variable(
@@ -173,7 +182,10 @@ def model_description(design: LawDesign, standard: int, identifier: str, token: 
 
 
 def build_description(identifier: str) -> str:
-    """Return the text of `buildDescription.xml`, the file that lists the C sources of an FMU for FMI 3.0."""
+    """Return the text of the FMI 3.0 file `buildDescription.xml`.
+
+    This file lists the C sources of the FMU.
+    """
     root = Xml.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     configuration = _add(root, "BuildConfiguration", modelIdentifier=identifier)
     sources = _add(configuration, "SourceFileSet", language="C99")
@@ -185,7 +197,7 @@ def build_description(identifier: str) -> str:
 
 
 def as_text(root: Xml.Element) -> str:
-    """Convert an XML tree to the text of an XML file with one element per line."""
+    """Return the text of an XML tree, one element per line."""
     Xml.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root, encoding="unicode") + "\n"
 
@@ -195,7 +207,7 @@ def _add(parent: Xml.Element, tag: str, **attributes: Any) -> Xml.Element:
 
 
 def _role(variable: Variable, reference: int) -> dict[str, Any]:
-    """Return the XML attributes of an FMU variable that FMI 2.0 and FMI 3.0 have in common."""
+    """Return the attributes of a variable common to both FMI versions."""
     initial = {"parameter": "exact", "output": "calculated" if variable.follows else "exact"}.get(variable.causality)
     return {
         "name": variable.name,
@@ -208,7 +220,7 @@ def _role(variable: Variable, reference: int) -> dict[str, Any]:
 
 
 def _value(variable: Variable) -> dict[str, Any]:
-    """Return the XML attributes for the unit, the bounds and the start value of an FMU variable."""
+    """Return unit, bounds and start value as XML attributes."""
     bounds = variable.bounds or ()
     given = {"unit": variable.unit, **dict(zip(("min", "max"), bounds, strict=False)), "start": variable.start}
     return {name: value for name, value in given.items() if value != ""}
@@ -224,7 +236,7 @@ def _add_variable_3(parent: Xml.Element, reference: int, variable: Variable) -> 
 
 
 def _add_structure(parent: Xml.Element, chosen: tuple[Variable, ...], standard: int) -> None:
-    """Add the FMU outputs to the XML tree, with the inputs that determine their values before the first step."""
+    """Add the FMU outputs and their dependencies to the XML tree."""
     # FMI 2.0 counts variables from 1
     number = {variable.name: i + (standard == 2) for i, variable in enumerate(chosen)}
     key = "index" if standard == 2 else "valueReference"

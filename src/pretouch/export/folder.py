@@ -1,4 +1,7 @@
-"""Write the files of an export into one folder; after an error, no incomplete folder remains."""
+"""Write the files of an export into a new folder.
+
+After an error, no incomplete folder remains.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ BUILD: Final = "build"
 def write_folder(
     folder: str | os.PathLike[str], files: Mapping[str, bytes], *, overwrite: bool = False
 ) -> tuple[Path, ...]:
-    """Write files into a temporary folder, and give it its final name when all files are complete.
+    """Write files into a new folder, completely or not at all.
 
     Args:
         folder: the folder; its parent folder must exist.
@@ -54,7 +57,11 @@ def write_folder(
 
 
 def check_free(folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Return the path of a folder that an export may write; raise an error if the export may not write it."""
+    """Return the path of a folder if an export may write it.
+
+    Raises:
+        InvalidInputError: the parent folder does not exist, or the folder may not be replaced.
+    """
     target = Path(folder)
     if not target.parent.is_dir():
         raise InvalidInputError(f"{target}: the parent folder {target.parent} does not exist; create it first")
@@ -64,7 +71,7 @@ def check_free(folder: str | os.PathLike[str], *, overwrite: bool = False) -> Pa
 
 
 def _check_replaceable(target: Path, *, overwrite: bool) -> None:
-    """Raise an error if an export may not replace the existing file or folder at a path."""
+    """Raise an error if an export may not replace a folder."""
     if not target.is_dir() or target.is_symlink():
         raise OutputExistsError(f"{target}: a file or link with this name exists; choose another name for the folder")
     if not any(target.iterdir()):
@@ -83,7 +90,10 @@ def _check_replaceable(target: Path, *, overwrite: bool) -> None:
 
 
 def _foreign_file(target: Path) -> str | None:
-    """Return why a folder is not an unchanged export, such as a changed file; None if it is unchanged."""
+    """Return how a folder differs from an unchanged export.
+
+    None if the folder is an unchanged export.
+    """
     try:
         digests = json.loads((target / MANIFEST).read_text(encoding="utf-8"))["files"]
     except (OSError, ValueError, KeyError, TypeError):
@@ -98,7 +108,7 @@ def _foreign_file(target: Path) -> str | None:
 
 
 def _move(temporary: Path, target: Path) -> None:
-    """Rename a temporary folder to its final name, and remove the earlier folder that had this name."""
+    """Replace the target folder by the temporary folder."""
     place = target.resolve()
     if not place.exists():
         temporary.rename(place)

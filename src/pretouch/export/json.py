@@ -1,4 +1,7 @@
-"""Export a verified control law as JSON parameters and difference equations, for example for MATLAB or PLCs."""
+"""Export a verified control law as JSON parameters.
+
+The export includes difference equations, for example for MATLAB or PLCs.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ FORMAT: Final = "pretouch-law-1"
 
 
 def json_files(design: LawDesign) -> dict[str, str]:
-    """Return the files of a JSON export: a dictionary that maps each file name to its text."""
+    """Return the files of a JSON export by name."""
     content = {
         "format": FORMAT,
         "pretouch": version("pretouch"),
@@ -48,7 +51,7 @@ def _parameters(values: Any) -> Any:
 
 
 def _meanings(kind: str, before: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the full name of each parameter in a C structure, such as `law.gain`, with its meaning and unit."""
+    """Yield the full name and the meaning of each controller parameter."""
     for field in structures()[kind]:
         path = f"{before}{field.name}"
         if field.comment:

@@ -1,4 +1,4 @@
-"""Verify the gain of a task, and collect the controller, the test vectors and the verdict for an export."""
+"""Verify a gain, and prepare the control law for an export."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HOLDS: Final = (VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawDesign(Value):
-    """A controller for export: its gain, its scenario file, its test vectors, and the verdict on the gain.
+    """Controller, test vectors and verification verdict for an export.
 
     Args:
         task: the task, with its loop and sensor curve.
@@ -53,22 +53,34 @@ class LawDesign(Value):
 
     @property
     def is_drag(self) -> bool:
-        """True if the control law is a virtual drag; False if it is a virtual damper."""
+        """True if the control law is a virtual drag.
+
+        Otherwise, the law is a virtual damper.
+        """
         return isinstance(self.controller.law, VirtualDrag)
 
     @property
     def number(self) -> str:
-        """Name of the law's parameter in exported files: "gain" (virtual damper) or "drag" (virtual drag)."""
+        """Name of the law's parameter in exported files.
+
+        The name is "gain" for the virtual damper and "drag" for the virtual drag.
+        """
         return "drag" if self.is_drag else "gain"
 
     @property
     def suffix(self) -> str:
-        """Suffix of the C names of the law: "_drag" for the virtual drag, empty for the virtual damper."""
+        """Suffix of the law's names in C.
+
+        The suffix is "_drag" for the virtual drag, and empty for the virtual damper.
+        """
         return "_drag" if self.is_drag else ""
 
     @property
     def verdict_text(self) -> str:
-        """A sentence with the result and date of the verification, or a note that the law was not verified."""
+        """Sentence on the result and date of the verification.
+
+        Without a verification, the sentence says so.
+        """
         if self.verdict is None:
             return "Not verified: this law was exported without a verification."
         when = f" ({self.date})" if self.date else ""
@@ -77,7 +89,7 @@ class LawDesign(Value):
 
 @with_file_location
 def law_design(task: Task, *, verify: bool = True, date: str | None = None) -> LawDesign:
-    """Verify the gain of a task, and return the controller with all information for an export.
+    """Verify the gain of a task, and prepare its export.
 
     Args:
         task: the encounter with its sampled loop; the gain as for `verify_gain`.

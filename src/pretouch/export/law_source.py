@@ -1,4 +1,7 @@
-"""Read the C source of the control law, and list the fields of its C structures."""
+"""Read the C source of the control law.
+
+The fields of its C structures are read from the header.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,9 @@ class Field(NamedTuple):
 
 @cache
 def law_text(name: str) -> str:
-    """Return the C source or header file of the control law, exactly as pretouch compiles it.
+    """Return the C source or header of the control law.
+
+    The text is exactly the one that pretouch compiles.
 
     Args:
         name: `pretouch_law.h` or `pretouch_law.c`.
@@ -54,7 +59,7 @@ def law_text(name: str) -> str:
 
 @cache
 def structures() -> dict[str, tuple[Field, ...]]:
-    """Return a dictionary that maps the name of each C structure of the control law to its fields."""
+    """Return the fields of the control law's C structures."""
     return {match["name"]: tuple(_fields(match["body"])) for match in _STRUCTURE.finditer(law_text(HEADER))}
 
 

@@ -1,4 +1,7 @@
-"""Export a verified control law as a ROS 2 package with a controller for ros2_control."""
+"""Export a verified control law as a ROS 2 package.
+
+The package contains a controller for ros2_control.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ _BELOW_FLOOR: Final = 1.0  # ln xi below the detection threshold at which the ta
 
 
 def ros2_files(design: LawDesign) -> dict[str, str]:
-    """Return the files of a ROS 2 package: a dictionary that maps each path to the text of the file."""
+    """Return the files of a ROS 2 package by path."""
     values = {
         "rate": str(round(1 / design.controller.period)),
         **_parameters(design),
@@ -51,7 +54,7 @@ def ros2_files(design: LawDesign) -> dict[str, str]:
 
 
 def _parameters(design: LawDesign) -> dict[str, str]:
-    """Return the default values and ranges of the ROS parameters of the exported controller, as text."""
+    """Return the ROS parameters of the exported controller as text."""
     numbers = design.controller.parameters()
     sensing, drive = numbers.sensing, numbers.drive
     loop: Any = design.task.loop  # law_design checked that the task has one
@@ -80,13 +83,16 @@ def _parameters(design: LawDesign) -> dict[str, str]:
 
 
 def yaml_number(value: float) -> str:
-    """Convert a floating-point number to text that a YAML 1.1 parser reads as exactly the same number."""
+    """Return a number as exact text for YAML 1.1."""
     digits, exponent, power = repr(float(value)).partition("e")
     return (digits if "." in digits else f"{digits}.0") + exponent + power
 
 
 def _curve(design: LawDesign) -> dict[str, str]:
-    """Return the sensor curve as a table, from the smallest valid distance to a distance without detection."""
+    """Return the sensor curve as a table.
+
+    The distances range from the smallest valid one to one without detection.
+    """
     sensor: Any = design.task.sensor
     start, end = _curve_range(sensor, math.log(design.controller.conditioning.floor) - _BELOW_FLOOR)
     step = (end - start) / _CURVE_STEPS
@@ -106,7 +112,7 @@ def _curve(design: LawDesign) -> dict[str, str]:
 
 
 def _curve_range(sensor: Any, lowest: float) -> tuple[float, float]:
-    """Return the first and last distance [m] for a table of a sensor curve down to the log output `lowest`."""
+    """Return the first and last distance of a curve table [m]."""
     start, end = sensor.valid_range
     far = min(start + 1e-3, end)
     if sensor.log_output(start) <= lowest:

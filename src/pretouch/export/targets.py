@@ -1,4 +1,7 @@
-"""Verify the control law of a task, and export it for one target: C, JSON, FMU or ROS 2."""
+"""Verify a control law, and export it for one target.
+
+The targets are C, JSON, FMU and ROS 2.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ from .ros2 import ros2_files
 
 
 class _Target(NamedTuple):
-    """One target of exports, such as C or ROS 2: the name of the format, and the function that creates the files.
+    """Name and file generator of an export target.
 
     Args:
         kind: returns the name of the format.
@@ -53,10 +56,10 @@ def export_law(
     date: str | None = None,
     overwrite: bool = False,
 ) -> Export:
-    """Verify the gain of a task, and export the control law for a robot if the verification confirms the gain.
+    """Verify the gain of a task, and export the control law.
 
-    Every folder contains the law, the constants of this design, test vectors from a simulation, a test that replays
-    them, and instructions.
+    If the verification does not confirm the gain, nothing is exported. Every folder contains the law, the constants of
+    this design, test vectors from a simulation, a test that replays them, and instructions.
 
     Args:
         task: the encounter with its sampled loop; the gain as for `verify_gain`.

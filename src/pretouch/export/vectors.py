@@ -1,4 +1,7 @@
-"""Create test vectors for an exported law: inputs from a simulated approach with faults, and expected outputs."""
+"""Create test vectors for an exported control law.
+
+The inputs come from a simulated approach with added faults.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,9 @@ SAMPLE_COLUMNS: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case(Value):
-    """A test case: input samples for a newly started controller, and its expected outputs.
+    """Input samples and expected outputs of a controller test.
+
+    The controller is newly started.
 
     Args:
         name: short name, such as "dropouts".
@@ -46,7 +51,7 @@ class Case(Value):
 
 
 def make_cases(loop: ClosedLoop, controller: Controller, encounter: tuple[Any, Any]) -> tuple[Case, ...]:
-    """Simulate an encounter, add faults to the controller inputs, and compute the expected outputs.
+    """Create test vectors from a simulated approach with faults.
 
     Args:
         loop: the loop, whose sensor chain, robot and contact deliver the samples.
@@ -66,7 +71,7 @@ def make_cases(loop: ClosedLoop, controller: Controller, encounter: tuple[Any, A
 
 @dataclass(frozen=True)
 class _Recorder:
-    """Wrapper that records every input sample of a controller while the controller runs."""
+    """Wrapper that records the input samples of a running controller."""
 
     controller: Controller
     samples: list[Sample] = field(default_factory=list)
@@ -105,7 +110,7 @@ def _approach(loop: ClosedLoop, controller: Controller, encounter: tuple[Any, An
 
 
 def _outputs(controller: Controller, samples: tuple[Sample, ...]) -> tuple[Output, ...]:
-    """Return the controller output for each input sample; at the start, no object is detected."""
+    """Return the controller output for each input sample."""
     run = controller.begin()
     return tuple(run.step(s.reading, s.fresh, s.age, **_inputs(s)) for s in samples)
 
@@ -127,7 +132,7 @@ def _dropouts(samples: tuple[Sample, ...], controller: Controller, rng: np.rando
 
 
 def _gap(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
-    """Remove all readings for 1.5 times the sensor timeout, starting after two thirds of the approach."""
+    """Remove the readings for longer than the sensor timeout."""
     first = 2 * len(samples) // 3
     steps = int(1.5 * controller.conditioning.numbers(controller.period).timeout / controller.period) + 1
     for i, sample in enumerate(samples):
@@ -135,14 +140,14 @@ def _gap(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Gen
 
 
 def _saturation(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
-    """Set the readings to the saturation level of the sensor, from two thirds to five sixths of the approach."""
+    """Set some readings to the saturation level of the sensor."""
     level = controller.conditioning.saturation or _ANY_READING
     for i, sample in enumerate(samples):
         yield sample._replace(reading=level) if 2 * len(samples) <= 3 * i < 5 * len(samples) // 2 else sample
 
 
 def _contact(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:
-    """Set random contact forces around the contact threshold, some NaN, in the second half of the approach."""
+    """Set random contact forces in the second half of the approach."""
     forces = 3 * controller.contact_threshold * rng.standard_normal(len(samples))
     for i, (sample, force) in enumerate(zip(samples, forces, strict=True)):
         pressed = 2 * i >= len(samples)
@@ -151,7 +156,7 @@ def _contact(samples: tuple[Sample, ...], controller: Controller, rng: np.random
 
 
 def _garbage(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:
-    """Replace one input in every seventh sample by an invalid or extreme value, such as NaN."""
+    """Replace some inputs by invalid or extreme values."""
     timeout = controller.conditioning.numbers(controller.period).timeout
     wrong = (
         *(("reading", value) for value in (np.nan, np.inf, -np.inf, -1e30, 0.0)),
@@ -181,9 +186,10 @@ _CASES: Final = (
 
 
 def cases_as_csv(cases: tuple[Case, ...]) -> str:
-    """Return test vectors as a CSV table: each row has the case number, inputs and expected outputs of a step.
+    """Return test vectors as a CSV table.
 
-    Numbers have as many digits as needed to restore them exactly. A comment line names each case.
+    Each row has the case number, inputs and expected outputs of a step. Numbers have as many digits as needed to
+    restore them exactly. A comment line names each case.
     """
     lines = [f"# case {i}, {case.name}: {case.about}" for i, case in enumerate(cases)]
     lines.append(",".join(("case", *SAMPLE_COLUMNS, *Output._fields)))

@@ -1,6 +1,6 @@
-"""Recompute the tables and figures of the published letter, and list the errors in its text.
+"""Recompute the tables and figures of the published letter.
 
-`reproduce` computes a `LetterReport`; `pretouch.report.write_report` writes its page.
+Also list the errors in its text. `reproduce` computes a `LetterReport`; `pretouch.report.write_report` writes its page.
 """
 
 from .experiment import IDS, Finding, LetterReport, Reproduction, Step, reproduce

@@ -1,4 +1,7 @@
-"""Check the letter's claim that all motions converge toward a motion with constant relative velocity."""
+"""Check the letter's claim that all motions converge.
+
+They converge toward a motion with constant relative velocity.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,8 @@ INPUTS: Final = {p.symbol: p.value for p in (*APPROACH, *SENSORS["exponential-2"
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Check that every motion approaches the letter's uniform motion: the energy of its deviation must decrease."""
+    """Check that every motion approaches the letter's uniform motion."""
+    # The energy of its deviation must decrease.
     a, b, around, same = (
         float(variables["a"]),
         float(variables["b"]),
@@ -90,11 +94,11 @@ def _attraction_finding(variables: Variables, deviations: FloatArray, remaining:
         9,
         "Motions converge toward the uniform motion, but contact comes first",
         "Section VI-A",
-        "The letter rightly states that motions converge toward the uniform motion: along every motion, the energy of "
+        "The letter rightly states that motions converge toward the uniform motion. Along every motion, the energy of "
         "the deviation from the uniform motion falls. But the convergence is slow: "
         f"{100 * remaining.min():.0f} to {100 * remaining.max():.0f} % of the initial deviation in distance remain at "
-        "contact. Therefore the optimal gain for the uniform motion L(19) differs by 10 % from the optimal gain for "
-        "the integrated motion.",
+        "contact. Therefore the optimal gains for the uniform motion L(19) and for the integrated motion differ by "
+        "10 %.",
         ("the energy falls along every motion, from each of 80 samples to the next", falls),
         ("smallest share of the deviation at contact", remaining.min()),
         ("largest share of the deviation at contact", remaining.max()),

@@ -1,4 +1,7 @@
-"""Recompute Section VI-B of the published letter: design gains with limits on excursion and contact speed."""
+"""Recompute the constrained designs in Section VI-B of the letter.
+
+Excursion and contact speed are limited.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,7 @@ CASES: Final[tuple[dict[str, float], ...]] = (
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Minimize the published letter's objective f_1 with limits on excursion and contact speed."""
+    """Minimize the letter's objective f_1 under two limits."""
     designs = [_design(case) for case in CASES]
     return Reproduction(
         summary="The letter states without an example that such limits can be passed to the solver. Here the optimum "

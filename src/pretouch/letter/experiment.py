@@ -62,7 +62,10 @@ class Step(Value):
             object.__setattr__(self, "value", self.value.item())
 
     def __str__(self) -> str:
-        """Return the value of this step as text, such as a number with six digits or `holds` for a condition."""
+        """Return the value of this step as text.
+
+        A number has six digits. A condition is written as `holds` or `does NOT hold`.
+        """
         if isinstance(self.value, bool):
             return "holds" if self.value else "does NOT hold"
         shown = self.value if isinstance(self.value, str) else short_exponent(f"{self.value:.6g}")
@@ -71,7 +74,9 @@ class Step(Value):
 
 @dataclass(frozen=True, slots=True)
 class Finding(Value):
-    """A statement about the published letter, such as an error in its text, with its derivation.
+    """Statement about the published letter with its derivation.
+
+    For example, a statement names an error in the text of the letter.
 
     Args:
         id: the number of the finding: 1 to 7 were known before; this program found those from 8 on.
@@ -98,13 +103,18 @@ class Finding(Value):
         return not self.failed
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the finding about the published letter as a dictionary of plain values."""
+        """Return the finding about the letter as a dictionary.
+
+        All values are plain.
+        """
         return _fields(self, "id", "title", "place", "statement", "holds", "evidence")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Reproduction(Value):
-    """One table, figure or section of the published letter, compared with recomputed values.
+    """Part of the published letter compared with recomputed values.
+
+    The part is a table, a figure or a section.
 
     Args:
         summary: method and result in a few sentences.
@@ -136,12 +146,15 @@ class Reproduction(Value):
 
     @property
     def holds(self) -> bool:
-        """Whether every difference from the published letter is explained and every finding is confirmed."""
+        """Whether all differences from the letter are explained.
+
+        All findings must also be confirmed.
+        """
         return all(f.holds for f in self.findings) and not any(c.unexplained for c in self.comparisons)
 
     @property
     def counts(self) -> Counter[Agreement]:
-        """The number of published values for each degree of agreement with recomputed values."""
+        """The number of published values by degree of agreement."""
         return Counter(c.agreement for c in self.comparisons)
 
     def __repr__(self) -> str:
@@ -149,7 +162,10 @@ class Reproduction(Value):
         return f"<Reproduction {self.id}: {len(self.comparisons)} numbers, {len(self.findings)} findings, {state}>"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the recomputed table, figure or section without its plot, as a dictionary of plain values."""
+        """Return the recomputed values as a dictionary.
+
+        All values are plain. The plot is omitted.
+        """
         parameters = [_fields(p, "name", "symbol", "value", "unit", "place") for p in self.parameters]
         names = ("title", "place", "holds", "comparisons", "findings", "numbers")
         return _fields(self, *names) | {"parameters": parameters}
@@ -157,7 +173,9 @@ class Reproduction(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LetterReport(Described, Value):
-    """Result of `reproduce`: all tables, figures and sections of the published letter, compared with recomputed values.
+    """Comparison of the published letter with recomputed values.
+
+    This is the result of `reproduce`.
 
     Args:
         reproductions: one for each requested table, figure and section, in the order of the letter.
@@ -169,7 +187,10 @@ class LetterReport(Described, Value):
 
     @property
     def holds(self) -> bool:
-        """Whether pretouch confirms all findings about the published letter and explains every difference."""
+        """Whether pretouch agrees with the published letter.
+
+        A difference with an explanation counts as agreement.
+        """
         return all(r.holds for r in self.reproductions)
 
     @property
@@ -179,11 +200,17 @@ class LetterReport(Described, Value):
 
     @property
     def counts(self) -> dict[Agreement, int]:
-        """The number of published values for each degree of agreement, over all tables, figures and sections."""
+        """The number of published values by degree of agreement.
+
+        All tables, figures and sections are counted.
+        """
         return {a: sum(r.counts[a] for r in self.reproductions) for a in Agreement}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return every number of the report on the published letter as a dictionary of plain values."""
+        """Return the report on the letter as a dictionary.
+
+        It contains every number as a plain value.
+        """
         return {
             "holds": self.holds,
             "counts": {agreement.value: count for agreement, count in self.counts.items()},
@@ -198,7 +225,9 @@ class LetterReport(Described, Value):
 
 @check_arguments
 def reproduce(ids: Sequence[str] = (), *, progress: Callable[[str], None] | None = None) -> LetterReport:
-    """Recompute tables, figures and sections of the published letter, and compare the numbers.
+    """Recompute the published letter and compare the numbers.
+
+    Tables, figures and sections can be recomputed.
 
     Args:
         ids: names of reproductions, from IDS; all by default.
@@ -242,7 +271,8 @@ def _reproduction(name: str) -> Reproduction:
 
 
 def finding(number: int, title: str, place: str, statement: str, *steps: tuple[Any, ...]) -> Finding:
-    """Create a finding about the published letter from derivation steps, each with a name, a value and a unit."""
+    """Create a finding about the published letter."""
+    # Each derivation step has a name, a value and a unit.
     return Finding(number, title, place, statement, tuple(Step(*step) for step in steps))
 
 

@@ -29,15 +29,15 @@ figure = pt.report.panel_figure(
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Tabulate the sensor curves in Fig. 3 of the published letter, and their slopes."""
+    """Tabulate the sensor curves in Fig. 3 of the letter."""
     second = {p.symbol: p.value for p in SENSORS["exponential-2"]}
     turn, shown = -second["c_2"] / (2 * second["b_2"]), np.array([0.0, 0.01, 0.02, 0.03, 0.0422])
     columns = {"l [mm]": (1e3 * shown, ".1f")} | {f"ξ, {n} [V]": (c.output(shown), ".4f") for n, c in CURVES.items()}
     columns |= {f"g, {n} [1/m]": (c.log_slope(shown), ".2f") for n, c in CURVES.items()}
     return Reproduction(
         summary="The published letter compares the outputs of the three sensor curves, which are similar. The virtual "
-        "force depends on the slope g = d ln ξ / dl instead. The slopes differ between the curves by a quarter "
-        f"at contact and by nearly a factor of two at 42.2 mm. Beyond {1e3 * turn:.0f} mm, the output of the "
+        "force depends on the slope g = d ln ξ / dl instead. The slopes differ by a quarter at contact, and by "
+        f"nearly a factor of two at 42.2 mm. Beyond {1e3 * turn:.0f} mm, the output of the "
         "second-order curve rises, so the force has the wrong sign.",
         parameters=tuple(p for name in CURVES for p in SENSORS[name]),
         tables=(readings("Output ξ and slope g", columns),),

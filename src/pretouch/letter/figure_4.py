@@ -50,7 +50,7 @@ SECOND, PLACE = "-0.136", "Section IV-D, Fig. 4"
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Compare computed robot positions at contact with the numbers in Fig. 4 of the published letter."""
+    """Compare computed with published robot positions at contact."""
     motions = {name: variables["motions"][label] for name, label in NAMES.items()}
     power, first, second = (float(m.position[-1]) for m in motions.values())
     rounded = over_rounding("exponential-1", _position)
@@ -88,7 +88,10 @@ def _position(curve: SensorModel, method: str = "auto") -> float:
 
 
 def _r_squared(motions: Mapping[str, Any], name: str) -> float:
-    """Return R² of a motion compared with the numerically integrated motion for the inverse power curve."""
+    """Return R² of a motion relative to a reference motion.
+
+    The reference is the numerically integrated motion for the inverse power curve.
+    """
     # The comparison ends at the earlier of the two contacts.
     reference, motion = motions["inverse-power"], motions[name]
     time = np.linspace(0.0, min(reference.time[-1], motion.time[-1]), 1000)

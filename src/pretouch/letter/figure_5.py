@@ -34,7 +34,7 @@ MODELS: Final = {"exponential-1": ("closed-form", "9.74"), "exponential-2": ("un
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Compare computed relative velocities at contact with the ratios that the published letter states."""
+    """Compare computed with published relative velocities at contact."""
     motions = {name: variables["motions"][label] for name, label in NAMES.items()}
     reductions = {name: 100 * float(variables["reduction"][label]) for name, label in NAMES.items()}
     true, hardware = PRINTED["inverse-power"], "the letter's value was measured on hardware"
@@ -65,7 +65,10 @@ def reproduce(variables: Variables) -> Reproduction:
 
 
 def _reduction(curve: SensorModel, method: str) -> float:
-    """Return by how many percent the relative velocity at contact is below the obstacle's initial speed."""
+    """Return the relative reduction of speed at contact [%].
+
+    The relative velocity is compared with the obstacle's initial speed.
+    """
     contact = find_contact(approach(), curve, EXPERIMENT_GAIN.value, method=method).contact
     return float(100 - 100 * contact.relative_velocity / approach().obstacle.velocity)
 

@@ -1,4 +1,7 @@
-"""Recompute Figure 6 of the published letter: optimal gain for each speed of the obstacle."""
+"""Recompute the optimal gains in Fig. 6 of the letter.
+
+The optimal gain depends on the speed of the obstacle.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +46,7 @@ SHOWN: Final = [0, 4, 9, 19, 29, 49, 99]  # 0.01, 0.05, 0.1, 0.2, 0.3, 0.5 and 1
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Design the gain for 100 speeds and three sensor curves, as in Fig. 6 of the published letter."""
+    """Design the gain for 100 speeds and three sensor curves."""
     # The letter's l'_typ can be understood in two ways; gains are designed for both.
     speeds = variables["speeds"]
     gains = {s: {name: np.asarray(variables["gains"][value, name]) for name in MODELS} for s, value in SCALES.items()}
@@ -112,8 +115,9 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
         "Fig. 6 holds only if l'_typ follows the obstacle's speed",
         "Fig. 6, Section V-A",
         "According to the letter, the optimal gain |D_p| is larger for slow obstacles, and hardly changes above 0.2 "
-        "m/s. This is true if the typical velocity l'_typ in the objective is the obstacle's speed (D_p in N s with "
-        f"the inverse power curve: {pairs['following']}). If l'_typ is fixed at -0.3 m/s, as in Section V-A, the gain "
-        f"|D_p| grows with the speed (D_p in N s: {pairs['fixed']}). So the choice of l'_typ decides the trend.",
+        "m/s. This is true if the typical velocity l'_typ in the objective is the obstacle's speed. The gain D_p in N "
+        f"s with the inverse power curve is then {pairs['following']}. If l'_typ is fixed at -0.3 m/s, as in Section "
+        f"V-A, the gain |D_p| grows with the speed. The gain D_p in N s is then {pairs['fixed']}. So the choice of "
+        "l'_typ decides the trend.",
         *steps,
     )

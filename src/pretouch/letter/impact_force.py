@@ -1,4 +1,7 @@
-"""Recompute Section VI-B of the published letter: use the peak impact force in the objective or as a limit."""
+"""Recompute Section VI-B of the letter with the impact force.
+
+The peak force is part of the objective or a limit.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,8 @@ LIMIT: Final = 4.5  # N
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Design gains for the published letter's objective with the peak force in place of the relative velocity."""
+    """Design gains that reduce the peak impact force."""
+    # The peak force replaces the relative velocity in the letter's objective, or is limited.
     by_force, impacts = dict(variables["designs"]), variables["impacts"]
     limited = {"constraints": [Constraint(name="impact_force", limit=LIMIT)], "impact": impacts["linear spring"]}
     problem = (approach(), sensor("inverse-power"), f_1())

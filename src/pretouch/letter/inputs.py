@@ -1,4 +1,7 @@
-"""List the inputs of the experiments in the published letter, with their printed values and units."""
+"""List the inputs of the experiments in the published letter.
+
+The values and units are as printed.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,8 @@ from .printed import Parameter, resolution
 
 
 def _parameters(place: str, *lines: str) -> tuple[Parameter, ...]:
-    """Parse inputs of the published letter, each written as `name: symbol = value unit`."""
+    """Parse inputs of the published letter."""
+    # Each line has the form `name: symbol = value unit`.
     matches = [re.fullmatch(r"(.+): (.+) = (\S+) ?(.*)", text) for line in lines for text in line.split("; ")]
     return tuple(Parameter(m[1], m[2], m[3], m[4], place) for m in matches if m)
 
@@ -67,7 +71,9 @@ BOUNDS: Final = (-20.0, -0.01)
 
 
 def sensor(name: str, values: Sequence[float] | None = None) -> SensorModel:
-    """Create a sensor curve of the published letter, with the printed or with other parameter values.
+    """Create a sensor curve of the published letter.
+
+    The parameter values are as printed, unless other values are given.
 
     Returns:
         The curve.
@@ -87,14 +93,14 @@ def sensor(name: str, values: Sequence[float] | None = None) -> SensorModel:
 
 
 def approach(speed: float | FloatArray | None = None) -> Scenario:
-    """Create the published letter's encounter with an approaching obstacle, at a chosen obstacle speed [m/s]."""
+    """Create the published letter's encounter with an approaching obstacle."""
     # Sections IV-B and V-A of the letter describe this encounter.
     values = {p.symbol: p.value for p in APPROACH}
     return _encounter(values, values["v_o"] if speed is None else -speed)
 
 
 def disruption() -> Scenario:
-    """Create the encounter from Section V-B of the published letter, in which a tracking motion is disrupted."""
+    """Create the encounter in Section V-B of the letter."""
     values = {p.symbol: p.value for p in DISRUPTION}
     return _encounter(values, values["v_o"], values["v_o"] - values["μ"])
 
@@ -110,13 +116,15 @@ def _encounter(
 
 
 def f_1() -> Objective:
-    """Create the letter's objective f_1, equation L(20), with weights and typical values from Section V-A."""
+    """Create the published letter's objective f_1."""
+    # Equation L(20) has weights and typical values from Section V-A.
     w_1, w_2, x_typ, v_typ = (p.value for p in F_1)
     return excursion_objective(position_scale=x_typ, velocity_scale=v_typ, position_weight=w_1, velocity_weight=w_2)
 
 
 def f_2() -> Objective:
-    """Create the letter's objective f_2, equation L(22), with weights and typical values from Section V-C."""
+    """Create the published letter's objective f_2."""
+    # Equation L(22) has weights and typical values from Section V-C.
     w_3, w_4, t_typ, v_typ = (p.value for p in F_2)
     return time_objective(time_scale=t_typ, velocity_scale=v_typ, time_weight=w_3, velocity_weight=w_4)
 
@@ -124,15 +132,19 @@ def f_2() -> Objective:
 def best_gain(
     curve: SensorModel, scenario: Scenario | None = None, objective: Objective | None = None, method: str = "auto"
 ) -> float:
-    """Return the optimal gain [N s] for an encounter of the published letter, or NaN if there is none."""
+    """Return the optimal gain for an encounter of the letter.
+
+    The gain is in N s. It is NaN if there is none.
+    """
     gain = design_gain(Task(scenario or approach(), curve, objective or f_1(), bounds=BOUNDS, method=method)).gain
     return float("nan") if gain is None else gain
 
 
 def over_rounding(name: str, evaluate: Callable[[SensorModel], Any]) -> Any:
-    """Return the range of a result if the sensor parameters vary within the rounding of the published values.
+    """Return the range of a result due to rounded parameters.
 
-    The scale of the sensor is fixed, because it cancels in the virtual force.
+    The sensor parameters vary within the rounding of the published values. The scale of the sensor is fixed, because it
+    cancels in the virtual force.
 
     Returns:
         The smallest and the largest value over the ends and the middle of every parameter's rounding interval: a pair

@@ -1,4 +1,7 @@
-"""Compute how much the objective grows if one gain serves all obstacle speeds, as the published letter recommends."""
+"""Compute the loss from one gain for all obstacle speeds.
+
+The published letter recommends such a gain. The loss is the increase of the objective.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ ALL, FAST, BEST = "one gain for all speeds", "one gain from 0.2 m/s on", "best g
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Find the single gain with the smallest worst-case loss of the objective, for two ranges of obstacle speeds."""
+    """Find the single gain with the smallest worst-case loss."""
     speeds, best, final_speed = variables["speeds"], np.asarray(variables["designs"].gain), variables["final_speeds"]
     gain = {name: float(variables["candidates"][i]) for name, i in variables["best"].items()}
     loss = {name: np.asarray(variables["losses"][i]) for name, i in variables["best"].items()}
@@ -66,10 +69,10 @@ def _price(gain: float, loss: Any, final_speed: Any, slow: Any) -> Finding:
         12,
         "One gain suits all speeds from 0.2 m/s on, and slow contacts stay slow",
         "Section VI-C",
-        f"With the gain D_p = {gain:.3f} N s, the objective f₁ is at most {100 * price:.1f} % above its optimum "
-        "at every obstacle speed from 0.2 to 1 m/s. At this cost, the letter's advice to use one gain for all "
-        f"speeds is right. At lower obstacle speeds, the objective is up to {100 * worst:.0f} % above its optimum, but "
-        f"the contact speed is never above {1e3 * hardest:.0f} mm/s.",
+        f"The gain D_p = {gain:.3f} N s is for obstacle speeds from 0.2 to 1 m/s. In this range, the objective f₁ is "
+        f"at most {100 * price:.1f} % above its optimum. At this cost, the letter's advice to use one gain for all "
+        f"speeds is right. At lower obstacle speeds, the objective is up to {100 * worst:.0f} % above its optimum. "
+        f"But the contact speed is never above {1e3 * hardest:.0f} mm/s.",
         ("the gain", gain, "N s"),
         ("largest loss from 0.2 to 1 m/s", 100 * price, "%"),
         ("this loss is below 10 %", bool(price < 0.1)),

@@ -30,7 +30,9 @@ _DATA: Final = (
 
 
 def letter_page(report: LetterReport) -> Page:
-    """Create the report on how well computed values agree with the published letter.
+    """Create the report on the published letter.
+
+    It shows how well computed values agree with the letter.
 
     Args:
         report: the reproductions.
@@ -70,7 +72,8 @@ def letter_page(report: LetterReport) -> Page:
 
 
 def _overview(report: LetterReport) -> PageTable:
-    """Return a table that counts the published values by degree of agreement, for each part of the letter."""
+    """Count the published values by degree of agreement."""
+    # The table has one row for each part of the letter.
     rows: list[tuple[Cell, ...]] = [
         (f"[{r.id}: {r.title}](#part-{r.id})", *(str(r.counts[a] or "") for a in Agreement))
         for r in report.reproductions
@@ -95,7 +98,10 @@ def _closing(report: LetterReport) -> str:
 
 
 def _failures(report: LetterReport) -> Iterator[str]:
-    """Yield a warning for each finding that does not hold, and for each unexplained difference from the letter."""
+    """Yield a warning for each unexplained difference from the letter.
+
+    Each finding that does not hold also yields a warning.
+    """
     for f in report.findings:
         if not f.holds:
             steps = "; ".join(f"{step.name}: {step}" for step in f.failed)
@@ -145,7 +151,10 @@ def _part(part: Reproduction) -> PageSection:
 
 
 def _comparison_blocks(part: Reproduction) -> Iterator[PageTable | Listing | Paragraph]:
-    """Yield a table that compares published with computed numbers, and the reason for each difference."""
+    """Yield a table of published and computed numbers.
+
+    Then yield the reason for each difference.
+    """
     head = ("number", "place", "printed", "computed", "difference", "range over input rounding", "verdict")
     rows = [
         (

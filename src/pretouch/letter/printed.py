@@ -1,4 +1,7 @@
-"""Compare a published number with a computed number, and allow for the rounding of the published number."""
+"""Compare published numbers with computed numbers.
+
+The comparison allows for the rounding of the published numbers.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,10 @@ class Agreement(Enum):
     meaning: str
 
     def __new__(cls, word: str, shape: str, meaning: str) -> Agreement:
-        """Create a degree of agreement from its word, its symbol and its meaning."""
+        """Create a degree of agreement.
+
+        It has a word, a symbol and a meaning.
+        """
         member = object.__new__(cls)
         member._value_, member.shape, member.meaning = word, shape, meaning
         return member
@@ -42,7 +48,9 @@ class Agreement(Enum):
 
 
 def resolution(printed: str) -> float:
-    """Return the value of one unit in the last decimal place of a published number.
+    """Return the rounding step of a published number.
+
+    This is one unit in its last decimal place.
 
     Examples:
         >>> resolution("-0.082"), resolution("1.30e-5"), resolution("474")
@@ -71,7 +79,10 @@ class Parameter(Value):
 
     @property
     def value(self) -> float:
-        """The value of the input as a number, in the unit that the published letter states."""
+        """The value of the published input as a number.
+
+        It is in the unit that the published letter states.
+        """
         return float(self.printed)
 
 
@@ -105,14 +116,17 @@ class Printed(Value):
 
     @property
     def difference(self) -> float:
-        """The difference between computed and published number, in the unit of the published number."""
+        """The computed number minus the published number.
+
+        The difference is in the unit of the published number.
+        """
         return self.value - float(self.printed)
 
     @property
     def agreement(self) -> Agreement:
-        """Whether the computed number rounds to the published digits, and if not, how the two numbers differ.
+        """Whether the computed number rounds to the published digits.
 
-        It is a member of `Agreement`.
+        The result is a member of `Agreement`. It also says how the two numbers differ.
         """
         if self.hardware:
             return Agreement.MEASURED
@@ -125,7 +139,10 @@ class Printed(Value):
 
     @property
     def reason(self) -> str:
-        """The reason why published and computed number differ, or an empty text if they agree."""
+        """The reason why published and computed number differ.
+
+        It is an empty text if they agree.
+        """
         return self.why if self.agreement in {Agreement.DISAGREES, Agreement.MEASURED} else ""
 
     @property
@@ -135,7 +152,10 @@ class Printed(Value):
 
     @property
     def ours(self) -> str:
-        """The computed number as text, with two more decimals than the published number."""
+        """The computed number as text.
+
+        It has two more decimals than the published number.
+        """
         return numeral(self.value, self.printed)
 
     @property
@@ -148,14 +168,17 @@ class Printed(Value):
 
     @property
     def span(self) -> str:
-        """The range of the computed number, as text, if the published inputs vary within their rounding.
+        """The range of the computed number as text.
 
-        It is empty if not computed.
+        The published inputs vary within their rounding. The text is empty if the range was not computed.
         """
         return " to ".join(numeral(end, self.printed) for end in self.over_inputs or ())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison of a published with a computed number as a dictionary of plain values."""
+        """Return the published and computed number as a dictionary.
+
+        All values are plain.
+        """
         low, high = self.over_inputs or (None, None)
         names = ("name", "printed", "value", "unit", "difference", "place", "reason")
         document = {name: getattr(self, name) for name in names}
@@ -163,7 +186,9 @@ class Printed(Value):
 
 
 def numeral(value: float, printed: str, sign: str = "") -> str:
-    """Format a computed number like a published number, but with two more decimals.
+    """Format a computed number like a published number.
+
+    It has two more decimals.
 
     Returns:
         The number as text.
@@ -184,5 +209,6 @@ def numeral(value: float, printed: str, sign: str = "") -> str:
 
 
 def short_exponent(text: str) -> str:
-    """Shorten the exponents of numbers in a text, for example from e-05 to e-5."""
+    """Shorten the exponents of numbers in a text."""
+    # For example, e-05 becomes e-5.
     return re.sub(r"e([+-]?)0*(\d)", lambda match: f"e{match[1].strip('+')}{match[2]}", text)

@@ -1,4 +1,7 @@
-"""Recompute Table II of the published letter: position, velocity and objective at contact for several gains."""
+"""Recompute Table II of the published letter.
+
+The table has position, velocity and objective at contact for several gains.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +59,7 @@ WAYS: Final = {
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Recompute the values at contact for each gain in Table II of the published letter, and compare them."""
+    """Compare computed values at contact with the letter's Table II."""
     gains = [*map(float, PRINTED), -10.0]
     values = _contacts(sensor("inverse-power"), gains)
     ranges = over_rounding("inverse-power", lambda curve: _contacts(curve, gains))
@@ -87,7 +90,10 @@ def reproduce(variables: Variables) -> Reproduction:
 
 
 def _contacts(curve: SensorModel, gains: Sequence[float]) -> FloatArray:
-    """Return robot position, relative velocity and objective f_1 at contact for every gain, shape (3, n)."""
+    """Return the values at contact for every gain.
+
+    They are robot position, relative velocity and objective f_1, shape (3, n).
+    """
     contact, speed = find_contact(approach(), curve, gains).contact, abs(approach().obstacle.velocity)
     return np.stack([contact.position, contact.relative_velocity, f_1().value(contact, speed)])
 
@@ -106,7 +112,10 @@ def _columns(values: FloatArray, ranges: FloatArray) -> list[Printed]:
 
 
 def _rounded(printed: str) -> tuple[float, float]:
-    """Return the smallest and the largest magnitude that round to a published number."""
+    """Return the rounding interval of a published number.
+
+    These are the smallest and the largest magnitude that round to it.
+    """
     return abs(float(printed)) - resolution(printed) / 2, abs(float(printed)) + resolution(printed) / 2
 
 

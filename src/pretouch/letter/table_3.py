@@ -50,7 +50,7 @@ STEPS: Final = (("-0.5", "-0.6", "45", "17", "2.65"), ("-0.6", "-0.7", "11", "6"
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Compare computed contact times and forces with the letter's measurements; recompute its trade-off factors."""
+    """Compare computed with measured contact times and forces."""
     time, speed = np.asarray(variables["contact"].time), -np.asarray(variables["contact"].relative_velocity)
     optimum = best_gain(sensor("fingertip"), disruption(), f_2())
     printed = np.array([float(text) for text, _ in PRINTED.values()])
@@ -102,7 +102,10 @@ def _measured(time: FloatArray, speed: FloatArray, slope: float) -> list[Printed
 
 
 def _changes(first: str, second: str) -> tuple[float, float]:
-    """Return the relative decrease of the force and the relative increase of the time between two gains."""
+    """Return the changes of force and time between two gains.
+
+    They are the relative decrease of the force and the relative increase of the time.
+    """
     (t1, f1), (t2, f2) = (tuple(map(float, PRINTED[g])) for g in (first, second))
     return 1 - f2 / f1, t2 / t1 - 1
 
@@ -125,9 +128,14 @@ def _trade_off() -> Finding:
         rounded, exact = float(less) / float(later), force / time
         only = abs(rounded - float(printed)) < 0.005 < abs(exact - float(printed))
         steps.append(
-            (f"trade-off factor for gains from {a} to {b} N s, computed from the published times and forces", exact)
+            (
+                f"ratio of force reduction to delay for gains from {a} to {b} N s, from the published times and forces",
+                exact,
+            )
         )
-        steps.append((f"trade-off factor from the rounded {less} % and {later} %; the letter has {printed}", rounded))
+        steps.append(
+            (f"the same ratio from the rounded values {less} % and {later} %; the letter has {printed}", rounded)
+        )
         steps.append(("only the factor from rounded percentages rounds to the printed factor", only))
     return finding(
         8,
@@ -151,7 +159,7 @@ def _hardware(time: FloatArray, speed: FloatArray, printed: FloatArray, variable
         "In Table III, contact is later than in the model, gains rank equally, and force is proportional to speed",
         "Table III",
         f"The values in Table III were measured, so they need not agree with the model. Contact is detected "
-        f"{late.min():.0f} to {late.max():.0f} % later than in the model, but measurement and model rank the gains in "
+        f"{late.min():.0f} to {late.max():.0f} % later than in the model. But measurement and model rank the gains in "
         "the same order. The measured force is proportional to the contact speed of the model, with a factor of "
         f"{slope:.1f} N s/m. The confidence interval of this factor is wide, because five points leave only four "
         "degrees of freedom.",

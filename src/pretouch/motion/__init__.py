@@ -1,4 +1,4 @@
-"""Describe an encounter of robot and obstacle, compute the motion before contact, and find the contact."""
+"""Compute the motion of robot and obstacle until contact."""
 
 from .bodies import Obstacle, Plant, Reference, Stretch
 from .contact import ContactResult, ContactState, Motion

@@ -40,9 +40,10 @@ class Stretch(_Body):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Obstacle(_Body):
-    """The object that the robot meets, with constant acceleration or with a list of sections of constant acceleration.
+    """Motion of the object in front of the robot.
 
-    Without a `course`, the obstacle moves as in L(9). Position and velocity are those of the object's contact surface.
+    Its acceleration is constant, or constant in each section of a `course`. Without a `course`, the obstacle moves as
+    in L(9). Position and velocity are those of the object's contact surface.
 
     Args:
         position: x_o at t = 0 [m].
@@ -87,7 +88,10 @@ class Obstacle(_Body):
                 )
 
     def velocity_at(self, time: Any) -> Any:
-        """Return the obstacle's velocity [m/s] at given times [s] after the start, as if no contact occurred."""
+        """Return the obstacle's velocity [m/s] at given times [s].
+
+        Time 0 is the start of the encounter. A contact does not change this motion.
+        """
         t, since, velocity = np.asarray(time, dtype=np.float64), 0.0, self.velocity
         for stretch in self.course:
             velocity = velocity + stretch.acceleration * np.clip(t - since, 0.0, stretch.until - since)
@@ -96,7 +100,10 @@ class Obstacle(_Body):
         return float_or_array(velocity + self.acceleration * remaining)
 
     def position_at(self, time: Any) -> Any:
-        """Return the obstacle's position [m] at given times [s] after the start, as if no contact occurred."""
+        """Return the obstacle's position [m] at given times [s].
+
+        Time 0 is the start of the encounter. A contact does not change this motion.
+        """
         t, since, position, velocity = np.asarray(time, dtype=np.float64), 0.0, self.position, self.velocity
         for stretch in self.course:
             passed = np.clip(t - since, 0.0, stretch.until - since)
@@ -107,15 +114,15 @@ class Obstacle(_Body):
         return float_or_array(position + (velocity + 0.5 * self.acceleration * remaining) * remaining)
 
     def one_acceleration(self) -> Any:
-        """Return the constant acceleration of the obstacle [m/s^2], or raise an error if its acceleration changes.
+        """Return the obstacle's acceleration [m/s^2] if it is constant.
 
         Raises:
             InvalidInputError: the obstacle has a course.
         """
         if self.course:
             raise InvalidInputError(
-                "obstacle course: this solver needs an obstacle with constant acceleration and without a course "
-                f"(number of Stretch objects: {len(self.course)}); use find_contact, design_gain or simulate instead"
+                "obstacle course: this solver needs an obstacle with constant acceleration, without a course (number "
+                f"of Stretch objects: {len(self.course)}). Use find_contact, design_gain or simulate instead"
             )
         return self.acceleration
 
@@ -126,7 +133,7 @@ def _first(value: Any, which: Any) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plant(_Body):
-    """Position and velocity of the robot's contact surface at the start of an encounter.
+    """Initial position and velocity of the robot's contact surface.
 
     Args:
         position: x at t = 0 [m].
@@ -139,7 +146,9 @@ class Plant(_Body):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reference(_Body):
-    """The reference position x_d of the robot's task, which may move with uniform acceleration.
+    """The reference position x_d of the robot's task.
+
+    It may move with uniform acceleration.
 
     Args:
         position: x_d at t = 0 [m].

@@ -1,4 +1,4 @@
-"""Define the results of solved encounters: the state at contact and the motion before contact."""
+"""Define the contact and motion results of solved encounters."""
 
 from __future__ import annotations
 
@@ -21,15 +21,21 @@ from .request import Request
 
 
 class Columns(Protocol):
-    """Interface of an object that computes each result of an encounter, such as the contact time, on first access."""
+    """Interface of lazily computed encounter results.
+
+    Each quantity, such as the contact time, is computed on first access.
+    """
 
     def column(self, name: str) -> Any:
-        """Return one result quantity, such as the contact time: an array for several encounters, a float for one."""
+        """Return one result quantity, such as the contact time.
+
+        The result is an array for several encounters, and a float for one.
+        """
 
 
 @dataclass(frozen=True, slots=True)
 class KnownColumns(Value):
-    """Results of encounters, such as the contact time, that were all computed in advance.
+    """Encounter results that were computed in advance.
 
     Args:
         columns: the quantities of every run by name, of the broadcast shape; made read-only.
@@ -42,7 +48,7 @@ class KnownColumns(Value):
             values.setflags(write=False)
 
     def column(self, name: str) -> Any:
-        """Return one result quantity, such as the contact time: an array for several encounters, a float for one."""
+        """Return one result quantity, such as the contact time."""
         values = self.columns[name]
         return values if values.ndim else values.item()
 
@@ -55,7 +61,7 @@ class _OtherGain(Value):
     gain: FloatArray
 
     def column(self, name: str) -> Any:
-        """Return one result quantity, such as the contact time: an array for several encounters, a float for one."""
+        """Return one result quantity, such as the contact time."""
         values = self.columns.column(name)
         if name != "gain":
             return values
@@ -64,7 +70,7 @@ class _OtherGain(Value):
 
 
 class _Quantity:
-    """Descriptor for an attribute of a result, such as the contact time; it reads the value from `columns`."""
+    """Descriptor for one result quantity, such as the contact time."""
 
     __slots__ = ("name",)
 
@@ -77,9 +83,9 @@ class _Quantity:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ContactState(Value):
-    """State of robot and obstacle at the end of an encounter, with peak values of robot motion and virtual force.
+    """State of robot and obstacle at the end of an encounter.
 
-    Each quantity is computed when it is first read.
+    The state includes peak values of robot motion and virtual force. Each quantity is computed when it is first read.
 
     Args:
         columns: source of the quantities.
@@ -118,11 +124,11 @@ class ContactState(Value):
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
-        """Return the names of all quantities that describe the state at contact, such as `relative_velocity`."""
+        """Return the names of all quantities of the contact state."""
         return tuple(name for name, value in vars(cls).items() if isinstance(value, _Quantity))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all quantities that describe the state at contact, as a dictionary from name to value."""
+        """Return all quantities of the contact state by name."""
         return {name: getattr(self, name) for name in self.names()}
 
     def _compared(self) -> tuple[Any, ...]:
@@ -193,7 +199,7 @@ class ContactResult(InNotebooks, Value):
 
     @property
     def contact(self) -> ContactState:
-        """The state at contact; it is not available if an encounter ended without contact.
+        """The state at contact, if every encounter ended in contact.
 
         Raises:
             ResultUnavailableError: a run did not end in contact; `status` reports how it ended.
@@ -212,7 +218,7 @@ class ContactResult(InNotebooks, Value):
 
     @property
     def gradients(self) -> ContactGradients:
-        """Exact derivatives of the state at contact with respect to every input of the encounter.
+        """Exact derivatives of the state at contact with respect to all inputs.
 
         Raises:
             ResultUnavailableError: derivatives are not available for this method or law.
@@ -226,7 +232,10 @@ class ContactResult(InNotebooks, Value):
         return gradients
 
     def with_gain(self, gain: ArrayLike) -> ContactResult:
-        """Return a copy of this result with another reported gain, without solving the encounters again."""
+        """Return a copy of this result with another reported gain.
+
+        The encounters are not solved again.
+        """
         return ContactResult(_OtherGain(self.columns, np.asarray(gain, dtype=np.float64)), self.method)
 
     def to_dict(self) -> dict[str, Any]:
@@ -244,7 +253,9 @@ class ContactResult(InNotebooks, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Motion(InNotebooks, Value):
-    """Motion of robot and obstacle at sampled times, from the start to the end of an encounter.
+    """Sampled motion of robot and obstacle during an encounter.
+
+    The samples reach from the start to the end of the encounter.
 
     Args:
         time: t [s], equally spaced.
@@ -281,7 +292,7 @@ def motion_of(
     bodies: Mapping[str, FloatArray],
     course: Mapping[str, FloatArray],
 ) -> Motion:
-    """Create a Motion from distances, velocities, accelerations and forces that were computed at sampled times.
+    """Create a Motion from arrays of sampled quantities.
 
     Args:
         result: the result of the encounters.
@@ -311,7 +322,10 @@ def motion_of(
 
 
 def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
-    """Create a Motion from the samples of a compiled solver, and add the force of the virtual damper, L(2)."""
+    """Return the motion from the samples of a compiled solver.
+
+    The virtual force is that of the virtual damper, L(2).
+    """
     each, reference = request.relative, request.scenario.reference
     distance, _, speed, acceleration = (trace[..., i] for i in range(len(TRACE_COLUMNS)))
     columns = {"p": each.p, "v": each.v, "a": each.a, "r": reference.position}
@@ -332,6 +346,6 @@ def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, re
 
 
 def _column(values: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return the values of a quantity as a column: one row per encounter, or one row if all encounters share it."""
+    """Reshape the values of a quantity to a column."""
     array = np.asarray(values, dtype=np.float64)
     return (array if array.size == 1 or array.ndim == 1 else np.broadcast_to(array, shape)).reshape(-1, 1)

@@ -68,7 +68,7 @@ _AT_PROBES: Final = np.vander(_PROBES, _DEGREE + 1, increasing=True)
 
 
 def reach_of(scenario: Scenario) -> float:
-    """Return the largest distance [m] at which an encounter starts, rounded up to a power of two.
+    """Return a power of two above the largest starting distance [m].
 
     Encounters that start beyond LARGEST_START are ignored, since they must not change how the others are solved.
     """
@@ -77,9 +77,9 @@ def reach_of(scenario: Scenario) -> float:
 
 
 def reach_to(distance: Any) -> float:
-    """Return the next power of two above the largest given distance [m], without distances above LARGEST_START.
+    """Return the next power of two above the largest distance [m].
 
-    If all distances exceed LARGEST_START, the largest of them counts.
+    Distances above LARGEST_START are ignored. If all distances exceed LARGEST_START, the largest of them counts.
     """
     largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
     if largest > LARGEST_START:
@@ -88,27 +88,36 @@ def reach_to(distance: Any) -> float:
 
 
 def _largest_start(distance: Any) -> float:
-    """Return the largest initial distance [m] from which a solver can integrate an encounter, or 0 if there is none."""
+    """Return the largest starting distance [m] that a solver can integrate.
+
+    It is 0 if there is none.
+    """
     return float(np.max(distance, initial=0.0, where=np.asarray(distance) <= LARGEST_START))
 
 
 def check_curve(sensor: SensorModel, distance: Any) -> None:
-    """Raise an error if a custom sensor curve is invalid between contact and the given starting distances [m]."""
+    """Raise an error for an invalid custom sensor curve.
+
+    The curve is checked from contact to the given starting distances [m].
+    """
     if not is_built_in(sensor):
         near = type(distance) is float and distance <= LARGEST_START
         refuse_invalid_curve(sensor, distance if near else _largest_start(distance))
 
 
 def farthest(scenario: Scenario, sensor: SensorModel) -> float:
-    """Return the largest starting distance [m], rounded up to a power of two and limited to the sensor range."""
+    """Return the largest starting distance [m], rounded up within the sensor range.
+
+    The result is a power of two, or the end of the sensor range.
+    """
     return min(reach_of(scenario), sensor.valid_range[1])
 
 
 @cache_by_curve(256)
 def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Approximate a sensor curve by polynomials on overlapping distance intervals, for the compiled solvers.
+    """Approximate a sensor curve by polynomials on overlapping distance intervals.
 
-    The polynomials describe ln xi.
+    The compiled solvers need this approximation. The polynomials describe ln xi.
 
     Args:
         sensor: the curve.
@@ -134,12 +143,12 @@ def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
 
 
 def shared_curve(table: FloatArray) -> Curves:
-    """Return the polynomials of one sensor curve in the data format for encounters that all use this curve."""
+    """Assign the polynomials of one sensor curve to all encounters."""
     return table, np.array([0, len(table)]), np.zeros(1, dtype=np.int64)
 
 
 def line_windows(slope: float, top: float) -> FloatArray:
-    """Return the polynomials of a sensor curve with constant slope [1/m], for the compiled solvers."""
+    """Return the polynomials of a sensor curve with constant slope [1/m]."""
     row = np.array([[0.0, 0.0, top, 0.0, 0.0, 0.0, slope]])
     row.setflags(write=False)
     return row
@@ -147,9 +156,10 @@ def line_windows(slope: float, top: float) -> FloatArray:
 
 @cache_by_curve(256)
 def approach_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Return polynomials that approximate a sensor curve on distance intervals, for the solver of the virtual drag.
+    """Return the polynomial approximation of a sensor curve for the drag solver.
 
-    They are those of `curve_windows` if there are any, else those of `curve_pieces`, which may raise a CurveError.
+    The polynomials are those of `curve_windows` if there are any, else those of `curve_pieces`. The latter may raise a
+    CurveError.
     """
     slope = sensor.constant_log_slope
     if slope is not None:
@@ -162,7 +172,8 @@ def approach_windows(sensor: SensorModel, low: float, high: float) -> FloatArray
 
 
 def windows_of_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Approximate a sensor curve by polynomials on adjacent intervals, in the table format of `curve_windows`."""
+    """Approximate a sensor curve by polynomials on adjacent distance intervals."""
+    # The table has the format of `curve_windows`.
     pieces = curve_pieces(sensor, low, high)
     middle, half = pieces[:, :1], pieces[:, 1:2]
     table = np.zeros((len(pieces), TERMS + HIGH_DEGREE + 1))
@@ -177,7 +188,10 @@ def windows_of_pieces(sensor: SensorModel, low: float, high: float) -> FloatArra
 
 
 def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | None:
-    """Return a table row that describes an inverse power curve to the compiled solvers, or None for other curves."""
+    """Return the polynomial table of an inverse power curve.
+
+    The result is None for other curves.
+    """
     # For the inverse power curve, 1 / g is linear in l.
     if any(low < k < high for k in sensor.knots):
         return None
@@ -204,7 +218,7 @@ def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | N
 def polynomial_windows(
     slope: Callable[[FloatArray], FloatArray], edges: Sequence[float], degree: int, *, most: int | None = None
 ) -> FloatArray | None:
-    """Approximate sensor curves by polynomials of a given degree on overlapping distance intervals.
+    """Approximate sensor curves by polynomials on overlapping distance intervals.
 
     Args:
         slope: function from distances [m], shape (m,), to g [1/m], shape (m,), or (k, m) for k curves.
@@ -241,8 +255,8 @@ def polynomial_windows(
 
 
 def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, degree: int) -> FloatArray | None:
-    """Return polynomial coefficients of the log output ln xi on an interval, or None if their error is too large."""
-    # The variable of the polynomial is l - (low + high) / 2.
+    """Fit a polynomial to the log output ln xi on an interval."""
+    # The result is None if the error is too large. The variable of the polynomial is l - (low + high) / 2.
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     middle, half = (low + high) / 2, (high - low) / 2
     with np.errstate(all="ignore"):
@@ -274,7 +288,7 @@ class CurveError(InvalidInputError):
 
 @cache_by_curve(256)
 def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Approximate the slope of a sensor curve by polynomials, on intervals short enough for high accuracy.
+    """Approximate the slope of a sensor curve by polynomials on short intervals.
 
     The curve is approximated between two valid distances [m].
 
@@ -311,9 +325,8 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
         pending = np.concatenate([lower, upper], axis=1)
         if pending.shape[1] + sum(map(len, done)) > _MAX_PIECES:
             raise CurveError(
-                f"sensor: the {sensor.name} curve is too rough: between {low:g} m and {high:g} m, approximating "
-                f"its slope needs more than {_MAX_PIECES} polynomials. Smooth the curve, declare its corners, or "
-                "set a smaller maximum_distance"
+                f"sensor: the {sensor.name} curve is too rough: it needs more than {_MAX_PIECES} polynomials between "
+                f"{low:g} m and {high:g} m. Smooth the curve, declare its corners, or set a smaller maximum_distance"
             )
     pieces = np.concatenate(done)
     pieces = pieces[np.argsort(pieces[:, 0])]
@@ -332,7 +345,7 @@ def interpolate(
 
 
 def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
-    """Return the sensor slope [1/m] at given distances [m], after limiting the distances to the valid range."""
+    """Return the sensor slope [1/m] at given distances [m]."""
     distance = np.clip(distance, *sensor.valid_range)
     with np.errstate(all="ignore"):  # values that are not finite are found below
         slope = np.asarray(sensor.log_slope(distance))
@@ -348,9 +361,9 @@ def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
 
 @cache_by_curve(256)
 def curve_reach(sensor: SensorModel, low: float, start: float, high: float) -> float:
-    """Find the largest distance up to which polynomials can approximate a sensor curve.
+    """Find the largest distance at which a sensor curve is usable.
 
-    A custom curve may fail below its `maximum_distance`.
+    Up to this distance, polynomials can approximate the curve. A custom curve may fail below its `maximum_distance`.
 
     The search covers the distances from `low` to `high`. The curve must be usable at least up to `start`, all in m.
 
@@ -373,9 +386,9 @@ def curve_reach(sensor: SensorModel, low: float, start: float, high: float) -> f
 
 
 def curve_tops(sensor: SensorModel, low: float, start: float, reach: float) -> Iterator[tuple[float, bool]]:
-    """Yield increasing end distances [m] of an approximated sensor curve, each with True if the curve continues.
+    """Yield increasing end distances [m] for approximating a sensor curve.
 
-    The curve starts at `low`.
+    Each distance comes with True if the curve continues beyond it. The curve starts at `low`.
 
     A motion may leave the approximated range and come back. The first end is `reach` [m]; the curve is needed at least
     up to `start` [m].

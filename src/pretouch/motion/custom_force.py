@@ -1,4 +1,7 @@
-"""Evaluate the force function of a control law for arrays, even if the function accepts only single numbers."""
+"""Evaluate the force function of a control law for arrays.
+
+The function may accept only single numbers.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from pretouch.sensors import SensorModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceLaw(Value):
-    """The force of a control law for a given sensor curve, as a function of arrays of distances and speeds.
+    """The force of a control law for a given sensor curve.
 
     Args:
         kind: name of the law, for messages.
@@ -36,12 +39,12 @@ class ForceLaw(Value):
 
     @property
     def valid_range(self) -> tuple[float, float]:
-        """The smallest and the largest distance [m] at which the sensor curve is used."""
+        """The smallest and largest usable distance [m] of the sensor curve."""
         low, high = self.sensor.valid_range
         return max(low, 0.0), high
 
     def at(self, value: FloatArray, distance: FloatArray, speed: FloatArray, *, trial: bool = False) -> FloatArray:
-        """Return the virtual force [N] for arrays of distances [m] and relative velocities [m/s] of the same shape.
+        """Return the virtual force [N] at given distances and relative velocities.
 
         Args:
             value: the law's number at each state; it broadcasts.
@@ -58,20 +61,20 @@ class ForceLaw(Value):
         return force
 
     def _of_arrays(self, states: tuple[FloatArray, ...]) -> FloatArray:
-        """Call the user's force function once for all states, and check that it returns one real number per state."""
+        """Call the user's force function once for all states."""
         shape = states[0].shape
         force = self.force(*(array.ravel() for array in states))
         array = np.asarray(force)
         if array.shape != (math.prod(shape),) or array.dtype.kind not in "iuf":
             raise InvalidInputError(
                 f"force: the vectorized custom law {self.kind} returned {short_repr(force)} for arrays of "
-                f"{math.prod(shape)} elements, expected one force in N per element; with vectorized=False, the "
+                f"{math.prod(shape)} elements, expected one force in N per element. With vectorized=False, the "
                 "function is called with single numbers"
             )
         return array.astype(np.float64).reshape(shape)
 
     def _of_numbers(self, states: tuple[FloatArray, ...], distance: FloatArray, *, trial: bool) -> FloatArray:
-        """Call the user's force function separately for each state, and check that it returns a single real number."""
+        """Call the user's force function separately for each state."""
         numbers = [array.ravel().tolist() for array in states]
         try:
             forces = list(map(self.force, *numbers))
@@ -94,6 +97,6 @@ class ForceLaw(Value):
 
     def _refuse(self, force: Any, distance: float, rate: float) -> None:
         raise InvalidInputError(
-            f"force: the custom law {self.kind} returned {force!r} at a distance of {distance:g} m and a "
-            f"rate d ln xi/dt of {rate:g} 1/s, expected a single finite force in N"
+            f"force: the custom law {self.kind} returned {force!r}, expected a single finite force in N. The "
+            f"distance is {distance:g} m, and the rate d ln xi/dt is {rate:g} 1/s"
         )

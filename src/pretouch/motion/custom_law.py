@@ -1,4 +1,7 @@
-"""Define custom control laws, whose force depends on the log output ln xi of the sensor and its time derivative."""
+"""Define custom control laws with a user-defined force function.
+
+The force depends on the log output ln xi of the sensor and its time derivative.
+"""
 
 from __future__ import annotations
 
@@ -28,9 +31,9 @@ def _unknown_damping(value: Any, slope: Any, relative_velocity: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CustomLaw(Value):
-    """A user-defined control law, whose force depends on one coefficient, the log output ln xi and its time derivative.
+    """A control law with a user-defined force function.
 
-    In symbols, the force F depends on s = ln xi, s' = g(l) l' and the number.
+    The force F depends on one coefficient (the number), the log output s = ln xi, and its time derivative s' = g(l) l'.
 
     The motion of the admittance L(1), M x~'' + D x~' + K x~ = F, is integrated in time by Radau's collocation, which
     handles stiff motions. Many encounters are integrated side by side, each with its own steps, in less than 1 ms each;
@@ -102,7 +105,7 @@ class CustomLaw(Value):
         method: str = "auto",
         horizon: float = 600.0,
     ) -> ContactResult:
-        """Solve encounters under the custom law by numerical integration, and return their states at contact."""
+        """Solve encounters under the custom law by numerical integration."""
         return self._integrated().contact(scenario, sensor, self._checked(value), method, horizon)
 
     def motion(
@@ -115,7 +118,7 @@ class CustomLaw(Value):
         horizon: float = 600.0,
         samples: int = 200,
     ) -> Motion:
-        """Compute sampled motions of robot and obstacle under the custom law by numerical integration."""
+        """Compute sampled motions of robot and obstacle under the custom law."""
         return self._integrated().motion(scenario, sensor, self._checked(value), method, horizon, samples=samples)
 
     def _checked(self, value: ArrayLike) -> Any:

@@ -1,4 +1,7 @@
-"""Compute motion and contact under the virtual drag, a force that acts only while the sensor output rises."""
+"""Compute motion and contact under the virtual drag.
+
+The virtual drag is a force that acts only while the sensor output rises.
+"""
 
 from __future__ import annotations
 
@@ -32,9 +35,9 @@ from .scenario import Scenario
 
 
 class DragColumns(Value):
-    """Results of encounters under the virtual drag; each result, such as the contact time, is computed on first access.
+    """Results of encounters under the virtual drag.
 
-    Two objects are equal if their requests are.
+    Each result, such as the contact time, is computed on first access. Two objects are equal if their requests are.
 
     Args:
         request: the encounters.
@@ -72,14 +75,14 @@ class DragColumns(Value):
         return (r.scenario, r.sensor, r.drag, r.horizon)
 
     def column(self, name: str) -> Any:
-        """Return one result quantity, such as the contact time: an array for several encounters, a float for one.
+        """Return one result quantity, such as the contact time.
 
         Args:
             name: a quantity of ContactState or ContactResult; `quadrature_error`, the estimated relative error of the
                 time; or `distance_of_largest_force` [m].
 
         Returns:
-            The quantity, of the broadcast shape.
+            The quantity, of the broadcast shape; a float for one encounter.
         """
         if name not in self._cache:
             values = self.raw(name)
@@ -91,7 +94,7 @@ class DragColumns(Value):
         return self._cache[name]
 
     def raw(self, name: str) -> FloatArray:
-        """Return one result quantity, such as the contact time, as an array with one number per encounter."""
+        """Return one result quantity, such as the contact time, per encounter."""
         if name not in self._columns:
             self._columns[name] = np.asarray(_DERIVED[name](self))
         return np.asarray(self._columns[name])
@@ -103,17 +106,20 @@ class DragColumns(Value):
 
     @property
     def settled_acceleration(self) -> FloatArray:
-        """The robot's acceleration relative to the reference position [m/s^2], at the end of each encounter."""
+        """The robot's final acceleration relative to the reference position [m/s^2]."""
         return np.asarray(self.raw("virtual_force") / self.request.mass)
 
     def reference(self, derivative: int) -> FloatArray:
-        """Return the velocity (derivative=1) or acceleration (2) of the reference position at the end of each run."""
+        """Return the final velocity or acceleration of the reference position.
+
+        `derivative` is 1 for the velocity [m/s] and 2 for the acceleration [m/s^2].
+        """
         b = self.request.bodies
         return b["r_a"] if derivative == 2 else np.asarray(b["r_v"] + b["r_a"] * self.raw("time"))
 
     @property
     def gradients(self) -> ContactGradients | ManyGradients:
-        """Exact derivatives of the state at contact with respect to the inputs, under the virtual drag."""
+        """Exact derivatives of the contact state under the virtual drag."""
         if self.request.many is None:
             return ContactGradients(self, DragRows(self))
         each = [DragColumns(self.request.with_curve(i)) for i in range(len(self.request.many))]
@@ -121,7 +127,7 @@ class DragColumns(Value):
 
 
 def _path_inputs(request: DragRequest, begins: FloatArray, on: IntArray) -> tuple[FloatArray, ...]:
-    """Return the input arrays of the solver `drag_approaches` for all encounters in which the object approaches."""
+    """Return the drag solver's inputs for encounters with an approach."""
     b = request.bodies
     square = request.velocity**2
     # next to the speed that a push adds, an initial speed below rounding is none; it would take many tiny intervals
@@ -133,8 +139,8 @@ def _path_inputs(request: DragRequest, begins: FloatArray, on: IntArray) -> tupl
 
 
 def _approach_start(request: DragRequest, high: Any) -> tuple[FloatArray, IntArray]:
-    """Return the time [s] at which the approach begins in each encounter, and the status of encounters without one."""
-    # An approach has the status -1.
+    """Find when the approach begins in each encounter."""
+    # The second result is the status of encounters without an approach; an approach has the status -1.
     a, v, count = request.acceleration, request.velocity, len(request.velocity)
     status = np.where((v < 0) | request.returns, -1, int(ContactStatus.NEVER))
     begins = np.zeros(count)
@@ -154,7 +160,7 @@ def _approach_start(request: DragRequest, high: Any) -> tuple[FloatArray, IntArr
 
 
 def _final_status(request: DragRequest, status: IntArray, end: dict[str, FloatArray], low: float) -> IntArray:
-    """Return how each encounter ended, for example in contact or at the end of the sensor curve."""
+    """Return how each encounter under the virtual drag ended."""
     # Distance and l' of a touch are set to zero.
     if low > 0:
         return np.where(status == ContactStatus.CONTACT, ContactStatus.LEFT_RANGE, status)
@@ -233,7 +239,7 @@ def solve_drag(
     horizon: float = _HORIZON,
     many: ManyCurves | None = None,
 ) -> ContactResult:
-    """Solve encounters for given coefficients of the virtual drag [N s^2], and return their states at contact.
+    """Solve encounters for given coefficients of the virtual drag.
 
     Args:
         scenario: the encounters.
@@ -256,7 +262,8 @@ def sample_drag(
     horizon: float = _HORIZON,
     samples: int = 200,
 ) -> Motion:
-    """Compute sampled motions of robot and obstacle under the virtual drag, from start to end of each encounter."""
+    """Compute sampled motions of robot and obstacle under the virtual drag."""
+    # The samples reach from the start to the end of each encounter.
     columns = DragColumns(make_drag_request(scenario, sensor, drag, horizon))
     r, end = columns.request, columns.raw("time")
     times = end[:, None] * np.linspace(0.0, 1.0, samples)
@@ -276,7 +283,7 @@ def sample_drag(
 
 
 def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
-    """Integrate the squared sensor slope over the distance, from contact to a given distance [m].
+    """Integrate the squared sensor slope from contact to a given distance.
 
     With this integral G, the drag phi = M ln(1/rho) / G gives the speed ratio rho.
 

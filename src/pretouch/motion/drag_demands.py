@@ -1,4 +1,7 @@
-"""Compute the largest force, acceleration, speed and travel (distance from the start) under the virtual drag."""
+"""Compute peak force, acceleration, speed and travel under the virtual drag.
+
+Travel is the distance of the robot from its start.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from .drag_request import DragRequest
 
 
 class DragRun(Protocol):
-    """Interface of a class that holds the solutions of several encounters under the virtual drag."""
+    """Interface of solved encounters under the virtual drag."""
 
     request: DragRequest
     path: DragPath
@@ -22,7 +25,7 @@ class DragRun(Protocol):
     begins: FloatArray
 
     def raw(self, name: str) -> FloatArray:
-        """Return one result quantity, such as the contact time, as an array with one number per encounter."""
+        """Return one result quantity, such as the contact time, per encounter."""
 
 
 def largest_acceleration(c: DragRun) -> FloatArray:
@@ -33,7 +36,10 @@ def largest_acceleration(c: DragRun) -> FloatArray:
 
 
 def largest_force(c: DragRun) -> tuple[FloatArray, FloatArray]:
-    """Return the largest virtual force [N] in each encounter, and the distance [m] at which it acts."""
+    """Return the largest virtual force [N] in each encounter.
+
+    The second result is the distance [m] at which the force acts.
+    """
     force, on = np.abs(c.raw("virtual_force")), c.lanes
     on_path, where = c.request.mass[on] * c.path.peaks["largest_rate"], c.raw("distance").copy()
     where[on] = np.where(on_path > force[on], c.path.peaks["rate_distance"], where[on])
@@ -49,7 +55,7 @@ def largest_speed(c: DragRun) -> FloatArray:
 
 
 def largest_travel(c: DragRun) -> FloatArray:
-    """Return the largest distance of the robot from its start position [m] in each encounter."""
+    """Return the robot's largest distance [m] from its start position."""
     b = c.request.bodies
     turning = np.zeros(len(c.begins))  # turning point of the reference, while the plant moves with it
     np.divide(-(b["u0"] + b["r_v"]), b["r_a"], out=turning, where=b["r_a"] != 0)
@@ -65,14 +71,17 @@ def _largest_magnitude(c: DragRun, name: str) -> FloatArray:
 
 
 def _raised(c: DragRun, on_path: FloatArray, at_ends: FloatArray) -> FloatArray:
-    """Return the larger of two magnitudes per encounter: the peak in the approach, and the value at start or end."""
+    """Combine the peaks of approach, start and end per encounter."""
     largest = at_ends.copy()
     largest[c.lanes] = np.fmax(largest[c.lanes], np.where(np.isfinite(on_path), on_path, -np.inf))
     return largest
 
 
 def impulse_residual(c: DragRun) -> FloatArray:
-    """Return the relative residual of the impulse balance, which measures the error of a motion under the drag."""
+    """Return the relative residual of the drag's impulse balance.
+
+    It measures the error of the computed motion.
+    """
     # The result is the larger residual of M l' = M l'(0) + M a_o t + phi int s' ds and of the moment of this equation.
     r = c.request
     impulse, moment = np.zeros(len(c.begins)), np.zeros(len(c.begins))

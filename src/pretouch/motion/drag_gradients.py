@@ -1,4 +1,7 @@
-"""Compute exact derivatives of contact time and contact velocity with respect to the inputs, for the virtual drag."""
+"""Compute derivatives of contact time and velocity under the virtual drag.
+
+The derivatives with respect to the inputs are exact.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from .layout import RELATIVE_INPUTS, ContactStatus
 
 
 class DragRows(Picklable):
-    """Derivatives of contact time and contact velocity with respect to the inputs, for the virtual drag.
+    """Derivatives of contact time and velocity under the virtual drag.
 
     They are NaN if an encounter does not end in contact, touches with l' = 0, or does not start with an approach.
 
@@ -35,14 +38,14 @@ class DragRows(Picklable):
         self._followed: dict[str, FloatArray] = {}
 
     def take(self, which: Sequence[int]) -> FloatArray:
-        """Return the derivatives of contact time and contact velocity with respect to selected inputs."""
+        """Differentiate contact time and velocity with respect to selected inputs."""
         # `which` holds indices of RELATIVE_INPUTS. The result has the shape (2, k, n).
         if self._rows is None:
             self._rows = self._by_inputs()
         return self._rows[:, list(which)]
 
     def of_slope(self, name: str, slope: SlopeSensitivity) -> FloatArray:
-        """Return the derivatives of contact time and contact velocity with respect to a sensor parameter."""
+        """Differentiate contact time and velocity with respect to a sensor parameter."""
         # `slope` is dg/d(parameter). The result has the shape (2, n).
         if name not in self._followed:
             request, on = self._columns.request, self._columns.lanes
@@ -74,7 +77,7 @@ class DragRows(Picklable):
         return np.stack([self._at_contact(derivatives[name]) for name in RELATIVE_INPUTS], axis=1)
 
     def _at_contact(self, changes: FloatArray) -> FloatArray:
-        """Convert the derivatives of the squared contact velocity to derivatives of the contact velocity."""
+        """Convert derivatives of squared contact velocity to derivatives of contact velocity."""
         # `changes` has one column per approach, and the result one per encounter.
         c = self._columns
         speed = c.raw("relative_velocity")

@@ -1,4 +1,7 @@
-"""Compute many approaches under the virtual drag by the compiled solver, which integrates over the distance."""
+"""Solve many approaches under the virtual drag by the compiled solver.
+
+The solver integrates over the distance.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,9 @@ _MOST: Final = 1 << 13  # approaches per call of the solver, so that an interrup
 
 
 class DragPath(Picklable):
-    """Solved approaches under the virtual drag: final states, peaks, derivatives, impulse balance and samples.
+    """Solved approaches under the virtual drag.
+
+    They provide final states, peaks, derivatives, impulse balance and samples.
 
     Args:
         inputs: see `drag_approaches`.
@@ -43,7 +48,8 @@ class DragPath(Picklable):
     def _solve(
         self, course: tuple[FloatArray, FloatArray] | None = None, **outputs: Any
     ) -> tuple[dict[str, FloatArray], IntArray, IntArray]:
-        """Call the compiled solver `drag_approaches` for all approaches; `outputs` are its optional output arrays."""
+        """Call the compiled drag solver for all approaches."""
+        # `outputs` are optional output arrays of the solver.
         count = len(self._inputs[0])
         rows, status, cells = np.empty((count, len(DRAG_ROWS))), np.empty(count, np.int64), np.empty(count, np.int64)
         windows, starts, curve_of = self._curves
@@ -69,7 +75,10 @@ class DragPath(Picklable):
 
     @property
     def peaks(self) -> dict[str, FloatArray]:
-        """The largest and smallest acceleration, velocity and travel of the robot, by the names in DRAG_PEAKS."""
+        """The robot's largest and smallest acceleration, velocity and travel.
+
+        The keys are the names in DRAG_PEAKS.
+        """
         if self._peaks is None:
             peaks = np.empty((len(self.status), len(DRAG_PEAKS)))
             self._solve(peaks=peaks)
@@ -77,7 +86,7 @@ class DragPath(Picklable):
         return self._peaks
 
     def derivatives(self, change: Callable[[FloatArray, IntArray], FloatArray] | None = None) -> FloatArray:
-        """Return derivatives of final squared speed and time with respect to solver inputs and a sensor parameter.
+        """Differentiate squared speed and time at the end of each approach.
 
         Args:
             change: function from distances [m] and the indices of their approaches, shape (m, nodes) and (m,), to the
@@ -92,14 +101,20 @@ class DragPath(Picklable):
         return gradients
 
     def balance(self, log_output: Callable[[FloatArray, IntArray], FloatArray]) -> FloatArray:
-        """Return the velocity change [m/s] that the drag causes in each approach, and its moment over time [m]."""
+        """Return the velocity change [m/s] by the drag in each approach.
+
+        The second column is the moment of this change over time [m].
+        """
         # The columns are k int s' ds and its moment, shape (n, 2). `log_output` has the arguments of `change` above.
         balance = np.empty((len(self.status), 2))
         self._solve(balance=balance, at_nodes=self._at_nodes("log_outputs", log_output))
         return balance
 
     def sample(self, times: FloatArray, trace: FloatArray) -> None:
-        """Write distance [m] and approach speed [m/s] to `trace`, at those `times` [s] that lie within an approach."""
+        """Sample distance [m] and speed [m/s] of each approach.
+
+        The samples are written to `trace`, at those `times` [s] that lie within an approach.
+        """
         # The times ascend; `trace` has the shape (n, m, 2).
         self._solve((times, trace))
 

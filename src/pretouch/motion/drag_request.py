@@ -30,7 +30,7 @@ _LEAST: Final = 1e-100  # smaller values count as zero, since their squares unde
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DragRequest(Value):
-    """Checked inputs for solving encounters under the virtual drag: encounters, sensor curve and drag coefficients.
+    """Checked inputs for solving encounters under the virtual drag.
 
     Args:
         scenario: the encounters.
@@ -55,7 +55,10 @@ class DragRequest(Value):
 
     @cached_property
     def bodies(self) -> dict[str, FloatArray]:
-        """The inputs of each encounter by name: admittance, drag, and motions of obstacle, robot and reference."""
+        """The inputs of each encounter by name.
+
+        The inputs are admittance, drag, and the motions of obstacle, robot and reference.
+        """
         names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "r_v", "r_a")
         columns = (*self.scenario.relative_columns(), self.scenario.reference.position, self.drag)
         flat = np.empty((len(columns), self.size))
@@ -70,23 +73,23 @@ class DragRequest(Value):
 
     @cached_property
     def relative(self) -> Relative:
-        """The inputs of all encounters, with positions and velocities relative to the reference position."""
+        """The inputs of all encounters relative to the reference position."""
         names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "phi", "r_v", "r_a")
         return Relative(*(self.bodies[name] for name in names))
 
     @cached_property
     def strength(self) -> FloatArray:
-        """The drag coefficient phi divided by the virtual mass M, in meters, for each encounter."""
+        """The drag coefficient divided by the virtual mass [m]."""
         return self.bodies["phi"] / self.mass
 
     @cached_property
     def distance(self) -> FloatArray:
-        """The distance between robot and object at the start of each encounter [m]."""
+        """The initial distance between robot and object [m]."""
         return self.bodies["p"] - self.bodies["x0"]
 
     @cached_property
     def velocity(self) -> FloatArray:
-        """The relative velocity of the object at the start of each encounter [m/s]."""
+        """The initial velocity of the object relative to the robot [m/s]."""
         return _flush_underflow(self.bodies["v"] - self.bodies["u0"])
 
     @cached_property
@@ -96,12 +99,12 @@ class DragRequest(Value):
 
     @cached_property
     def returns(self) -> Any:
-        """Whether the object of each encounter first rests or recedes, and later approaches the robot."""
+        """Whether the object rests or recedes first and approaches later."""
         return (self.velocity >= 0) & (self.acceleration < 0)
 
     @cached_property
     def farthest(self) -> FloatArray:
-        """The distance [m] between robot and object at which the approach begins, for each encounter."""
+        """The distance [m] between robot and object where the approach begins."""
         rise = np.zeros_like(self.distance)
         with np.errstate(over="ignore"):  # infinite: farther than any sensor range
             np.divide(-(self.velocity**2), 2 * self.acceleration, out=rise, where=self.returns)
@@ -109,12 +112,18 @@ class DragRequest(Value):
 
     @cached_property
     def reach(self) -> float:
-        """The largest distance [m] at which an approach begins, at most LARGEST_START, rounded up to a power of two."""
+        """The largest distance [m] where an approach begins, rounded up.
+
+        It is a power of two. Distances above LARGEST_START count as LARGEST_START.
+        """
         return reach_to(np.minimum(self.farthest, LARGEST_START))
 
     @cached_property
     def ends(self) -> tuple[float, Any]:
-        """The smallest (at least 0) and the largest valid distance [m] of the sensor curves."""
+        """The smallest and largest valid distance [m] of the sensor curves.
+
+        The smallest distance is at least 0.
+        """
         if self.many is None:
             low, high = self.sensor.valid_range
             return max(low, 0.0), high
@@ -136,7 +145,8 @@ class DragRequest(Value):
     def at_curves(
         self, function: Callable[[SensorModel, FloatArray], FloatArray], distance: FloatArray, which: IntArray
     ) -> FloatArray:
-        """Evaluate a function of sensor curve and distance [m] for selected encounters and their sensor curves."""
+        """Evaluate a function of sensor curve and distance for selected encounters."""
+        # Each encounter uses its own sensor curve. Distances [m] are limited to the valid range of the curve.
         if self.many is None:
             return function(self.sensor, np.clip(distance, *self.sensor.valid_range))
         values, curve_of = np.empty_like(distance), self.curve_of(which)
@@ -146,7 +156,10 @@ class DragRequest(Value):
         return values
 
     def with_curve(self, index: int) -> DragRequest:
-        """Return the inputs of all encounters that use the sensor curve with the given index."""
+        """Return the inputs of all encounters with a given sensor curve.
+
+        `index` is the position of the curve along the last axis.
+        """
         if self.many is None:
             return self
         scenario = map_fields(self.scenario, lambda v: v[..., min(index, v.shape[-1] - 1)] if np.ndim(v) else v)
@@ -167,7 +180,7 @@ _BEYOND: Final = (
 def make_drag_request(
     scenario: Scenario, sensor: SensorModel, drag: ArrayLike, horizon: float, many: ManyCurves | None = None
 ) -> DragRequest:
-    """Check the inputs for solving encounters under the virtual drag, and return them as a DragRequest.
+    """Check the inputs for solving encounters under the virtual drag.
 
     Args:
         scenario: the encounters.
@@ -203,9 +216,9 @@ def make_drag_request(
     outside = (start < low) | (start > high)
     if many is None and outside.any():
         raise OutOfRangeError(
-            f"obstacle position: the encounter starts at a distance of {start[outside][0]:g} m, but the "
-            f"sensor curve ({sensor.name}) is valid only from {low:g} m to {high:g} m; start the encounter when "
-            "the object enters this range"
+            f"obstacle position: the encounter starts at a distance of {start[outside][0]:g} m, outside the sensor "
+            f"range. The sensor curve ({sensor.name}) is valid only from {low:g} m to {high:g} m. Start the encounter "
+            "when the object enters this range"
         )
     check_curve(sensor, request.farthest)
     _check_plant(request)
@@ -219,14 +232,14 @@ def make_drag_request(
 
 @cache_by_curve(256)
 def _falls(sensor: SensorModel, low: float, high: float) -> bool:
-    """Return True if the sensor output does not rise with distance at any tested point between two distances [m]."""
+    """Return True if the sensor output never rises with distance."""
     with np.errstate(all="ignore"):
         slope = np.asarray(sensor.log_slope(np.linspace(low, high, _PROBES)))
     return bool((np.isfinite(slope) & (slope <= 0)).all())
 
 
 def _check_plant(request: DragRequest) -> None:
-    """Raise an error if the spring or damper of the admittance would act on the robot during an approach."""
+    """Raise an error if the admittance would act during an approach."""
     b = request.bodies
     ahead, advance = b["x0"], b["u0"]
     _refuse(
@@ -251,7 +264,7 @@ def _check_plant(request: DragRequest) -> None:
 
 
 def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
-    """Raise an error if the sensor output rises with distance, because the drag would then act on receding objects."""
+    """Raise an error if the sensor output rises with distance."""
     distance = np.linspace(low, high, _PROBES)
     slope = np.asarray(sensor.log_slope(distance))
     # the slope of a table on a level part is zero up to rounding, of either sign
@@ -260,8 +273,8 @@ def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
         wrong = float(distance[~(np.isfinite(slope) & falls)][0])
         raise InvalidInputError(
             f"sensor: the slope of the curve is {float(sensor.log_slope(wrong)):g} 1/m at {wrong:g} m, but must "
-            "not be positive, because the virtual drag interprets a rising output as an approach; set "
-            "maximum_distance to the distance of the smallest output"
+            "not be positive. The virtual drag interprets a rising output as an approach. Set maximum_distance to "
+            "the distance of the smallest output"
         )
 
 

@@ -19,18 +19,21 @@ Evaluator: TypeAlias = Callable[[Scenario, SensorModel, Any], ContactResult]
 
 @runtime_checkable
 class NoisyEvaluator(Protocol):
-    """Interface of a solver with reproducible random noise; every gain is simulated with the same noise."""
+    """Interface of a solver with reproducible random noise.
+
+    Every gain is simulated with the same noise.
+    """
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
         """Solve encounters with one sensor curve, for one or several gains."""
 
     def after(self, runs: int) -> NoisyEvaluator:
-        """Return a copy of this solver that skips the random noise of the first `runs` runs."""
+        """Return a solver that skips the noise of the first runs."""
 
 
 @runtime_checkable
 class ManySensorEvaluator(Protocol):
-    """Interface of a solver that can use a different sensor curve for each encounter.
+    """Interface of a solver with one sensor curve per encounter.
 
     The i-th encounter has the noise of run i.
     """
@@ -39,17 +42,20 @@ class ManySensorEvaluator(Protocol):
         """Solve encounters with one sensor curve, for one or several gains."""
 
     def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: Any) -> ContactResult:
-        """Solve an array of encounters in which each element along the last axis has its own sensor curve."""
+        """Solve encounters that each have their own sensor curve.
+
+        Each element along the last axis has its own curve.
+        """
 
 
 def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:
-    """Return a copy of a solver that skips the random noise of a given number of runs."""
+    """Return a solver that skips the noise of the first runs."""
     # A solver without numbered noise is returned unchanged.
     return evaluator.after(runs) if isinstance(evaluator, NoisyEvaluator) else evaluator
 
 
 def _law_and_value(value: Any, law: Any) -> tuple[ContinuousLaw, Any]:
-    """Return the control law and the value of its coefficient, which a sampled law also contains."""
+    """Return the control law and the value of its coefficient."""
     if law is DAMPER and hasattr(value, "continuous"):
         return continuous_law(value), value.value
     return continuous_law(law), value
@@ -65,11 +71,11 @@ def find_contact(
     method: str = "auto",
     horizon: float = 600.0,
 ) -> ContactResult:
-    """Solve encounters until the first contact, the first moment at which the distance is zero.
+    """Solve encounters until the first contact.
 
-    The contact is that of L(21) and L(23). The motion is that of L(1) with the virtual force L(2), of another law, or
-    the uniform motion L(16)-(19). A distance that reaches zero and turns there, within 1e-12 of its terms, is a
-    contact with l' = 0. A distance that only decays to zero is no contact.
+    Contact is the first moment of zero distance, as in L(21) and L(23). The motion is that of L(1) with the virtual
+    force L(2), of another law, or the uniform motion L(16)-(19). A distance that reaches zero and turns there, within
+    1e-12 of its terms, is a contact with l' = 0. A distance that only decays to zero is no contact.
 
     Args:
         scenario: one encounter or an array of encounters.
@@ -117,7 +123,7 @@ def solve_motion(
     horizon: float = 600.0,
     samples: int = 200,
 ) -> Motion:
-    """Compute sampled motions of robot and obstacle under the virtual damper or another control law.
+    """Compute sampled motions of robot and obstacle under a control law.
 
     The motion is that of L(1) with the virtual force L(2), or with the force of another law.
 

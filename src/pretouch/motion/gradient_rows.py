@@ -1,4 +1,4 @@
-"""Compute exact derivatives of contact time and contact velocity with respect to the inputs of many encounters.
+"""Compute exact derivatives of contact time and velocity for many encounters.
 
 Each run uses the fastest applicable method. Over-damped motions with a constant slope have a closed form. Approaches on
 other curves get their derivatives from Taylor steps, with several encounters computed side by side. The module
@@ -51,9 +51,9 @@ _COUNT: Final = 10  # coefficients of a piece
 
 
 class GradientRows(Picklable):
-    """Derivatives of contact time and contact velocity with respect to the inputs, each computed on first access.
+    """Derivatives of contact time and velocity with respect to the inputs.
 
-    The inputs are relative to the reference.
+    They are computed on first access. The inputs are relative to the reference.
     """
 
     __slots__ = ("_followed", "_rows", "_solution")
@@ -67,7 +67,7 @@ class GradientRows(Picklable):
         self._followed: dict[str, FloatArray] = {}
 
     def take(self, which: Sequence[int]) -> FloatArray:
-        """Return the derivatives of contact time and contact velocity with respect to selected inputs."""
+        """Differentiate contact time and velocity with respect to selected inputs."""
         # `which` holds indices of RELATIVE_INPUTS. The result has the shape (2, k, n).
         if self._rows is None:
             everything = range(len(RELATIVE_INPUTS))
@@ -79,7 +79,7 @@ class GradientRows(Picklable):
         return self._rows[:, list(which)]
 
     def of_slope(self, name: str, slope: SlopeSensitivity) -> FloatArray:
-        """Return the derivatives of contact time and contact velocity with respect to a sensor parameter."""
+        """Differentiate contact time and velocity with respect to a sensor parameter."""
         # `slope` is dg/d(parameter). The result has the shape (2, n).
         if name not in self._followed:
             rows = np.full((2, self._solution.request.size), np.nan)
@@ -89,7 +89,7 @@ class GradientRows(Picklable):
         return self._followed[name]
 
     def _differentiable(self) -> BoolArray:
-        """Return True for encounters that end in contact at nonzero speed; only these have derivatives."""
+        """Return True for encounters with contact at nonzero speed."""
         reached = self._solution.status == ContactStatus.CONTACT
         return np.asarray(reached & (self._solution.raw("relative_velocity") < 0))
 
@@ -116,7 +116,7 @@ class GradientRows(Picklable):
         return np.asarray(damping / r.mass * self._solution.raw("time"))
 
     def _linear(self, indices: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Compute derivatives of encounters with a closed form, and return which encounters remain unsolved."""
+        """Compute derivatives by closed form, and return which encounters remain unsolved."""
         request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
         slope = request.slope
         r = request.relative
@@ -154,7 +154,7 @@ class GradientRows(Picklable):
     def _by_guaranteed_path(
         self, where: IntArray, indices: list[int], slope: SlopeSensitivity | None = None
     ) -> FloatArray:
-        """Compute derivatives of selected encounters by the most robust solver; encounters without contact get NaN."""
+        """Compute derivatives of selected encounters by the most robust solver."""
         request = self._solution.request
         values, gain = request.part(where)
         sensor = request.sensor
@@ -179,9 +179,9 @@ class GradientRows(Picklable):
 
 
 def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: float) -> tuple[FloatArray, FloatArray]:
-    """Approximate the sensor slope, and its derivative by a sensor parameter, by polynomials on the same intervals.
+    """Approximate the sensor slope and its parameter derivative by polynomials.
 
-    The intervals reach from l = 0 up to a distance [m].
+    Both use the same intervals, from l = 0 up to the distance `high` [m].
 
     Returns:
         Pieces as from `curve_pieces`, and the coefficients of the change in the same variable, shape (pieces, 1, 10),
@@ -211,7 +211,7 @@ def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: f
 def _halve(
     pieces: FloatArray, poor: BoolArray, columns: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-    """Halve the distance intervals of inaccurate polynomials, and convert the polynomials to the halves."""
+    """Split inaccurate polynomials at the middle of their distance intervals."""
     # Both halves of a piece inherit its columns.
     old, parts = pieces[poor], [pieces[~poor]]
     for side in (-0.5, 0.5):
@@ -223,7 +223,7 @@ def _halve(
 
 
 def bend_at_contact(sensor: SensorModel) -> float:
-    """Return the derivative of the sensor slope with respect to the distance, dg/dl [1/m^2], at contact.
+    """Return the derivative of the sensor slope at contact, dg/dl [1/m^2].
 
     It is the derivative of a polynomial that approximates g next to the surface. Its error is about 1e-11 of g over
     the length on which the curve changes.

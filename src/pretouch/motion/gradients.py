@@ -1,4 +1,6 @@
-"""Compute exact derivatives of the state at contact with respect to all inputs of an encounter.
+"""Compute exact derivatives of the state at contact.
+
+The derivatives are those with respect to all inputs of an encounter.
 
 `gradient_rows` provides dt/dq and dl'/dq of time and relative velocity at contact. The other quantities follow:
 x~ = x_o(t), since l = 0; x~' = x_o' - l'; F_p = D_p g(0) l'; and x~'' from the equation of motion. A parameter of the
@@ -72,18 +74,21 @@ class ContactSource(Protocol):
         """How each encounter ended, as the integer value of ContactStatus."""
 
     def raw(self, name: str) -> FloatArray:
-        """Return one result quantity, such as the contact time, as an array with one number per encounter."""
+        """Return one result quantity, such as the contact time, per encounter."""
 
     @property
     def settled_acceleration(self) -> FloatArray:
-        """The robot's acceleration relative to the reference position [m/s^2], at the end of each encounter."""
+        """The robot's final acceleration relative to the reference position [m/s^2]."""
 
     def reference(self, derivative: int) -> FloatArray:
-        """Return the velocity (derivative=1) or acceleration (2) of the reference position at the end of each run."""
+        """Return the final velocity or acceleration of the reference position.
+
+        `derivative` is 1 for the velocity [m/s] and 2 for the acceleration [m/s^2].
+        """
 
 
 class ContactRows(Protocol):
-    """Interface of an object that computes the derivatives of contact time and contact velocity.
+    """Interface for computing derivatives of contact time and contact velocity.
 
     Attributes:
         degree: d if the force of the law is proportional to its number times s'^d, with s' = d(ln xi)/dt; 1 or 2.
@@ -94,23 +99,27 @@ class ContactRows(Protocol):
     suspends_admittance: bool
 
     def take(self, which: Sequence[int]) -> FloatArray:
-        """Return the derivatives of contact time and contact velocity with respect to selected inputs."""
+        """Differentiate contact time and velocity with respect to selected inputs."""
         # `which` holds indices of RELATIVE_INPUTS. The result has the shape (2, k, n).
 
     def of_slope(self, name: str, slope: SlopeSensitivity) -> FloatArray:
-        """Return the derivatives of contact time and contact velocity with respect to a sensor parameter."""
+        """Differentiate contact time and velocity with respect to a sensor parameter."""
         # `slope` is dg/d(parameter). The result has the shape (2, n).
 
 
 def input_names(sensor: SensorModel) -> tuple[str, ...]:
-    """Return the names of all inputs that affect a contact: the gain first, sensor parameters last."""
+    """Return the names of all inputs that affect a contact.
+
+    The gain comes first, and sensor parameters come last.
+    """
     return (*_RELATIVE, *sensor_inputs(sensor))
 
 
 def gradients_of(columns: Any) -> Any:
-    """Return the derivatives of the state at contact for a result, or None if its solver computes no derivatives.
+    """Return the derivatives of a result's contact state.
 
-    The uniform motion has no derivatives, since it does not start from the given state.
+    The derivatives are None if the solver of the result computes none. The uniform motion has no derivatives, since it
+    does not start from the given state.
     """
     if not isinstance(columns, Solution):
         return getattr(columns, "gradients", None)
@@ -126,7 +135,7 @@ def gradients_of(columns: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ContactGradients(Value):
-    """Exact derivatives of the state at contact with respect to the inputs of an encounter.
+    """Exact derivatives of the state at contact with respect to the inputs.
 
     See `ContactResult.gradients`.
 
@@ -171,7 +180,7 @@ class ContactGradients(Value):
         object.__setattr__(self, "inputs", input_names(self.solution.request.sensor))
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivative of a contact quantity, such as the contact time, with respect to an input.
+        """Return the derivative of a contact quantity with respect to an input.
 
         Args:
             quantity: one of `quantities`.
@@ -190,7 +199,7 @@ class ContactGradients(Value):
         return derivative
 
     def unit(self, quantity: str, by: str) -> str:
-        """Return the SI unit of the derivative of a contact quantity with respect to an input.
+        """Return the SI unit of a derivative of a contact quantity.
 
         Args:
             quantity: one of `quantities`.
@@ -238,7 +247,7 @@ class ContactGradients(Value):
         return _Change(solution, self._rows, by, time, speed, slope=slope)
 
     def _weighted_sum(self, weights: dict[str, Any]) -> FloatArray:
-        """Return a weighted sum of derivatives by several inputs, for contact time and for contact velocity."""
+        """Return a weighted sum of derivatives with respect to several inputs."""
         # The result has the shape (2, n).
         rows = self._rows.take([RELATIVE_INPUTS.index(name) for name in weights])
         if len(weights) == 1 and all(isinstance(w, float) and w == 1 for w in weights.values()):
@@ -246,8 +255,8 @@ class ContactGradients(Value):
         return np.asarray(sum(weight * rows[:, i] for i, weight in enumerate(weights.values())))
 
     def _by_factors(self, change: CurveSensitivity) -> FloatArray:
-        """Return how contact time and contact velocity change if the sensor curve is scaled, shifted or stretched."""
-        # CurveSensitivity explains the three factors.
+        """Differentiate contact time and velocity with respect to a curve change."""
+        # The curve is scaled, shifted or stretched; CurveSensitivity explains these three factors.
         solution, relative = self.solution, self.solution.request.relative
         total = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)
         with np.errstate(divide="ignore", invalid="ignore"):  # l' may be 0 without contact
@@ -265,7 +274,7 @@ class ContactGradients(Value):
 
 
 class ManyGradients:
-    """Derivatives of the state at contact for encounters that each have their own sensor curve.
+    """Derivatives at contact for encounters with different sensor curves.
 
     The members are those of ContactGradients.
     """
@@ -276,11 +285,11 @@ class ManyGradients:
         self.parts, self.quantities, self.inputs = parts, parts[0].quantities, parts[0].inputs
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivative of a contact quantity, such as the contact time, with respect to an input."""
+        """Return the derivative of a contact quantity with respect to an input."""
         return np.stack([part.of(quantity, by) for part in self.parts], axis=-1)
 
     def unit(self, quantity: str, by: str) -> str:
-        """Return the SI unit of the derivative of a contact quantity with respect to an input."""
+        """Return the SI unit of a derivative of a contact quantity."""
         return self.parts[0].unit(quantity, by)
 
 
@@ -310,7 +319,7 @@ class _Change:
 
     @property
     def displacement(self) -> Any:
-        """The derivative of the robot's displacement from its reference, at contact, with respect to the input."""
+        """The displacement at contact, differentiated with respect to the input."""
         # At contact, the displacement equals the obstacle position x_o(t).
         time, r, i = self.solution.raw("time"), self.solution.request.relative, self.inputs
         direct = i.get("p", 0.0) + (i.get("v", 0.0) + i.get("a", 0.0) * time / 2) * time
@@ -318,14 +327,14 @@ class _Change:
 
     @property
     def displacement_velocity(self) -> Any:
-        """The derivative of the robot's velocity relative to its reference, at contact, with respect to the input."""
+        """The displacement velocity at contact, differentiated with respect to the input."""
         # The relative velocity at contact gives x~' = x_o' - l'.
         direct = self.inputs.get("v", 0.0) + self.inputs.get("a", 0.0) * self.solution.raw("time")
         return direct + self.solution.request.relative.a * self.time - self.relative_velocity
 
     @property
     def virtual_force(self) -> Any:
-        """The derivative of the virtual force, at contact, with respect to the input."""
+        """The virtual force at contact, differentiated with respect to the input."""
         # At contact, F_p = D_p g(0) l' for the damper, and F = -phi (g(0) l')^2 for the drag.
         s = self.solution
         slope, number, speed = (
@@ -339,7 +348,7 @@ class _Change:
 
     @property
     def displacement_acceleration(self) -> Any:
-        """The derivative of the acceleration relative to the reference, at contact, with respect to the input."""
+        """The displacement acceleration at contact, differentiated with respect to the input."""
         # The admittance gives x~'' = (F_p - D x~' - K x~) / M.
         s, r = self.solution, self.solution.request.relative
         total = self.virtual_force
@@ -356,20 +365,20 @@ class _Change:
 
     @property
     def position(self) -> Any:
-        """The derivative of the robot's absolute position, at contact, with respect to the input."""
+        """The robot's absolute position at contact, differentiated with respect to the input."""
         time = self.solution.raw("time")
         direct = {"reference.position": 1.0, "reference.velocity": time, "reference.acceleration": time**2 / 2}
         return self.displacement + self.solution.reference(1) * self.time + direct.get(self.by, 0.0)
 
     @property
     def velocity(self) -> Any:
-        """The derivative of the robot's absolute velocity, at contact, with respect to the input."""
+        """The robot's absolute velocity at contact, differentiated with respect to the input."""
         direct = {"reference.velocity": 1.0, "reference.acceleration": self.solution.raw("time")}
         return self.displacement_velocity + self.solution.reference(2) * self.time + direct.get(self.by, 0.0)
 
     @property
     def acceleration(self) -> Any:
-        """The derivative of the robot's absolute acceleration, at contact, with respect to the input."""
+        """The robot's absolute acceleration at contact, differentiated with respect to the input."""
         return self.displacement_acceleration + (1.0 if self.by == "reference.acceleration" else 0.0)
 
 

@@ -1,7 +1,7 @@
-"""Solve one encounter at a time by the most robust method, as a fallback for the fast solvers.
+"""Solve one encounter at a time by the most robust method.
 
-The uniform motion L(16)-(19) is one particular motion of the second-order exponential curve. It is used only if it is
-selected as the method.
+This method is the fallback for the fast solvers. The uniform motion L(16)-(19) is one particular motion of the
+second-order exponential curve. It is used only if it is selected as the method.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[F
 
 
 def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
-    """Return result arrays for encounters that are not solved yet, filled with NaN and the status UNRESOLVED."""
+    """Create result arrays of unsolved encounters, filled with NaN."""
     rows, status = np.empty((count, len(COLUMNS))), np.empty(count, dtype=np.int64)
     rows.fill(np.nan)
     status.fill(ContactStatus.UNRESOLVED)
@@ -63,13 +63,16 @@ def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
 
 
 def trace_guaranteed(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    """Compute the motions of robot and obstacle at given ascending times, up to the end of each encounter."""
+    """Sample the motions of encounters by the most robust method.
+
+    The times [s] ascend, up to the end of each encounter.
+    """
     # `trace` is filled with layout.TRACE_COLUMNS, shape (n, times, 4).
     _SOLVERS[request.method][1](request, times, trace)
 
 
 def _curve_by_curve(request: Request, many: ManyCurves, which: IntArray) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Solve encounters that use different sensor curves, one sensor curve at a time."""
+    """Solve encounters with different sensor curves, one curve at a time."""
     rows, status = _unresolved(len(which))
     place, curve = np.divmod(which, len(many))
     for index in np.unique(curve):
@@ -79,7 +82,7 @@ def _curve_by_curve(request: Request, many: ManyCurves, which: IntArray) -> tupl
 
 
 def _mark_overflow(request: Request, which: IntArray | None, rows: FloatArray, status: IntArray) -> None:
-    """Mark encounters with infinite or NaN results as unresolved, and set their results to the initial state."""
+    """Mark encounters with infinite or NaN results as unresolved."""
     bad = np.flatnonzero(~np.isfinite(rows[:, _ALWAYS_FINITE]).all(axis=1))
     if len(bad):
         r = request.some(bad if which is None else which[bad])
@@ -96,7 +99,7 @@ _ALWAYS_FINITE: Final = [i for i, name in enumerate(COLUMNS) if name != "settlin
 
 
 def _solve_closed_form(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Find each contact as the first zero of the distance, which has the closed form L(10)-(13)."""
+    """Find the first zero of the closed-form distance, L(10)-(13)."""
     values, gain = request.part(which)
     solve_linear(values, request.slope, gain, (request.horizon, *request.sensor.valid_range), rows, status=status)
 
@@ -113,7 +116,7 @@ def _trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve the robot's motion L(1) under the virtual damper L(2) by numerical integration.
+    """Integrate the robot's motion L(1) under the virtual damper L(2).
 
     Encounters that leave the approximated part of the curve are repeated with a longer part.
 
@@ -144,7 +147,7 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
 
 
 def _is_integrable(values: FloatArray) -> BoolArray:
-    """Return True for encounters that start close enough to contact for numerical integration."""
+    """Return True for encounters that start close enough for integration."""
     # `values` are those of Scenario.relative, shape (n, 10).
     followed: BoolArray = values[:, 5] - values[:, 3] <= LARGEST_START  # p - x~(0)
     return followed
@@ -168,7 +171,8 @@ def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, bool, bool]]]:
-    """Yield polynomials that approximate the sensor curve up to increasing distances, and limits for the solver."""
+    """Yield approximations of the sensor curve up to increasing distances."""
+    # Each item contains the end distance [m], the polynomials, and the limits for `solve_series`.
     r, sensor = request.relative, request.sensor
     low, bottom = sensor.valid_range[0], max(sensor.valid_range[0], 0.0)
     distance = r.p - r.x0
@@ -180,8 +184,8 @@ def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, 
 
 
 def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
-    """Return curvature b_2 [1/m^2] and rate c_2 [1/m] of a second-order exponential sensor curve."""
-    # b_2 = 0 for a constant slope.
+    """Return curvature b_2 and rate c_2 of a second-order exponential curve."""
+    # The units are 1/m^2 and 1/m. For a constant slope, b_2 = 0.
     if sensor.constant_log_slope is not None:
         return 0.0, sensor.constant_log_slope
     low, high = sensor.valid_range
@@ -200,7 +204,9 @@ def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
 def uniform_motion(
     values: FloatArray, curvature: float, rate: float, gain: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute the uniform motion l = A t + B that solves the motion equation L(15), with A from L(17) and B from L(18).
+    """Compute the uniform motion l = A t + B.
+
+    It solves the motion equation L(15), with A from L(17) and B from L(18).
 
     L(17) requires the root with 0 <= |A| <= |v_o| and the sign of v_o. With s = sqrt(1 + 8 b_2 D_p v_o / K_a) the roots
     are 2 v_o / (1 + s) and 2 v_o / (1 - s). Only the first can satisfy both conditions, and it becomes v_o for
@@ -233,7 +239,7 @@ def uniform_motion(
 
 
 def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve encounters by the uniform motion of the published letter, L(16)-(19), until contact."""
+    """Solve encounters by the letter's uniform motion, L(16)-(19)."""
     curvature, rate = _second_order_parameters(request.sensor)
     values, gain = request.part(which)
     a, b = uniform_motion(values, curvature, rate, gain)
@@ -265,7 +271,7 @@ def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, stat
 
 
 def _trace_uniform_motion(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    """Compute distance and speed of the uniform motion l = A t + B at given times."""
+    """Sample distance and speed of the uniform motion."""
     # Without such a motion, the sampled distance is constant.
     r = request.relative
     values, gain = request.part(slice(None))

@@ -1,4 +1,7 @@
-"""Solve encounters with any control law by numerical integration, even if the obstacle accelerates or turns back."""
+"""Solve encounters with any control law by numerical integration.
+
+The obstacle may accelerate or turn back.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ _TOGETHER: Final = 4096  # encounters that are integrated side by side
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegratedLaw(Value):
-    """A control law, given by its force function, whose encounters are solved by numerical integration.
+    """A control law whose encounters are solved by numerical integration.
 
     Args:
         kind: name of the law, for messages.
@@ -59,7 +62,7 @@ class IntegratedLaw(Value):
     def motion(
         self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, method: str, horizon: float, *, samples: int
     ) -> Motion:
-        """Compute sampled motions of robot and obstacle until the first contact of each encounter."""
+        """Compute sampled motions of robot and obstacle until the first contact."""
         request = self._request(scenario, sensor, value, method, horizon)
         runs = [(columns_of(run), sample(run, samples)) for run in self._integrate(request)]
         course, shape = [arrays for _, arrays in runs], (*request.shape, samples)
@@ -77,7 +80,7 @@ class IntegratedLaw(Value):
         return make_request(scenario, sensor, value, "integration", horizon, with_course=True)
 
     def _integrate(self, request: Request) -> Iterator[Integration]:
-        """Integrate the motions of all encounters, in groups of limited size that limit the required memory."""
+        """Integrate all encounters in groups to limit the required memory."""
         law = ForceLaw(
             kind=self.kind,
             force=self.force,

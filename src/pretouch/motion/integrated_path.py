@@ -15,7 +15,7 @@ from .scenario import Scenario
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Encounters(Value):
-    """Parameters of n encounters, with positions and velocities relative to the moving reference position.
+    """Parameters of n encounters, relative to the moving reference position.
 
     Args:
         mass: M [kg], shape (n,), as the next ones.
@@ -57,11 +57,14 @@ class Encounters(Value):
 
     @property
     def distance(self) -> FloatArray:
-        """The distance between robot and object at the start of each encounter [m]."""
+        """The initial distance between robot and object [m]."""
         return np.asarray(self.position[0] - self.displacement)
 
     def terms(self, section: IntArray, which: IntArray, time: FloatArray) -> FloatArray:
-        """Return the summed magnitudes of all terms of the obstacle's position [m], which scale its rounding error."""
+        """Return the summed term magnitudes of the obstacle's position [m].
+
+        The rounding error of the position is proportional to this sum.
+        """
         terms = np.abs(self.position[0, which])
         for k in range(len(self.since)):
             duration = np.maximum(np.minimum(self.until(section * 0 + k, which), time) - self.since[k, which], 0.0)
@@ -72,12 +75,18 @@ class Encounters(Value):
         return np.asarray(terms)
 
     def until(self, section: IntArray, which: IntArray) -> FloatArray:
-        """Return the end times [s] of given sections of the obstacle's path; the last section ends at infinity."""
+        """Return the end times [s] of given sections of the obstacle's path.
+
+        The last section ends at infinity.
+        """
         ends = np.concatenate([self.since, np.full((1, len(self)), np.inf)])
         return np.asarray(ends[section + 1, which])
 
     def obstacle_at(self, section: IntArray, which: IntArray, time: FloatArray) -> tuple[FloatArray, ...]:
-        """Return position, velocity and acceleration of selected obstacles relative to the reference, in SI units."""
+        """Return the motion of selected obstacles relative to the reference.
+
+        The result contains position, velocity and acceleration in SI units.
+        """
         after = time - self.since[section, which]
         velocity, acceleration = self.velocity[section, which], self.acceleration[section, which]
         position = self.position[section, which] + (velocity + acceleration * after / 2) * after
@@ -85,7 +94,7 @@ class Encounters(Value):
 
 
 def encounters_of(request: Request) -> Encounters:
-    """Convert encounters to arrays for the integration, including the sections of the obstacle's path."""
+    """Convert encounters to arrays for the numerical integration."""
     columns, value = request.part(slice(None))
     mass, damping, stiffness, x0, u0, p, v, _, r_v, r_a = columns.T.copy()
     sections: tuple[list[FloatArray], ...] = [np.zeros_like(p)], [p], [v], []
@@ -116,7 +125,7 @@ def encounters_of(request: Request) -> Encounters:
 
 
 def _stretches(scenario: Scenario, shape: tuple[int, ...]) -> list[tuple[FloatArray, FloatArray]]:
-    """Return end time [s] and acceleration [m/s^2] of each section of the obstacle's path except the last one."""
+    """Return end time [s] and acceleration [m/s^2] of each course section."""
 
     def flat(values: object) -> FloatArray:
         return np.array(np.broadcast_to(np.asarray(values, dtype=np.float64), shape)).reshape(-1)

@@ -1,4 +1,7 @@
-"""Compute the results of integrated motions: final states, peak values, impulse balance and sampled motions."""
+"""Compute the results of numerically integrated motions.
+
+The results are final states, peak values, impulse balance and sampled motions.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ _ROUNDS: Final = 4  # refinements of these points
 def quantities(
     run: Integration, steps: Steps, share: FloatArray, nodes: tuple[FloatArray, ...]
 ) -> dict[str, FloatArray]:
-    """Return all quantities of the motion, such as the velocity, at given points within integration steps.
+    """Return all quantities of the motion within integration steps.
 
     Args:
         run: the motions.
@@ -56,7 +59,7 @@ def quantities(
 
 
 def columns_of(run: Integration) -> dict[str, FloatArray]:
-    """Return all results of the encounters, such as the contact time, as a dictionary by name."""
+    """Return all results of the encounters by name."""
     e, steps = run.encounters, run.steps
     at_nodes = quantities(run, steps, tables().nodes, (steps.distance, steps.speed, steps.force))
     first = np.searchsorted(steps.encounter, np.arange(len(e)))
@@ -75,7 +78,7 @@ def columns_of(run: Integration) -> dict[str, FloatArray]:
 
 
 def _largest(run: Integration, name: str, values: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
-    """Return the largest magnitude of a quantity, such as the virtual force, during each motion."""
+    """Return the largest magnitude of a quantity during each motion."""
     # It lies next to the largest magnitude at the nodes, in the same step or in an adjacent one.
     magnitude, final = np.abs(values), tables().nodes.size - 1
     of_steps = magnitude.max(axis=1)
@@ -92,7 +95,7 @@ def _largest(run: Integration, name: str, values: FloatArray, first: IntArray, l
 
 
 def _near_node(run: Integration, name: str, which: IntArray, node: IntArray) -> FloatArray:
-    """Return the largest magnitude of a quantity, such as the virtual force, near one node of each selected step."""
+    """Find the largest magnitude of a quantity near a collocation node."""
     steps, nodes = run.steps.some(which), tables().nodes
     distances, speeds = (apply(tables().to_legendre, values) for values in (steps.distance, steps.speed))
     low, high = nodes[np.maximum(node - 1, 0)], nodes[np.minimum(node + 1, len(nodes) - 1)]
@@ -111,7 +114,7 @@ def _near_node(run: Integration, name: str, which: IntArray, node: IntArray) -> 
 
 
 def _residual(run: Integration, end: dict[str, FloatArray]) -> FloatArray:
-    """Return the relative residual of the impulse balance, which measures the error of the integration."""
+    """Return the relative residual of the impulse balance."""
     # The integrals use other points of each step than the integration, and the force there.
     e, steps = run.encounters, run.steps
     distance, speed = (apply(tables().at_gauss, values) for values in (steps.distance, steps.speed))
@@ -128,7 +131,10 @@ def _residual(run: Integration, end: dict[str, FloatArray]) -> FloatArray:
 
 
 def sample(run: Integration, samples: int) -> dict[str, FloatArray]:
-    """Return all quantities of each motion at equally spaced times from its start to its end."""
+    """Return all quantities of each motion at equally spaced times.
+
+    The times reach from the start to the end of each motion.
+    """
     # The arrays have the shape (n, samples).
     steps, n = run.steps, len(run.encounters)
     first = np.searchsorted(steps.encounter, np.arange(n + 1))

@@ -1,9 +1,9 @@
-"""Integrate the motions of many encounters under a custom force together, each with its own step sizes.
+"""Integrate the motions of many encounters under a custom force.
 
-On a piece of a motion, l' has one sign, there is no knot of the curve, and the obstacle has one acceleration. If the
-admittance's pull is switched off in approaches, l'' jumps between an approach and a recession. If l'' points toward
-l' = 0 from both sides, the plant moves along with the object, x~'' = a_o, until the object would recede. This is the
-third kind of piece.
+Each encounter has its own step sizes. On a piece of a motion, l' has one sign, there is no knot of the curve, and the
+obstacle has one acceleration. If the admittance's pull is switched off in approaches, l'' jumps between an approach and
+a recession. If l'' points toward l' = 0 from both sides, the plant moves along with the object, x~'' = a_o, until the
+object would recede. This is the third kind of piece.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class Integration:
         return Start._make((*parameters, *obstacle, *(v[which] for v in (self.distance, self.speed, self.force))))
 
     def _start(self, which: IntArray) -> None:
-        """Set whether each object first approaches, recedes or keeps its distance, and set the first step size."""
+        """Set the initial direction and first step size of each motion."""
         self._set_course(which[self.course == ALONG])
         cells = [np.searchsorted(self.borders, self.distance, side) for side in ("left", "right")]
         self.cell = np.where(self.course == APPROACH, *cells) - 1
@@ -122,7 +122,10 @@ class Integration:
         self.size = self.first.copy()
 
     def _begin(self, which: IntArray) -> None:
-        """Start a new piece of each motion; end motions that leave the sensor range or never approach again."""
+        """Start a new piece of each motion.
+
+        A motion ends if it leaves the sensor range or never approaches again.
+        """
         self.force[which] = self.law.at(self.encounters.value[which], self.distance[which], self.speed[which])
         self.limit[which] = np.inf
         which = which[~self._end_receding(which)]
@@ -136,7 +139,7 @@ class Integration:
         self._record(still, np.zeros(len(still)), None)
 
     def _end_receding(self, which: IntArray) -> BoolArray:
-        """End the encounters in which the object will certainly never approach again, and return a mask of them."""
+        """End encounters in which the object can never approach again."""
         state = self._state(which)
         final = (self.section[which] == len(self.encounters.since) - 1) & (state.course != APPROACH)
         resting = final & (state.course == ALONG) & (state.velocity == 0) & (state.push == 0) & (state.speed == 0)
@@ -149,14 +152,14 @@ class Integration:
         return np.asarray(resting | leaving)
 
     def _keeps_receding(self, state: Start) -> BoolArray:
-        """Return True if the virtual force is too weak for the robot to follow the object, at all tested distances."""
+        """Return True if the force is too weak to follow the object."""
         far = np.maximum(np.minimum(self.law.valid_range[1], _AHEAD * state.distance), state.distance)
         probes = state.distance[:, None] * (far / state.distance)[:, None] ** np.linspace(0.0, 1.0, _PROBES)
         force = self.law.at(state.value[:, None], probes, np.zeros(probes.shape))
         return np.asarray((force <= (state.mass * state.push)[:, None]).all(axis=1))
 
     def _set_course(self, which: IntArray) -> None:
-        """Set whether each object approaches, recedes or keeps its distance after a moment of zero relative speed."""
+        """Set the direction of each motion after zero relative speed."""
         if not len(which):
             return
         self.course[which] = ALONG
@@ -166,7 +169,7 @@ class Integration:
             which = which[(below == 0) & (above == 0)]
 
     def _acceleration_limits(self, which: IntArray, delay: float) -> tuple[FloatArray, FloatArray]:
-        """Return the relative acceleration [m/s^2] at the end of an approach, and at the beginning of a recession."""
+        """Return the relative acceleration [m/s^2] before and after a turning point."""
         # These are the limits of l'' as l' tends to zero, from l' < 0 and from l' > 0.
         state = self._state(which)
         zero, later = np.zeros((len(which), 1)), np.full((len(which), 1), delay)
@@ -180,14 +183,15 @@ class Integration:
         return np.minimum(self.encounters.until(self.section[which], which), self.horizon)
 
     def _record(self, which: IntArray, duration: FloatArray, trial: Trial | None) -> Steps:
-        """Store integration steps; if `trial` is None, distance, velocity and force are constant during the step."""
+        """Store integration steps of selected encounters."""
+        # If `trial` is None, distance, velocity and force are constant during the step.
         state = self._state(which)
         nodes = trial[:3] if trial else (np.repeat(v[:, None], POINTS + 1, axis=1) for v in state[-3:])
         self._records.append(Steps(which, self.time[which], duration, state, *nodes))
         return self._records[-1]
 
     def _advance(self, which: IntArray) -> None:
-        """Attempt one integration step of each encounter in which the object approaches or recedes."""
+        """Attempt one integration step of each selected encounter."""
         if not len(which):
             return
         state, left = self._state(which), self._end_of_section(which) - self.time[which]
@@ -216,7 +220,10 @@ class Integration:
         taken: BoolArray,
         share: FloatArray,
     ) -> None:
-        """Choose the next step size from the error of this step, and end the next step at an event that was passed."""
+        """Choose the next step size from the error of this step.
+
+        If this step passed an event, the next step ends there.
+        """
         self.attempts[which] += 1
         change = np.clip(_MARGIN * trial.error ** (-1 / (POINTS - 1)), _LEAST, _MOST)
         change = np.where(trial.solved, change, _UNSOLVED)
@@ -226,7 +233,7 @@ class Integration:
         self.limit[which] = np.where(taken | ~trial.solved, np.inf, share * h)
 
     def _give_up(self, which: IntArray) -> None:
-        """End encounters as unresolved if their next step is too short, or if they needed too many steps."""
+        """End encounters as unresolved after too short or too many steps."""
         h = np.minimum(self.size[which], self.limit[which])
         short = ~(h > _SHORTEST * self.first[which] + 2 * _EPS * self.time[which])
         slow = (self.attempts[which] >= _FEW) & (self.time[which] < _LITTLE * self.first[which])
@@ -237,7 +244,7 @@ class Integration:
         self._end(which, ContactStatus.UNRESOLVED)
 
     def _events(self, which: IntArray, state: Start, trial: Trial, border: FloatArray, h: FloatArray) -> _Events:
-        """Find events in each integration step: turning points, and distances at which a piece of the motion ends."""
+        """Find turning points and curve borders within each integration step."""
         course = state.course[:, None]
         forward, beyond = trial.speed * course, (trial.distance - border[:, None]) * course
         time, initial = self.time[which], self.encounters.distance[which]
@@ -269,7 +276,10 @@ class Integration:
         )
 
     def _take(self, which: IntArray, h: FloatArray, at_end: BoolArray, trial: Trial, events: _Events) -> None:
-        """Apply accepted steps; after an event such as a turn, start a new piece of the motion or end the encounter."""
+        """Apply accepted integration steps and their events.
+
+        After an event such as a turn, a new piece of the motion starts, or the encounter ends.
+        """
         if not len(which):
             return
         trial.distance[events.at_border, -1] = events.border[events.at_border]
@@ -289,7 +299,7 @@ class Integration:
         self._begin(new[self.status[new] == _RUNNING])
 
     def _turn_now(self, which: IntArray) -> None:
-        """Start a new piece of each motion whose relative velocity is now zero, up to rounding errors."""
+        """Start a new motion piece where the relative velocity is zero."""
         if not len(which):
             return
         self.speed[which] = 0.0
@@ -297,7 +307,10 @@ class Integration:
         self._begin(which)
 
     def _enter_section(self, which: IntArray) -> None:
-        """Continue with the next section of the obstacle's path, or end the encounter at the longest simulated time."""
+        """Continue with the next section of the obstacle's path.
+
+        At the longest simulated time, the encounter ends.
+        """
         late = self.time[which] >= self.horizon
         self._end(which[late], ContactStatus.HORIZON)
         self.section[which[~late]] += 1
@@ -305,7 +318,7 @@ class Integration:
         self._set_course(still[self.speed[still] == 0])
 
     def _keep_distance(self, which: IntArray) -> None:
-        """Advance encounters with constant distance until the admittance pulls the robot away from the object."""
+        """Advance encounters while robot and object keep a constant distance."""
         if not len(which):
             return
         state, left = self._state(which), self._end_of_section(which) - self.time[which]
@@ -323,7 +336,7 @@ class Integration:
 
 
 class _Events(NamedTuple):
-    """Events within integration steps, such as turning points of the motion, with one array element per step."""
+    """Events within integration steps, such as turning points."""
 
     share: FloatArray  # share of the step before the first event inside it; infinite without one
     at_turn: BoolArray  # whether l' = 0 at the end of the step
@@ -337,7 +350,10 @@ class _Events(NamedTuple):
 
 
 def _turns_before(depth: FloatArray, trial: Trial, h: FloatArray) -> BoolArray:
-    """Return True for approaches that turn back during this step or soon after, at most `depth` [m] beyond contact."""
+    """Return True for approaches that turn back near contact.
+
+    They turn during this step or soon after, at most `depth` [m] beyond contact.
+    """
     nodes = tables().nodes
     slowing = (trial.speed[:, -1] - trial.speed[:, -2]) / (h * (nodes[-1] - nodes[-2]))
     ahead = np.where(slowing > 0, trial.speed[:, -1] ** 2 / (2 * slowing), np.inf)
@@ -345,7 +361,10 @@ def _turns_before(depth: FloatArray, trial: Trial, h: FloatArray) -> BoolArray:
 
 
 def _time_until(border: FloatArray, state: Start, acceleration: FloatArray) -> FloatArray:
-    """Return the time [s] until a motion with constant acceleration reaches a given distance, or infinity."""
+    """Return the time [s] until a motion reaches a given distance.
+
+    The acceleration is constant. The time is infinite if the motion does not reach the distance.
+    """
     ahead = border - state.distance
     root = np.sqrt(state.speed**2 + 2 * acceleration * ahead)
     time = 2 * ahead / (state.speed + state.course * root)
@@ -353,7 +372,7 @@ def _time_until(border: FloatArray, state: Start, acceleration: FloatArray) -> F
 
 
 def _time_until_release(state: Start) -> FloatArray:
-    """Return the time [s] after which the admittance pulls the robot away from an object at constant distance."""
+    """Return the time [s] until the admittance pulls the robot away."""
     # The pull minus F - M a_o is a quadratic of time, which rises through zero at this root. Without one: infinity.
     curvature = state.stiffness * state.push / 2
     slope = state.stiffness * state.velocity + state.damping * state.push

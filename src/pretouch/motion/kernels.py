@@ -37,7 +37,7 @@ _WIDEST: Final = 12  # middle, half width and ten coefficients of a piece
 
 
 class _CurvesOfCore(Structure):
-    """C structure that passes the sensor curves of several encounters to the compiled solvers."""
+    """C structure with the sensor curves of several encounters."""
 
     _fields_ = (
         ("windows", POINTER),
@@ -50,7 +50,7 @@ class _CurvesOfCore(Structure):
 
 
 class _PiecesOfCore(Structure):
-    """C structure that passes one sensor curve, as polynomials on adjacent intervals, to the compiled solvers."""
+    """C structure with one sensor curve as polynomials on adjacent intervals."""
 
     _fields_ = (
         ("pieces", POINTER),
@@ -62,7 +62,7 @@ class _PiecesOfCore(Structure):
 
 
 class _ApproachesOfCore(Structure):
-    """C structure with the output arrays of the compiled solver for approaches under the virtual drag."""
+    """C structure with the output arrays of the compiled drag solver."""
 
     _fields_ = (
         *numbers("rows", "status", "cells", "peaks", "gradients", "nodes", "balance", kind=POINTER),
@@ -97,9 +97,9 @@ def find_contacts(
     gradients: FloatArray | None = None,
     peaks: FloatArray | None = None,
 ) -> None:
-    """Find the first contacts of encounters by a closed form that is valid for a constant sensor slope.
+    """Find first contacts by the closed form for constant sensor slope.
 
-    They solve M x~'' + (D + c) x~' + K x~ = c (v + a t) with c = slope gain and l = p + v t + a t^2 / 2 - x~.
+    The motions solve M x~'' + (D + c) x~' + K x~ = c (v + a t) with c = slope gain and l = p + v t + a t^2 / 2 - x~.
 
     If the status is OPEN, the other results are NaN.
 
@@ -145,7 +145,9 @@ def solve_linear(
     *,
     status: IntArray,
 ) -> None:
-    """Solve the motion equation L(7) for a constant sensor slope by its closed form, one encounter at a time.
+    """Solve the motion equation L(7) for a constant sensor slope.
+
+    The closed form is evaluated for one encounter at a time.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -161,7 +163,9 @@ def solve_linear(
 
 
 def respond_many(rows: FloatArray, times: FloatArray, out: FloatArray) -> None:
-    """Compute the motions y(t) of several damped oscillators that obey M y'' + D y' + K y = f_0 + f_1 t.
+    """Compute the motions y(t) of several damped oscillators.
+
+    They obey M y'' + D y' + K y = f_0 + f_1 t.
 
     Args:
         rows: M, D, K, y(0), y'(0), f_0, f_1 in SI units, shape (n, 7).
@@ -185,7 +189,9 @@ def contact_times(
     gradients: FloatArray | None = None,
     peaks: FloatArray | None = None,
 ) -> None:
-    """Find the first contacts of encounters for which a compiled solver can prove that no earlier contact exists.
+    """Find first contacts by the compiled Taylor-series solver.
+
+    A contact counts only if the solver proves that no earlier contact exists. Other encounters stay open.
 
     Args:
         inputs: the first nine columns of layout.Relative, or all eleven for peaks; shape (n,) or (1,), contiguous.
@@ -217,7 +223,7 @@ def contact_times(
 
 
 class ValuesAtNodes(NamedTuple):
-    """Values at the quadrature nodes of approaches under the virtual drag, in arrays with one number per node.
+    """Values at the quadrature nodes of approaches under the virtual drag.
 
     Args:
         first: index of the first distance interval of each approach, shape (n,).
@@ -246,7 +252,9 @@ def drag_approaches(
     at_nodes: ValuesAtNodes | None = None,
     course: tuple[FloatArray, FloatArray] | None = None,
 ) -> None:
-    """Integrate approaches under the virtual drag until contact, until rest, or until the longest allowed time.
+    """Integrate approaches under the virtual drag.
+
+    An approach ends in contact, at rest, or at the longest allowed time.
 
     Args:
         inputs: k = phi / M [m], a_o, l, l'^2 and t at the start, position, velocity and acceleration of the obstacle at
@@ -290,15 +298,15 @@ def drag_approaches(
 
 
 def of_core(curves: Curves, n: int) -> _CurvesOfCore:
-    """Return a C structure that refers to the sensor curves of n encounters."""
+    """Return the C structure for the sensor curves of n encounters."""
     # The arrays must outlive the structure.
     windows, starts, curve_of = curves
     rows, width = windows.shape
     shared = len(curve_of) == 1
     if width not in _WIDTHS or not (shared or len(curve_of) == n):
         raise ValueError(
-            f"windows: found a table with {width} columns and sensor curves for {len(curve_of)} encounters; "
-            f"expected a number of columns from {sorted(_WIDTHS)}, and sensor curves for all {n} encounters"
+            f"windows: found a table with {width} columns and sensor curves for {len(curve_of)} encounters. "
+            f"Expected a number of columns from {sorted(_WIDTHS)}, and sensor curves for all {n} encounters"
         )
     if not (_is_valid(starts, curve_of, rows) if shared else _are_valid(starts, curve_of, rows)):
         raise ValueError("curves: an encounter refers to a curve whose windows are not in the table")
@@ -307,14 +315,14 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
 
 
 def _is_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Return True if a table of polynomials contains the one sensor curve that all encounters share."""
+    """Return True if the polynomial table contains the shared sensor curve."""
     # This check avoids the overhead of NumPy functions.
     which = int(curve_of[0])
     return 0 <= which < len(starts) - 1 and 0 <= int(starts[which]) <= int(starts[which + 1]) <= rows
 
 
 def _are_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Return True if a table of polynomials contains the sensor curves of all encounters."""
+    """Return True if the polynomial table contains all sensor curves."""
     if len(starts) == 0 or starts[0] < 0 or starts[-1] > rows or (np.diff(starts) < 0).any():
         return False
     return len(curve_of) == 0 or bool(curve_of.min() >= 0 and curve_of.max() < len(starts) - 1)
@@ -329,9 +337,9 @@ def solve_series(
     status: IntArray,
     course: tuple[FloatArray, FloatArray] | None = None,
 ) -> None:
-    """Integrate the robot's motion L(1) under the virtual damper L(2), for any sensor curve.
+    """Integrate the robot's motion L(1) under the virtual damper L(2).
 
-    This includes the motion equations L(4), L(7) and L(14).
+    Any sensor curve is possible. This includes the motion equations L(4), L(7) and L(14).
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -362,7 +370,7 @@ def follow_gradients(
     derivatives: FloatArray,
     status: NDArray[np.int8],
 ) -> None:
-    """Integrate encounters until contact, and compute derivatives of contact time and velocity with respect to inputs.
+    """Integrate encounters until contact, and differentiate contact time and velocity.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -385,13 +393,14 @@ def follow_gradients(
 def _encounters(
     values: FloatArray, gains: FloatArray, pieces: FloatArray, limits: tuple[float, bool, bool]
 ) -> tuple[int, int, int, Any]:
-    """Return the arguments that pass encounters and their sensor curve to a compiled solver."""
+    """Return the arguments of a compiled solver for given encounters."""
     n, curve = len(values), byref(pieces_of_core(pieces, *limits[1:]))
     return shaped(values, (n, 10)), n, shaped(gains, (n,)), curve
 
 
 def pieces_of_core(pieces: FloatArray, ends_in_contact: bool, open_ended: bool) -> _PiecesOfCore:
-    """Return a C structure that refers to the array of a piecewise polynomial curve; the array must outlive it."""
+    """Return the C structure of a piecewise polynomial curve."""
+    # The array must outlive the structure.
     count, width = pieces.shape
     if not (count > 0 and 3 <= width <= _WIDEST):
         raise TypeError(

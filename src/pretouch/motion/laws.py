@@ -1,4 +1,7 @@
-"""Define control laws in continuous time: the virtual damper, the virtual drag and their interface."""
+"""Define the virtual damper and the virtual drag in continuous time.
+
+The module also contains the interface of such control laws.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,9 @@ if TYPE_CHECKING:
 
 
 class LawNumber(NamedTuple):
-    """Name, symbol and unit of the coefficient that a design chooses for a control law, such as the gain D_p.
+    """Name, symbol and unit of a control law's coefficient.
+
+    A design chooses the coefficient, such as the gain D_p.
 
     Args:
         name: such as "gain".
@@ -48,25 +53,31 @@ class LawNumber(NamedTuple):
         return f"{self.name} {self.symbol}"
 
     def equals(self, value: float) -> str:
-        """Return symbol, value and unit of the coefficient as text, such as "D_p = -0.7 N s"."""
+        """Format the coefficient as text, such as "D_p = -0.7 N s"."""
         return f"{self.symbol} = {self.text(value)}"
 
     def text(self, value: float, digits: int = 4) -> str:
-        """Format a value of the coefficient with its unit as text, such as "-0.7 N s"."""
+        """Format a coefficient with its unit, such as "-0.7 N s"."""
         return pretty_unit(format_quantity(value, self.unit, digits))
 
     def entry(self, name: str) -> Entry:
-        """Return name, symbol and unit of a quantity; the name "gain" stands for the coefficient of this law."""
+        """Return name, symbol and unit of a quantity.
+
+        The name "gain" stands for the coefficient of this law.
+        """
         return Entry(self.name, self.symbol, self.unit) if name == "gain" else QUANTITIES[name]
 
     @property
     def key(self) -> str:
-        """The key for the coefficient in the section `[law]` of a scenario file, such as "drag"."""
+        """The key of the coefficient in scenario files, such as "drag".
+
+        It belongs to the section `[law]`.
+        """
         return self.name.replace(" ", "_")
 
     @property
     def mitigating(self) -> str:
-        """The sign that a coefficient needs to mitigate impacts, in words: "positive" or "negative"."""
+        """The sign of impact-mitigating coefficients, "positive" or "negative"."""
         return "positive" if self.sign > 0 else "negative"
 
     @property
@@ -75,15 +86,16 @@ class LawNumber(NamedTuple):
         return self.symbol.replace("_p", "\u209a")
 
     def plot_text(self, value: float, digits: str = ".4g") -> str:
-        """Format a value of the coefficient with its unit for a plot, such as "-0.7 N s"."""
+        """Format a coefficient for plots, such as "-0.7 N s"."""
         return f"{value:{digits}} {pretty_unit(self.unit)}"
 
 
 @runtime_checkable
 class ContinuousLaw(Protocol):
-    """Interface of a control law in continuous time, which designs and predictions use.
+    """Interface of a control law in continuous time.
 
-    `DAMPER` and `DRAG` are the built-in laws; `CustomLaw` makes a law of any force.
+    Designs and predictions use this interface. `DAMPER` and `DRAG` are the built-in laws; `CustomLaw` makes a law of
+    any force.
 
     Attributes:
         kind: its name in files and on pages.
@@ -102,16 +114,19 @@ class ContinuousLaw(Protocol):
 
     @property
     def number(self) -> LawNumber:
-        """Name, symbol and unit of the coefficient that a design chooses, such as the gain D_p."""
+        """Name, symbol and unit of the coefficient, such as gain D_p."""
 
     @property
     def degree(self) -> int | None:
-        """The exponent n if the virtual force is proportional to the n-th power of d(ln xi)/dt, otherwise None."""
+        """The exponent of the rate d(ln xi)/dt in the virtual force.
+
+        It is None if the force is not proportional to a power of this rate.
+        """
 
     def contact(
         self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, *, method: str = ..., horizon: float = ...
     ) -> ContactResult:
-        """Solve encounters for one or several values of the gain, and return their states at contact."""
+        """Solve encounters for one or several gains."""
 
     def motion(
         self,
@@ -123,19 +138,26 @@ class ContinuousLaw(Protocol):
         horizon: float = ...,
         samples: int = ...,
     ) -> Motion:
-        """Compute the motion of each encounter at equally spaced times, for one or several values of the gain."""
+        """Compute the motion of each encounter at equally spaced times.
+
+        `value` contains one or several gains.
+        """
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return the damping [N s/m]: the derivative of the virtual force with respect to the relative velocity."""
+        """Return the damping of the control law [N s/m].
+
+        It is the derivative of the virtual force with respect to the relative velocity.
+        """
         # An unknown damping is NaN.
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Damper:
-    """The virtual damper: its force is the product of gain D_p, sensor slope g(l) and relative velocity l'.
+    """The virtual damper in continuous time.
 
-    This is the letter's law F_p = D_p g(l) l', L(2), in continuous time.
+    This is the letter's law F_p = D_p g(l) l', L(2). The force is the product of gain, sensor slope and relative
+    velocity.
     """
 
     kind: ClassVar[str] = "virtual-damper"
@@ -184,16 +206,20 @@ class Damper:
         return motion_from_trace(request, times, trace, result)
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return the damping of the virtual damper [N s/m]: gain times sensor slope, at every speed."""
+        """Return the damping of the virtual damper [N s/m].
+
+        It is gain times sensor slope, at every speed.
+        """
         return np.asarray(value) * slope + np.zeros_like(relative_velocity)
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Drag:
-    """The virtual drag in continuous time: a force that slows an approach and does not act on receding objects.
+    """The virtual drag in continuous time.
 
-    The force is F = -phi s'^2 while s = ln xi grows, and 0 otherwise (docs/explanation/drag.md).
+    It slows an approach and does not act on receding objects. The force is F = -phi s'^2 while s = ln xi grows, and 0
+    otherwise (docs/explanation/drag.md).
 
     The admittance's pull toward the object is switched off during an approach: M x~'' = F - max(K x~ + D x~', 0). From
     rest at the reference, or behind it, the motion is M l'' = M a_o + phi g^2 l'^2, solved by quadrature for any curve.
@@ -269,7 +295,10 @@ class Drag:
         return sample_drag(scenario, sensor, value, horizon=horizon, samples=samples)
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return the damping of the virtual drag [N s/m], which grows with the approach speed."""
+        """Return the damping of the virtual drag [N s/m].
+
+        It grows with the approach speed.
+        """
         # The damping is 2 phi g^2 |l'| in an approach, and 0 for a receding object.
         return 2 * np.asarray(value) * np.square(slope) * np.maximum(0.0 - np.asarray(relative_velocity), 0.0)
 
@@ -294,7 +323,10 @@ def _drag_force(drag: Any, _: Any, rate: Any) -> Any:
 
 
 def _by_integration(law: Damper | Drag) -> IntegratedLaw:
-    """Return the variant of a built-in law that also solves encounters with changing obstacle acceleration."""
+    """Return the numerically integrated variant of a built-in law.
+
+    It also solves encounters with changing obstacle acceleration.
+    """
     from .integrated_law import IntegratedLaw  # noqa: PLC0415 - only courses need it
 
     force = _damper_force if isinstance(law, Damper) else _drag_force
@@ -312,7 +344,8 @@ LAWS: Final[dict[str, ContinuousLaw]] = {law.kind: law for law in (DAMPER, DRAG)
 
 
 def _law_problem(name: str, law: Any) -> str:
-    """Return why an object is not a valid control law, or an empty text if it is valid."""
+    """Explain why an object is not a valid control law."""
+    # The text is empty for a valid law.
     if not (isinstance(law, ContinuousLaw) and isinstance(law.number, LawNumber)):
         return (
             f"found {short_repr(law)}, but a law must be a class or value that has all members of "
@@ -331,7 +364,9 @@ LAW_KINDS: Final = Extensions(group="pretouch.laws", built_in=lambda: LAWS, prob
 
 
 def continuous_law(law: Any) -> ContinuousLaw:
-    """Return the control law in continuous time for a given law object, sampled law or law name.
+    """Return the continuous-time law of a law object or name.
+
+    The argument is a law in continuous time, a sampled law, or the name of a law.
 
     Raises:
         InvalidInputError: the argument is no law, and its attribute `continuous` does not name one.
@@ -347,7 +382,7 @@ def continuous_law(law: Any) -> ContinuousLaw:
     if sampled is None:
         name = repr(law) if isinstance(law, str) else type(law).__name__
         raise InvalidInputError(
-            f"law: found {name}, expected a law in continuous time: one of the names "
+            f"law: found {name}, expected a law in continuous time. Use one of the names "
             f"{', '.join(LAW_KINDS.names())}, a CustomLaw, or a sampled law whose attribute `continuous` names a "
             "law"
         )

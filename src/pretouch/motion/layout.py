@@ -1,4 +1,7 @@
-"""Name the input and output columns of the compiled solvers, and the ways in which an encounter can end."""
+"""Name the input and output columns of the compiled solvers.
+
+The module also lists the ways in which an encounter can end.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from pretouch._core.numbers import FloatArray
 
 
 class Relative(NamedTuple):
-    """Gain and inputs of encounters, with positions, velocities and accelerations relative to the reference position.
+    """Gain and inputs of encounters, relative to the reference position.
 
     They are the inputs of L(8) and L(9). Each column has one number that all encounters share, or one number per
     encounter. The motion of the reference is needed only for absolute quantities.
@@ -94,7 +97,10 @@ RESOLUTION: Final = 1e-12
 
 
 def by_name(rows: FloatArray) -> dict[str, FloatArray]:
-    """Return the columns of a result table as a dictionary by column name; the columns are views, not copies."""
+    """Return the columns of a result table by name.
+
+    The columns are views, not copies.
+    """
     return dict(zip(COLUMNS, rows.T, strict=True))
 
 

@@ -1,4 +1,7 @@
-"""Combine many sensor curves so that one solver call can use a different curve for each encounter."""
+"""Combine many sensor curves for one solver call.
+
+Each encounter can use a different curve.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ _METHODS: Final = ("auto", "integration")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ManyCurves:
-    """Sensor curves of one class with different parameters, one curve for each encounter.
+    """Sensor curves of one class, one curve for each encounter.
 
     None has a constant slope, and all are valid down to l = 0.
 
@@ -40,7 +43,7 @@ class ManyCurves:
         return len(self.sensors)
 
     def windows(self, reach: float) -> ManyWindows:
-        """Return polynomials that approximate all sensor curves up to a given distance [m]."""
+        """Approximate all sensor curves up to a given distance [m]."""
         if reach not in self._windows:
             tops = np.minimum([sensor.valid_range[1] for sensor in self.sensors], reach)
             images = find_images(self.sensor, self.values)
@@ -51,7 +54,8 @@ class ManyCurves:
         return self._windows[reach]
 
     def complete_windows(self, reach: float) -> ManyWindows:
-        """Return polynomials that approximate all sensor curves up to a given distance [m], however many are needed."""
+        """Approximate all sensor curves by as many polynomials as needed."""
+        # The polynomials reach up to a given distance [m].
         windows = self.windows(reach)
         if not (np.diff(windows.starts) > 0).all():
             tops = np.minimum([sensor.valid_range[1] for sensor in self.sensors], reach)
@@ -59,10 +63,10 @@ class ManyCurves:
         return windows
 
     def check(self, scenario: Scenario) -> None:
-        """Raise an error if an encounter starts outside the valid range of its sensor curve.
+        """Check that every encounter starts within its sensor curve's range.
 
         Raises:
-            OutOfRangeError: an encounter does.
+            OutOfRangeError: an encounter starts outside this range.
         """
         low, high = np.array([sensor.valid_range for sensor in self.sensors]).T
         distance = np.asarray(scenario.distance) + np.zeros(len(self))
@@ -71,12 +75,15 @@ class ManyCurves:
             i = int(outside[0][-1])
             raise OutOfRangeError(
                 f"obstacle position: encounter {i} starts at a distance of {distance[tuple(outside[0])]:g} m, "
-                f"but its sensor curve ({self.sensor.name}) is valid only from {low[i]:g} m to {high[i]:g} m; start "
-                "the encounter when the object enters this range"
+                f"outside the sensor range. Its sensor curve ({self.sensor.name}) is valid only from {low[i]:g} m to "
+                f"{high[i]:g} m. Start the encounter when the object enters this range"
             )
 
     def falls(self, scenario: Scenario) -> bool:
-        """Return True if the output of every sensor curve falls with distance, from contact to the farthest start."""
+        """Return True if every sensor output falls with distance.
+
+        The tested distances reach from contact to the farthest start.
+        """
         return self.windows(reach_of(scenario)).falling
 
     def slope_at_contact(self) -> FloatArray:
@@ -84,7 +91,10 @@ class ManyCurves:
         return np.array([sensor.log_slope(0.0) for sensor in self.sensors])
 
     def log_output(self, distance: FloatArray) -> FloatArray:
-        """Return the log output ln xi of each sensor curve at given distances [m], limited to the valid range."""
+        """Return the log output ln xi of each sensor curve.
+
+        Distances [m] are limited to the valid range.
+        """
         # Distances have the shape (..., n).
         inside = [np.clip(distance[..., i], *sensor.valid_range) for i, sensor in enumerate(self.sensors)]
         return np.stack([s.log_output(d) for s, d in zip(self.sensors, inside, strict=True)], axis=-1)
@@ -93,7 +103,7 @@ class ManyCurves:
 def many_curves(
     sensor: SensorModel, values: Mapping[str, FloatArray], sensors: tuple[SensorModel, ...], method: str
 ) -> ManyCurves | None:
-    """Combine sensor curves for a single solver call, or return None if the curves or the method do not allow it.
+    """Combine sensor curves for a single solver call.
 
     Returns:
         The set; None if a curve has a constant slope or is not valid at contact, or if another method is requested.

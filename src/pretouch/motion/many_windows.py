@@ -59,9 +59,9 @@ class ManyWindows:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Images:
-    """Sensor curves that all result from one curve if the distance is scaled and shifted.
+    """Scaled and shifted variants of one sensor curve.
 
-    Each has a scale s and a shift t [m], shape (n,).
+    The distance is scaled and shifted. Each has a scale s and a shift t [m], shape (n,).
     """
 
     sensor: SensorModel
@@ -70,7 +70,8 @@ class Images:
 
 
 def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images | None:
-    """Find one sensor curve from which all given curves result by scaling and shifting the distance, or return None."""
+    """Express all sensor curves as scaled and shifted variants of one."""
+    # The result is None if this is not possible.
     if not values:  # curves that differ in the points of a table
         return None
     curve, default = sensor.bare
@@ -90,8 +91,9 @@ def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images
 
 
 def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> float | None:
-    """Return the exponent k if a sensor parameter p scales the distance by the factor p^k, otherwise None."""
-    # A parameter without effect has the exponent 0. A parameter with another effect gives None.
+    """Return the exponent with which a sensor parameter scales the distance."""
+    # A parameter p scales the distance by p^k, with the exponent k. A parameter without effect has the exponent 0. A
+    # parameter with another effect gives None.
     nominal = float(getattr(sensor, name))
     powers = []
     for value in (float(values.min()), nominal, float(values.max())):
@@ -108,7 +110,7 @@ def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> flo
 
 
 def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
-    """Return the polynomials of sensor curves that result from one curve by scaling and shifting the distance."""
+    """Return the polynomials of scaled and shifted variants of one curve."""
     # The windows reach from l = 0 to the upper end of each curve, `tops` [m], shape (n,).
     sensor, scale, shift = images.sensor, images.scale, images.shift
     low, high = sensor.valid_range
@@ -133,9 +135,9 @@ def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
 def windows_side_by_side(
     sensors: Sequence[SensorModel], values: Mapping[str, FloatArray], tops: FloatArray
 ) -> ManyWindows:
-    """Approximate many sensor curves of one class by polynomials on the same distance intervals.
+    """Approximate many sensor curves by polynomials on the same intervals.
 
-    Curves that need other intervals get their own.
+    All curves have the same class. Curves that need other intervals get their own.
 
     The windows are chosen for the curves with the smallest and the largest value of each parameter, and one between
     them. The approximation of every curve is then tested on these windows.
@@ -169,13 +171,14 @@ def windows_side_by_side(
 
 
 def windows_from_pieces(sensors: Sequence[SensorModel], tops: FloatArray) -> ManyWindows:
-    """Approximate each sensor curve from contact to its upper end [m] by as many polynomials as it needs."""
+    """Approximate each sensor curve by as many polynomials as it needs."""
+    # The polynomials reach from contact to the upper end [m] of the curve.
     return _join([windows_of_pieces(sensor, 0.0, float(top)) for sensor, top in zip(sensors, tops, strict=True)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Whole:
-    """One polynomial for each sensor curve, which approximates the slope over the whole range of the curve.
+    """One slope polynomial for the whole range of each sensor curve.
 
     Windows overlap and are short where a curve bends, so one polynomial needs fewer evaluations of a curve.
 
@@ -196,13 +199,13 @@ class _Whole:
         return np.asarray(np.polynomial.chebyshev.chebvander(2 * distance / self.top - 1, len(self.nodes) - 1))
 
     def slope(self, distance: FloatArray) -> FloatArray:
-        """Return the approximated slope g [1/m] of the sensor curves at given distances [m]."""
+        """Return the approximated sensor slopes g [1/m] at given distances [m]."""
         return np.asarray((self.basis(distance) @ self.terms).T)
 
 
 def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
-    """Approximate the slope of each sensor curve by one polynomial, or return None if the error is too large."""
-    # The polynomials are tested between their nodes.
+    """Approximate the slope of each sensor curve by one polynomial."""
+    # The result is None if the error is too large. The polynomials are tested between their nodes.
     for count in _COUNTS:
         basis = chebyshev_basis(count)
         at, between = ((1 + z) * top / 2 for z in (basis.nodes, chebyshev_extremes(count)))
@@ -215,8 +218,8 @@ def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
 
 
 def _on_frame(sensors: Sequence[SensorModel], whole: _Whole | None, frame: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Approximate many sensor curves by polynomials on the same intervals, and return which curves are accurate."""
-    # The coefficients are those of ln xi, shape (n, windows, terms).
+    """Approximate many sensor curves by polynomials on given intervals."""
+    # The coefficients are those of ln xi, shape (n, windows, terms). The second result marks the accurate curves.
     degree = frame.shape[1] - TERMS - 1
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     low, high = frame[:, LOW, None], frame[:, TOP, None]
@@ -240,7 +243,7 @@ def _on_frame(sensors: Sequence[SensorModel], whole: _Whole | None, frame: Float
 
 
 def _of_cubics(sensor: PiecewiseCubic) -> FloatArray:
-    """Return the polynomial table of a sensor curve that already consists of cubic polynomials."""
+    """Return the polynomial table of a piecewise cubic sensor curve."""
     edges = np.array(sensor.distances)
     low, top = edges[:-1], edges[1:]
     slack = SLACK * (top - low)
@@ -252,7 +255,8 @@ def _of_cubics(sensor: PiecewiseCubic) -> FloatArray:
 
 
 def _own_windows(sensor: SensorModel, top: float, degree: int) -> FloatArray:
-    """Return polynomials that approximate one sensor curve, or an empty table if no polynomials are accurate enough."""
+    """Approximate one sensor curve by polynomials on its own intervals."""
+    # The table is empty if no polynomials are accurate enough.
     windows = polynomial_windows(sensor.log_slope, (0.0, top), degree)
     return np.zeros((0, TERMS + degree + 1)) if windows is None else windows
 
@@ -280,7 +284,7 @@ def _make_windows(table: FloatArray, starts: IntArray, *, falling: bool | None =
 
 
 def _falls(table: FloatArray) -> bool:
-    """Return True if the sensor slope is negative on all intervals of a table of polynomials."""
+    """Return True if the sensor slope is negative on all intervals."""
     middle, terms = table[:, MIDDLE], table[:, TERMS:]
     if terms.shape[1] == 1:
         ends = terms / (table[:, [LOW, TOP]] - middle[:, None])

@@ -1,4 +1,4 @@
-"""Build report sections on the inputs of an encounter, the sensor and the solution method."""
+"""Build report sections on encounter, sensor and solution method."""
 
 from __future__ import annotations
 
@@ -70,12 +70,12 @@ class _Answer(Protocol):
 
     @property
     def on_evaluator(self) -> bool:
-        """Whether a simulated loop or a custom solver, instead of the motion equations, solved the encounters."""
+        """Whether a simulated loop or custom solver solved the encounters."""
 
 
 def solved_on(answer: _Answer) -> str:
-    """Return whether a design used motion equations, a simulated control loop or a custom solver."""
-    # The words are `motion`, `loop` and `other`.
+    """Return the kind of solver that a design used."""
+    # The kinds are `motion` (motion equations), `loop` (simulated control loop) and `other` (custom solver).
     if not answer.on_evaluator:
         return "motion"
     return "loop" if answer.method == "loop" else "other"
@@ -103,7 +103,7 @@ def scenario_rows(scenario: Scenario) -> Iterator[Row]:
 
 
 def sensor_rows(sensor: SensorModel) -> Iterator[Row]:
-    """Yield the parameters and the valid range of a sensor curve as table rows for a report."""
+    """Yield report rows with parameters and range of a sensor curve."""
     yield "curve", sensor.name
     part: Any = sensor
     while part := getattr(part, "sensor", None):
@@ -124,7 +124,7 @@ def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> Pag
 
 
 def mounting_in_words(sensor: SensorModel | None) -> Iterator[str]:
-    """Yield a sentence that says how far the sensor is mounted behind the contact surface."""
+    """Describe how far the sensor is mounted behind the contact surface."""
     recess = getattr(sensor, "recess", 0.0)
     if recess:
         yield (
@@ -136,7 +136,7 @@ def mounting_in_words(sensor: SensorModel | None) -> Iterator[str]:
 def method_section(
     method: str, sensor: SensorModel | None = None, *, solved_on: str = "motion", others: Iterable[Block] = ()
 ) -> PageSection:
-    """Create the report section that describes how encounters were solved, and under which assumptions.
+    """Create the report section on the solution method and its assumptions.
 
     Args:
         method: a key of METHODS, or a description of the method.

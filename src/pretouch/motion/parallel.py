@@ -18,7 +18,7 @@ _MAX_SPLIT: Final = 64  # chunks that are made only to occupy cores
 
 
 def run_in_chunks(run: Callable[[int, int], object], size: int, *, least: int, most: int) -> None:
-    """Run a function over chunks of many encounters, in parallel on all processor cores.
+    """Process many encounters in parallel chunks on all processor cores.
 
     The chunks cover the range 0 to `size`.
 
@@ -60,7 +60,7 @@ def run_in_chunks(run: Callable[[int, int], object], size: int, *, least: int, m
 
 
 def _chunks(size: int, least: int, most: int) -> list[tuple[int, int]]:
-    """Split the encounters into chunks of equal size; only the last chunk may be smaller."""
+    """Split the encounters into chunks of equal size."""
     # The number of chunks is a power of two, or larger to respect `most`.
     worth = max(-(-size // least), 1)
     count = max(min(1 << (worth - 1).bit_length(), _MAX_SPLIT), -(-size // most))

@@ -1,4 +1,7 @@
-"""Provide the points and matrices of ten-point Radau collocation, and apply them to many integration steps."""
+"""Provide points and matrices of ten-point Radau collocation.
+
+The functions apply them to many integration steps.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +22,9 @@ _ROOT_STEPS: Final = 8
 
 
 class Tables(NamedTuple):
-    """Points and matrices of Radau collocation for an integration step from 0 to 1.
+    """Points and matrices of Radau collocation for one integration step.
 
-    The Gauss points serve to check the impulse balance.
+    The step reaches from 0 to 1. The Gauss points serve to check the impulse balance.
     """
 
     nodes: FloatArray  # (POINTS + 1,)
@@ -36,7 +39,7 @@ class Tables(NamedTuple):
 
 @lru_cache(maxsize=1)
 def tables() -> Tables:
-    """Return the points and matrices of Radau collocation; the compiled core provides the points."""
+    """Return the points and matrices of Radau collocation."""
     core = np.zeros(POINTS + 4 * POINTS**2)
     kernel("radau_points", POINTER)(address(core))
     integrals = core[POINTS:].reshape(4, POINTS, POINTS)[0].copy()
@@ -57,19 +60,21 @@ def tables() -> Tables:
 
 
 def apply(matrix: FloatArray, values: FloatArray) -> FloatArray:
-    """Multiply a matrix by each row of an array; the result of a row does not depend on the other rows."""
-    # A single product of two matrices would round differently for different numbers of rows.
+    """Multiply a matrix by each row of an array."""
+    # The result of a row does not depend on the other rows. A single product of two matrices would round differently
+    # for different numbers of rows.
     return np.asarray(np.matmul(matrix, values[..., None])[..., 0])
 
 
 def evaluate(coefficients: FloatArray, at: FloatArray) -> FloatArray:
-    """Evaluate one Legendre series per row, at the points that the same row of a second array contains."""
-    # The coefficients have the shape (n, k). The points lie in [0, 1] and have the shape (n, m).
+    """Evaluate one Legendre series per row."""
+    # The points of a series are in the same row of `at`. The coefficients have the shape (n, k). The points lie between
+    # 0 and 1 and have the shape (n, m).
     return np.asarray(legendre.legval(2 * at - 1, coefficients.T[:, :, None], tensor=False))
 
 
 def first_root(values: FloatArray, passed: BoolArray) -> FloatArray:
-    """Return where interpolated values first cross zero in each step, as a fraction of the step from 0 to 1.
+    """Find the first zero crossing of interpolated values in each step.
 
     The values of every step must cross zero.
 

@@ -1,4 +1,7 @@
-"""Solve one integration step of many motions under a custom force by Radau collocation and Newton's method."""
+"""Compute one integration step of many motions by Radau collocation.
+
+The motions have a custom force law. Newton's method solves the collocation equations.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ _ROUNDING: Final = 16 * float(np.finfo(np.float64).eps)
 
 
 class Start(NamedTuple):
-    """State and parameters of many motions at the start of an integration step.
+    """Initial state and parameters of motions in an integration step.
 
     Each array has the shape (n,). The position and velocity of the obstacle are relative to the reference.
     """
@@ -45,30 +48,36 @@ class Start(NamedTuple):
         return Start._make(column[which] for column in self)
 
     def obstacle_after(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return position [m] and velocity [m/s] of the obstacles at given times [s] after the start of the step."""
+        """Return position [m] and velocity [m/s] of the obstacles.
+
+        The times [s] count from the start of the step.
+        """
         velocity, push = self.velocity[:, None], self.push[:, None]
         return self.position[:, None] + (velocity + push * time / 2) * time, velocity + push * time
 
     def pull(self, time: FloatArray, distance: FloatArray, speed: FloatArray) -> FloatArray:
-        """Return the force [N] of the admittance's spring and damper at given times [s] after the start of the step."""
+        """Return the force [N] of the admittance's spring and damper.
+
+        The times [s] count from the start of the step.
+        """
         position, velocity = self.obstacle_after(time)
         return np.asarray(self.stiffness[:, None] * (position - distance) + self.damping[:, None] * (velocity - speed))
 
     def acting(self, pull: FloatArray, force: FloatArray, law: ForceLaw) -> FloatArray:
-        """Return the part of the admittance's spring and damper force that acts on the virtual mass [N]."""
+        """Return the admittance force [N] that acts on the virtual mass."""
         course = self.course[:, None]
         acts = np.where(course == APPROACH, np.maximum(pull, 0.0), pull) if law.suspends_admittance else pull
         return np.where(course == ALONG, force - (self.mass * self.push)[:, None], acts)
 
     def acceleration(self, law: ForceLaw) -> FloatArray:
-        """Return the relative acceleration [m/s^2] of each motion at the start of the step."""
+        """Return the relative acceleration [m/s^2] at the start of the step."""
         force = self.force[:, None]
         pull = self.pull(np.zeros_like(force), self.distance[:, None], self.speed[:, None])
         return np.asarray(self.push - (force - self.acting(pull, force, law))[:, 0] / self.mass)
 
 
 class Trial(NamedTuple):
-    """Solutions of attempted integration steps at the collocation nodes, with estimates of their errors.
+    """Solutions of attempted integration steps with estimates of their errors.
 
     Arrays of distance, speed and force have the shape (n, POINTS + 1).
     """
@@ -86,7 +95,10 @@ class Trial(NamedTuple):
 
 
 class _Points(NamedTuple):
-    """States of many motions at the collocation points of an integration step, shape (n, POINTS)."""
+    """States of many motions at the collocation points.
+
+    The arrays have the shape (n, POINTS).
+    """
 
     distance: FloatArray
     speed: FloatArray
@@ -95,7 +107,8 @@ class _Points(NamedTuple):
 
 
 def try_step(law: ForceLaw, start: Start, duration: FloatArray) -> Trial:
-    """Solve one integration step of given duration [s] for each motion, independently of the other motions."""
+    """Solve one integration step for each motion."""
+    # The duration is in s. The motions are solved independently of each other.
     first = start.acceleration(law)
     acceleration = np.repeat(first[:, None], POINTS, axis=1)
     nodes = [np.repeat(column[:, None], POINTS + 1, axis=1) for column in start[-3:]]
@@ -130,7 +143,10 @@ def try_step(law: ForceLaw, start: Start, duration: FloatArray) -> Trial:
 
 
 def _magnitudes(start: Start, points: _Points) -> FloatArray:
-    """Return the summed magnitudes of all terms of the relative acceleration [m/s^2], for its rounding error."""
+    """Return the summed term magnitudes of the relative acceleration [m/s^2].
+
+    The rounding error of the acceleration is proportional to this sum.
+    """
     lengths = np.abs(start.position) + np.abs(points.distance).max(axis=1)
     speeds = np.abs(start.velocity) + np.abs(points.speed).max(axis=1)
     forces = np.abs(points.force).max(axis=1) + start.stiffness * lengths + start.damping * speeds
@@ -138,7 +154,7 @@ def _magnitudes(start: Start, points: _Points) -> FloatArray:
 
 
 def _points(law: ForceLaw, start: Start, h: FloatArray, acceleration: FloatArray) -> _Points:
-    """Return the states at the collocation points for given relative accelerations [m/s^2] at these points."""
+    """Compute the states at the collocation points from their accelerations."""
     time = h * tables().nodes[1:]
     speed = start.speed[:, None] + h * apply(tables().integrals, acceleration)
     change = start.speed[:, None] * time + h**2 * apply(tables().twice, acceleration)
@@ -148,7 +164,7 @@ def _points(law: ForceLaw, start: Start, h: FloatArray, acceleration: FloatArray
 
 
 def _matrix(law: ForceLaw, start: Start, h: FloatArray, points: _Points) -> FloatArray:
-    """Return the Jacobian matrix of the collocation equations with respect to the relative accelerations."""
+    """Return the Jacobian matrix of the collocation equations."""
     distance, speed, force, pull = points
     (low, high), value, mass = law.valid_range, start.value[:, None], start.mass[:, None]
     farthest, fastest = (np.abs(values).max(axis=1)[:, None] for values in (distance, speed))
@@ -166,7 +182,8 @@ def _matrix(law: ForceLaw, start: Start, h: FloatArray, points: _Points) -> Floa
 
 
 def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve many systems of linear equations at once; the result of a singular system is NaN."""
+    """Solve many systems of linear equations at once."""
+    # The result of a singular system is NaN.
     try:
         return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
     except np.linalg.LinAlgError:

@@ -27,7 +27,7 @@ METHODS: Final = ("auto", "closed-form", "integration", "uniform-motion")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request(Value):
-    """Checked inputs of a solver call: encounters, sensor, gains, longest simulated time and solution method.
+    """Checked inputs of a solver call.
 
     Args:
         scenario: the encounters.
@@ -54,12 +54,12 @@ class Request(Value):
 
     @property
     def relative(self) -> Relative:
-        """The inputs of all encounters, with positions and velocities relative to the reference position."""
+        """The inputs of all encounters relative to the reference position."""
         return Relative._make(self.columns)
 
     @property
     def gain(self) -> FloatArray:
-        """The gain D_p [N s], or the coefficient of another control law, for every encounter."""
+        """The gain D_p [N s] or another law's coefficient, per encounter."""
         return np.broadcast_to(self.relative.gain, self.size)
 
     def some(self, which: Which) -> Relative:
@@ -88,25 +88,36 @@ class Request(Value):
 
     @property
     def slope(self) -> float:
-        """The slope g [1/m] of a sensor curve with constant slope, or 0 for any other curve."""
+        """The slope g [1/m] of a sensor curve with constant slope.
+
+        It is 0 for any other curve.
+        """
         return self.sensor.constant_log_slope or 0.0
 
     @property
     def slope_at_contact(self) -> Any:
-        """The sensor slope g [1/m] at contact: one number, or an array if each encounter has its own sensor curve."""
+        """The sensor slope g [1/m] at contact.
+
+        It is an array if each encounter has its own sensor curve.
+        """
         if self.many is None:
             return float(self.sensor.log_slope(0.0))
         return np.broadcast_to(self.many.slope_at_contact(), self.shape).reshape(-1)
 
     def log_output(self, distance: FloatArray) -> FloatArray:
-        """Return the log output ln xi at one distance [m] per encounter; distances are limited to the sensor range."""
+        """Return the log output ln xi at one distance [m] per encounter.
+
+        Distances are limited to the sensor range.
+        """
         if self.many is None:
             return np.asarray(self.sensor.log_output(np.clip(distance, *self.sensor.valid_range)))
         return self.many.log_output(distance.reshape(self.shape)).reshape(-1)
 
 
 def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
-    """Choose the solution method if it is "auto", and check that encounters start in the sensor range.
+    """Choose the solution method, and check the starting distances.
+
+    A method other than "auto" is kept. Encounters must start in the sensor range.
 
     Returns:
         The method, never "auto".
@@ -119,8 +130,8 @@ def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
         raise InvalidInputError(f"method: found {method!r}, expected one of {', '.join(METHODS)}")
     if method == "closed-form" and sensor.constant_log_slope is None:
         raise InvalidInputError(
-            "method: the closed form L(10) of the motion needs a sensor curve of constant slope, but the slope "
-            f"of the {sensor.name} curve varies; use method='integration' or 'auto'"
+            "method: the closed form L(10) of the motion needs a sensor curve of constant slope. The slope of the "
+            f"{sensor.name} curve varies; use method='integration' or 'auto'"
         )
     if method == "auto":
         method = "integration" if sensor.constant_log_slope is None else "closed-form"
@@ -131,8 +142,8 @@ def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
         distance = np.asarray(distance)
         raise OutOfRangeError(
             f"obstacle position: the encounter starts at a distance of {float(distance[~inside].flat[0]):g} m, "
-            f"but the sensor curve ({sensor.name}) is valid only from {low:g} m to {high:g} m; start the encounter "
-            "when the object enters this range"
+            f"outside the sensor range. The sensor curve ({sensor.name}) is valid only from {low:g} m to {high:g} m. "
+            "Start the encounter when the object enters this range"
         )
     check_curve(sensor, distance)
     return method
@@ -148,8 +159,9 @@ def make_request(
     many: ManyCurves | None = None,
     with_course: bool = False,
 ) -> Request:
-    """Check the inputs of a solver call, choose the solution method, and convert arrays to one dimension."""
-    # An obstacle with a course is refused unless `with_course` is set.
+    """Check the inputs of a solver call."""
+    # The function also chooses the solution method and converts arrays to one dimension. An obstacle with a course is
+    # refused unless `with_course` is set.
     if many is not None:
         many.check(scenario)
         check_curve(sensor, scenario.distance)
@@ -176,7 +188,8 @@ def make_request(
 
 
 def _flatten(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    """Convert the inputs to one-dimensional arrays; a number that all encounters share gets the length 1."""
+    """Convert the inputs to one-dimensional arrays."""
+    # A number that all encounters share gets the length 1.
     if shape == ():
         numbers = np.array(columns, dtype=np.float64)
         return tuple(numbers[i : i + 1] for i in range(len(columns)))

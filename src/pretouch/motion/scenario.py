@@ -21,7 +21,7 @@ from .bodies import Obstacle, Plant, Reference
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Admittance(Value):
-    """Virtual mass M_a, damping D_a and stiffness K_a of the admittance controller, equation L(1).
+    """Virtual mass, damping and stiffness of the admittance controller, L(1).
 
     Each is a number or an array.
 
@@ -46,7 +46,9 @@ class Admittance(Value):
     def from_natural_frequency(
         cls, *, mass: ArrayLike, natural_frequency: ArrayLike, damping_ratio: ArrayLike = 1.0
     ) -> Admittance:
-        """Create an admittance from natural frequency and damping ratio, which is 1 (critical damping) by default.
+        """Create an admittance from natural frequency and damping ratio.
+
+        The default damping ratio is 1, which is critical damping.
 
         Args:
             mass: M_a > 0 [kg].
@@ -84,10 +86,10 @@ class Admittance(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(InNotebooks, Value):
-    """One encounter of robot and object, or an array of encounters if its inputs are arrays.
+    """One or several encounters of robot and object.
 
-    Positions are absolute; x points away from the sensor, so the distance is l = x_o - x and an approach has
-    l' < 0. Time starts when the object enters the detection range.
+    If inputs are arrays, the scenario is an array of encounters. Positions are absolute; x points away from the sensor,
+    so the distance is l = x_o - x and an approach has l' < 0. Time starts when the object enters the detection range.
 
     Args:
         admittance: the virtual dynamics of L(1).
@@ -140,11 +142,14 @@ class Scenario(InNotebooks, Value):
 
     @property
     def relative_velocity(self) -> Any:
-        """The relative velocity of the object at the start [m/s], negative for an approach."""
+        """The object's initial velocity relative to the robot [m/s].
+
+        It is negative for an approach.
+        """
         return self.obstacle.velocity - self.plant.velocity
 
     def relative_columns(self, *, with_course: bool = False) -> tuple[Any, ...]:
-        """Return the inputs of the encounter, with positions and velocities relative to the reference position.
+        """Return the inputs of the encounter relative to the reference position.
 
         The motions are those of L(9).
 
@@ -172,7 +177,7 @@ class Scenario(InNotebooks, Value):
         )
 
     def relative(self) -> FloatArray:
-        """Return the inputs of the encounter in one array, with positions and velocities relative to the reference.
+        """Return the inputs relative to the reference in one array.
 
         Returns:
             The columns, stacked along a last axis of 10 over the broadcast shape.
@@ -191,7 +196,7 @@ class Scenario(InNotebooks, Value):
 
 
 def _check_rounding(quantity_and_unit: str, obstacle: Any, plant: Any, reference: Any) -> None:
-    """Raise an error if the reference is so far or fast that rounding hides the difference of obstacle and robot."""
+    """Raise an error if a large reference value causes rounding errors."""
     if isinstance(reference, float) and reference == 0:
         return
     difference = np.subtract(obstacle, plant)
@@ -202,12 +207,12 @@ def _check_rounding(quantity_and_unit: str, obstacle: Any, plant: Any, reference
         first = float(np.broadcast_to(reference, np.shape(wrong))[wrong].flat[0])
         raise InvalidInputError(
             f"reference {name}: the value of {first:g} {unit} is so large that rounding hides the difference between "
-            f"obstacle and robot; give the {name} of obstacle, robot and reference relative to another origin"
+            f"obstacle and robot. Give the {name} of obstacle, robot and reference relative to another origin"
         )
 
 
 def _relative_to(value: Any, reference: Any) -> Any:
-    """Subtract a reference value, and avoid a copy if the reference value is 0."""
+    """Subtract a reference value without copying if it is 0."""
     return value if isinstance(reference, float) and reference == 0 else value - reference
 
 
@@ -230,22 +235,31 @@ _OF_DAMPING: Final = {"admittance.damping", "admittance.stiffness"}
 
 
 def sensor_inputs(sensor: SensorModel) -> dict[str, str]:
-    """Return the SI units of the parameters of a sensor curve, by input names such as `sensor.exponent`."""
+    """Return the SI units of a sensor curve's parameters.
+
+    The keys are input names such as `sensor.exponent`.
+    """
     return {f"sensor.{name}": unit for name, unit in sensor.parameter_units.items()}
 
 
 def input_units(sensor: SensorModel) -> dict[str, str]:
-    """Return the SI units of all inputs of an encounter and its sensor, as a dictionary by input name."""
+    """Return the SI units of all inputs of encounter and sensor.
+
+    The keys are input names such as `obstacle.velocity`.
+    """
     return {**SCENARIO_INPUTS, **sensor_inputs(sensor)}
 
 
 def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel:
-    """Return a copy of a sensor curve in which some parameters have new values in SI."""
+    """Return a copy of a sensor curve with new parameter values.
+
+    The values are in SI units.
+    """
     return sensor.with_parameters(values)
 
 
 def map_fields(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
-    """Apply a function to every number or array of an encounter, and return the resulting encounter."""
+    """Apply a function to every number or array of an encounter."""
 
     def changed(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -258,10 +272,10 @@ def map_fields(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
 
 
 def scenario_with(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
-    """Return a copy of an encounter in which some inputs have new values, which may be arrays.
+    """Return a copy of an encounter with new input values.
 
-    Changing mass, damping or stiffness keeps the other two. Changing natural frequency or damping ratio keeps the other
-    one of these and the mass.
+    The values may be arrays. Changing mass, damping or stiffness keeps the other two. Changing natural frequency or
+    damping ratio keeps the other one of these and the mass.
 
     Args:
         scenario: one encounter.
@@ -292,7 +306,7 @@ def scenario_with(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
 
 
 def _admittance_with(admittance: Admittance, values: dict[str, Any]) -> Admittance:
-    """Return a copy of an admittance in which some parameters have new values."""
+    """Return a copy of an admittance with new parameter values."""
     names = {f"admittance.{name}" for name in values}
     if not names & _FREQUENCY.keys():
         return replace(admittance, **values)

@@ -1,4 +1,6 @@
-"""Scale encounters with similar sensor curves, so that all of them can be solved with one sensor curve.
+"""Scale encounters with similar sensor curves to one reference sensor.
+
+All of them can then be solved with one sensor curve.
 
 With X = s x the equation of motion keeps its form if the force does. Take g(l) = -n / (l + l_0) and s = L_0 / l_0, so
 that L + L_0 = s (l + l_0). The curve (n, l_0) with the gain D_p then gives the same motion as the curve (N, L_0) with
@@ -32,7 +34,7 @@ _SCALED: Final = tuple(name for name in SCENARIO_INPUTS if not name.startswith("
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EncounterSimilarity(Value):
-    """Scale factors that convert encounters with different sensors to encounters with one reference sensor.
+    """Scale factors that convert encounters to one reference sensor.
 
     Args:
         sensor: the reference sensor.
@@ -59,7 +61,10 @@ class EncounterSimilarity(Value):
         return ContactResult(_Rescaled(result, self, scenario), result.method)
 
     def of_degree(self, degree: int) -> EncounterSimilarity:
-        """Return the scale factors for a law whose force is proportional to a given power of the rate d(ln xi)/dt."""
+        """Return the scale factors for a force law of given degree.
+
+        The force is proportional to this power of the rate d(ln xi)/dt.
+        """
         # For a force proportional to s'^d, the gain factor is k^d / s^(d - 1).
         if degree == 1:
             return self
@@ -70,14 +75,14 @@ class EncounterSimilarity(Value):
 
 @dataclass(frozen=True, slots=True)
 class _Rescaled(Value):
-    """Results of encounters with a reference sensor, converted back to the original sensors."""
+    """Results for a reference sensor, converted back to the original sensors."""
 
     reference: ContactResult
     similarity: EncounterSimilarity
     scenario: Scenario
 
     def column(self, name: str) -> Any:
-        """Return one quantity, such as the contact time, converted back to the original sensors."""
+        """Return one result quantity, converted back to the original sensors."""
         value = self.reference.columns.column(name)
         if name in _LENGTHS:
             return value / self.similarity.length
@@ -85,13 +90,13 @@ class _Rescaled(Value):
 
     @property
     def gradients(self) -> _RescaledGradients:
-        """The derivatives of the state at contact, converted back to the original sensors."""
+        """The derivatives at contact, converted back to the original sensors."""
         return _RescaledGradients(self)
 
 
 @dataclass(frozen=True, slots=True)
 class _RescaledGradients(Value):
-    """Derivatives at contact for a reference sensor, converted back to the original sensors.
+    """Derivatives for a reference sensor, converted back to the original sensors.
 
     A length is q = Q(s x, s^0 M, k D_p) / s, and a time is q = Q.
 
@@ -102,7 +107,7 @@ class _RescaledGradients(Value):
     columns: _Rescaled
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivative of a contact quantity, such as the contact time, with respect to an input."""
+        """Return the derivative of a contact quantity with respect to an input."""
         gradients, similarity = self.columns.reference.gradients, self.columns.similarity
         weight = 1.0 / similarity.length if quantity in _LENGTHS else 1.0
         if by == "gain":
@@ -125,9 +130,9 @@ class _RescaledGradients(Value):
 
 
 def find_similarity(sensor: SensorModel, values: Mapping[str, FloatArray], distance: Any) -> EncounterSimilarity | None:
-    """Find a reference sensor to which encounters with other sensor parameters can be scaled.
+    """Find a reference sensor to which encounters can be scaled.
 
-    Parameters have the shape (n,).
+    The sensors of the encounters differ in their parameters. Parameters have the shape (n,).
 
     Args:
         sensor: the sensor curve.

@@ -32,9 +32,9 @@ _AT: Final = {name: i for i, name in enumerate(COLUMNS)}
 
 
 class Solution(Value):
-    """Results of encounters, such as the contact time, each computed on first access.
+    """Lazily computed results of encounters.
 
-    Two solutions are equal if their requests are.
+    Each quantity, such as the contact time, is computed on first access. Two solutions are equal if their requests are.
 
     Each encounter is solved by the first method that proves its contact. For a constant slope this is first the
     vectorized closed form, then vectorized Taylor steps. The most robust method solves the remaining encounters,
@@ -89,8 +89,9 @@ class Solution(Value):
             self._fill_open(self._columns)
 
     def _solve_by_form(self, kept: bool) -> dict[str, FloatArray]:
-        """Find contact times by the closed form, or by a Taylor-series solver where the closed form fails."""
-        # If `kept`, the relative velocity l' is computed as well.
+        """Find contact times by the closed form."""
+        # Where the closed form fails, a Taylor-series solver replaces it. If `kept`, the relative velocity l' is
+        # computed as well.
         request, outputs = self.request, {}
         columns = {"time": np.empty(request.size)}
         if kept:
@@ -112,7 +113,10 @@ class Solution(Value):
         return (self.request,)
 
     def column(self, name: str) -> Any:
-        """Return one result quantity, such as the contact time: an array for several encounters, a float for one."""
+        """Return one result quantity, such as the contact time.
+
+        The result is an array for several encounters, and a float for one.
+        """
         if name not in self._cache:
             values = np.asarray(_DERIVED[name](self) if name in _DERIVED else self.raw(name))
             if self.request.shape == ():
@@ -124,7 +128,7 @@ class Solution(Value):
         return self._cache[name]
 
     def raw(self, name: str) -> FloatArray:
-        """Return one result quantity, such as the contact time, as an array with one number per encounter."""
+        """Return one result quantity, such as the contact time, per encounter."""
         # `name` is one of layout.COLUMNS.
         if self._rows is not None:
             return self._rows[:, _AT[name]]
@@ -137,7 +141,7 @@ class Solution(Value):
         return self._columns[name]
 
     def _compute(self, name: str) -> dict[str, FloatArray]:
-        """Compute one contact quantity, and return it with all other quantities of the same solver call."""
+        """Compute one quantity and all others of the same solver call."""
         # The values are meaningless for encounters without a proved contact.
         request = self.request
         if name == "virtual_force":  # by L(2)
@@ -175,19 +179,19 @@ class Solution(Value):
         return peaks
 
     def _proved(self) -> BoolArray:
-        """Return True for encounters whose first contact was found and proved by a fast solver."""
+        """Return True for encounters whose contact a fast solver proved."""
         proved = np.ones(self.request.size, dtype=np.bool_)
         proved[self._open] = False
         return proved
 
     def _fill_open(self, columns: dict[str, FloatArray]) -> None:
-        """Insert the results of those encounters that the fast solvers could not solve."""
+        """Insert the results of encounters that fast solvers could not solve."""
         if len(self._open):
             for name, values in columns.items():
                 values[self._open] = self._open_rows[:, _AT[name]]
 
     def _settle(self, name: str) -> None:
-        """Compute peak values of the motion by the most robust solver, for encounters where fast solvers failed."""
+        """Compute missing peak values by the most robust solver."""
         which = np.flatnonzero(np.isnan(self._columns[name]))
         if len(which):
             rows, _ = solve_guaranteed(self.request, which)
@@ -197,7 +201,7 @@ class Solution(Value):
 
     @property
     def settled_acceleration(self) -> FloatArray:
-        """The robot's acceleration relative to the reference position [m/s^2], at the end of each encounter.
+        """The robot's final acceleration relative to the reference position [m/s^2].
 
         After hundreds of time constants it is a difference of much larger numbers. Lanes then have an error of 1e-7,
         which is too large for derivatives, so that the most robust solver is used.
@@ -215,7 +219,10 @@ class Solution(Value):
         return np.asarray(self._cache[name])
 
     def reference(self, derivative: int) -> FloatArray:
-        """Return the reference position (derivative=0), its velocity (1) or acceleration (2) at the end of each run."""
+        """Return the final motion of the reference position.
+
+        `derivative` is 0 for the position [m], 1 for the velocity [m/s] and 2 for the acceleration [m/s^2].
+        """
         reference, time = self.request.scenario.reference, self.raw("time").reshape(self.request.shape)
         if derivative == 2:
             return np.broadcast_to(reference.acceleration, self.request.shape).reshape(-1)
@@ -229,7 +236,10 @@ class Solution(Value):
 def _fill_by_form(
     request: Request, time: FloatArray, status: NDArray[np.int8], *, solved: bool, **outputs: FloatArray
 ) -> None:
-    """Solve encounters with constant sensor slope by the closed form, or compute more results of solved encounters."""
+    """Solve encounters with constant sensor slope by the closed form.
+
+    If `solved`, only more results of solved encounters are computed.
+    """
     slope = request.slope
 
     def run(start: int, stop: int) -> None:
@@ -243,9 +253,9 @@ def _fill_by_form(
 def _in_lanes(
     request: Request, which: IntArray | None, names: tuple[str, ...] = STATES
 ) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
-    """Find contacts of many encounters by a compiled Taylor-series solver that proves each contact to be the first.
+    """Find contacts of many encounters by the Taylor-series solver.
 
-    The sensor curves must be valid down to l = 0.
+    The solver proves that each contact is the first. The sensor curves must be valid down to l = 0.
 
     Returns:
         Quantities of layout.STATES or layout.PEAKS by name, shape (m,) each, NaN if not determined; and the status, 0
@@ -272,7 +282,7 @@ def fill_by_lanes(
     most: int,
     **more: tuple[int, ...],
 ) -> None:
-    """Find the contacts of many encounters by a compiled Taylor-series solver, one chunk of encounters at a time.
+    """Find contacts by the Taylor-series solver, chunk by chunk.
 
     Args:
         request: the encounters.
@@ -298,7 +308,7 @@ def fill_by_lanes(
 
 
 def _curves(request: Request, which: IntArray | None) -> Curves:
-    """Return polynomials that approximate the sensor curves over all distances that the encounters need."""
+    """Approximate the sensor curves over all distances of the encounters."""
     # Distances are rounded up so that few tables are cached.
     if request.many is not None:
         windows = request.many.windows(reach_of(request.scenario))
@@ -312,7 +322,7 @@ def _curves(request: Request, which: IntArray | None) -> Curves:
 
 
 def _settling(request: Request) -> FloatArray:
-    """Return the distance [m] at which each object would come to rest if no contact ended the motion."""
+    """Return where each object would come to rest without contact [m]."""
     r = request.relative
     has_spring, is_free = r.stiffness > 0, (r.stiffness == 0) & (r.damping == 0)
     rests = ((r.v == 0) | is_free) & (r.a == 0)
@@ -324,7 +334,10 @@ def _settling(request: Request) -> FloatArray:
 
 
 def _impulse_residual(solution: Solution) -> FloatArray:
-    """Return the relative residual of the impulse balance, which measures the error of a computed motion."""
+    """Return the relative residual of the impulse balance.
+
+    It measures the error of the computed motion.
+    """
     # This is |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| over the largest of its terms, M |l'(0)| and D l(0).
     request = solution.request
     if request.method == "uniform-motion":

@@ -1,4 +1,4 @@
-"""Record sensor calibrations, read recordings of a robot, and replay these with the sampled control law."""
+"""Record sensor calibrations, and replay robot recordings with the control law."""
 
 from .joint_states import distances_from_joints
 from .reading import read_recording

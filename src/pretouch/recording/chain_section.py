@@ -1,4 +1,7 @@
-"""Write the section [chain] of a scenario file, with sensor properties that were measured in a recording."""
+"""Write the section [chain] of a scenario from a recording.
+
+The section contains the measured rate, delay and noise of a sensor.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +26,10 @@ def chain_section(
     delay: tuple[float, str] | None,
     name: str,
 ) -> str:
-    """Return the section [chain] of a scenario file, with the measured rate, delay and noise of a sensor.
+    """Return the measured sensor properties as a section [chain].
 
-    Properties that the recording does not show are those of the scenario, and a comment says so.
+    The section belongs into a scenario file. It contains the rate, delay and noise. Properties that the recording does
+    not show are those of the scenario, and a comment says so.
 
     Args:
         timing: when the readings came.
@@ -66,7 +70,7 @@ def _delay(declared: SensorChain, delay: tuple[float, str] | None) -> tuple[str,
 def _level_rows(
     noise: Noise, declared: SensorChain, kind: Kind, distance_noise: float | None
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield key, value and remark of each property of the sensor values, such as noise and resolution."""
+    """Yield the entries of the section [chain] on sensor values."""
     kept = "not measured; from the scenario"
     if kind == "distance":
         yield "measures_distance", "true", "the topic is a distance"

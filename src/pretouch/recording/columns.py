@@ -22,7 +22,9 @@ _FEWEST: Final = 2  # columns
 
 
 def is_table(path: Path) -> bool:
-    """Return True if the file name has the ending of a text table: .csv, .tsv or .txt.
+    """Return True if the file is a text table.
+
+    Only the ending of the file name counts: .csv, .tsv or .txt.
 
     Args:
         path: the file.
@@ -87,7 +89,7 @@ def read_columns(path: Path, wanted: str) -> tuple[str, str, FloatArray, FloatAr
 
 
 def _index_of(path: Path, header: list[str], wanted: str, clock: int) -> int:
-    """Return the index of the column that the user chose, or of the only column besides the time."""
+    """Return the index of the chosen or only column of readings."""
     others = [i for i in range(len(header)) if i != clock]
     if not wanted and len(others) == 1:
         return others[0]
@@ -109,7 +111,7 @@ def _number(row: list[str], index: int) -> float:
 
 
 def _factor(path: Path, title: str, time: FloatArray) -> float:
-    """Return the factor that converts the values of the time column to seconds."""
+    """Return the factor that converts the time column to seconds."""
     unit = split_unit(title)[1] or next((u for u in ("ns", "us", "ms") if title.lower().endswith(f"_{u}")), "")
     if not unit:
         return 1e-9 if len(time) and np.nanmax(np.abs(time)) > _EPOCH_NS else 1.0

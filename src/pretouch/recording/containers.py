@@ -1,4 +1,7 @@
-"""Read raw messages from MCAP files, sqlite3 files and ROS 2 bag folders, without decoding them."""
+"""Read raw messages from MCAP files and ROS 2 bags.
+
+The files of a ROS 2 bag are MCAP or sqlite3 files. The messages are not decoded here.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,9 @@ _YAML_FILES: Final = re.compile(r"relative_file_paths:\s*\n((?:\s*-\s*.+\n?)*)")
 
 
 def read_contents(path: Path, wanted: Collection[str]) -> Contents:
-    """Read the messages of the wanted topics of a recording, and count the messages of all its topics.
+    """Read the wanted topics of a recording.
+
+    The messages of all topics are counted.
 
     Args:
         path: an MCAP file, a sqlite3 file of a ROS 2 bag, or the folder of a bag.
@@ -57,7 +62,7 @@ def read_contents(path: Path, wanted: Collection[str]) -> Contents:
 
 
 def _files_of(folder: Path, contents: Contents) -> list[Path]:
-    """Return the files of a ROS 2 bag in the order of its metadata.yaml; without this file, in the order of names."""
+    """Return the files of a ROS 2 bag in recording order."""
     present = sorted((f for f in folder.iterdir() if f.name.endswith(_ENDINGS)), key=_natural)
     if not present:
         raise InvalidInputError(
@@ -79,7 +84,7 @@ def _files_of(folder: Path, contents: Contents) -> list[Path]:
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
-    """Return a sort key for file names with numbers, by which bag_10 comes after bag_9."""
+    """Return a sort key that places bag_10 after bag_9."""
     return [(int(part) if part.isdigit() else -1, part) for part in re.split(r"(\d+)", path.name)]
 
 
@@ -107,7 +112,7 @@ def _read_file(path: Path, wanted: Collection[str], contents: Contents) -> None:
 
 
 def _read_compressed(path: Path, stream: Any, wanted: Collection[str], contents: Contents) -> None:
-    """Decompress a recording that was compressed as a whole file, and read it."""
+    """Decompress a recording file, and read its messages."""
     zstandard = require("zstandard", extra=EXTRA)
     with tempfile.TemporaryDirectory() as folder:
         plain = Path(folder, path.stem)
@@ -120,7 +125,10 @@ def _read_compressed(path: Path, stream: Any, wanted: Collection[str], contents:
 
 
 def _read_mcap(name: str, stream: Any, wanted: Collection[str], contents: Contents) -> None:
-    """Read an MCAP file; if it is truncated or damaged, keep the messages before the damage."""
+    """Read the messages of an MCAP file.
+
+    Of a truncated or damaged file, the messages before the damage are kept.
+    """
     reader = require("mcap.stream_reader", extra=EXTRA)
     records = require("mcap.records", extra=EXTRA)
     state, before = _Channels(wanted, contents), sum(contents.counts.values())
@@ -151,12 +159,12 @@ def _read_mcap(name: str, stream: Any, wanted: Collection[str], contents: Conten
 
 
 def _fields(data: bytes) -> Any:
-    """Wrap the bytes of an MCAP record in the data stream type of the library `mcap`."""
+    """Wrap the bytes of an MCAP record in a data stream."""
     return require("mcap.data_stream", extra=EXTRA).ReadDataStream(io.BytesIO(data))
 
 
 class _Channels:
-    """Collector for one MCAP file: all its channels, and the messages of the wanted topics."""
+    """All channels and the wanted messages of one MCAP file."""
 
     def __init__(self, wanted: Collection[str], contents: Contents) -> None:
         self.wanted, self.contents = wanted, contents
@@ -178,7 +186,7 @@ class _Channels:
 
 
 def _read_records(data: bytes, state: _Channels) -> None:
-    """Read the schemas, channels and messages in the bytes of an MCAP chunk."""
+    """Read the schemas, channels and messages of an MCAP chunk."""
     # This loop runs once per message, so it reads only what is needed.
     records = require("mcap.records", extra=EXTRA)
     counts: dict[int, int] = {}
@@ -204,7 +212,7 @@ def _read_records(data: bytes, state: _Channels) -> None:
 
 
 def is_wanted(name: str, wanted: Collection[str]) -> bool:
-    """Return True if a topic is wanted; wanted names may include a field, such as /arm/range.range.
+    """Return True if a topic is wanted.
 
     Args:
         name: the topic.
@@ -251,5 +259,5 @@ def _read_database(connection: sqlite3.Connection, wanted: Collection[str], cont
 
 
 def _rows(connection: sqlite3.Connection, topic: int) -> Iterator[tuple[int, bytes]]:
-    """Yield the receive time and the content of each message of a topic, in the order of recording."""
+    """Yield the receive time and content of each recorded message."""
     yield from connection.execute("SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id", (topic,))

@@ -1,4 +1,7 @@
-"""Decode ROS 2 messages (CDR) and JSON messages: one number and the header stamp of each message."""
+"""Decode one number and the header stamp of each message.
+
+The messages are ROS 2 messages (CDR) or JSON messages.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ _SHOWN: Final = 16  # fields that a message lists
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decoded:
-    """Decoded messages of a topic: one number and the header stamp of each message.
+    """Decoded numbers and header stamps of a topic.
 
     Args:
         field: the field that was decoded.
@@ -68,12 +71,12 @@ def decode(messages: Messages, field: str) -> Decoded:
 
 
 def _contents(messages: Messages) -> list[bytes]:
-    """Return the uncompressed content of each message, or raise an error if its encoding is unknown."""
+    """Return the uncompressed content of each message."""
     topic, data = messages.topic, messages.data
     if topic.encoding not in {"cdr", "json"}:
         raise InvalidInputError(
-            f"{topic.name}: the messages of this topic have the encoding {topic.encoding!r}, but pretouch reads only "
-            "'cdr' (ROS 2) and 'json'; choose another topic, or convert the recording"
+            f"{topic.name}: found messages with the encoding {topic.encoding!r}, expected 'cdr' (ROS 2) or 'json'; "
+            "choose another topic, or convert the recording"
         )
     if any(message[:4] == _ZSTD for message in data[:1]):  # the recorder compressed each message
         unpack = require("zstandard", extra=EXTRA).ZstdDecompressor().decompress
@@ -113,7 +116,7 @@ def decode_names(messages: Messages) -> tuple[str, ...]:
 
 
 def _decode_cdr(data: list[bytes], topic: Topic, field: str) -> Decoded:
-    """Decode ROS 2 messages: those of equal byte layout all at once, the others one by one with rosbags."""
+    """Decode one number and one header stamp per ROS 2 message."""
     store = _type_store(topic, data[0])
     values, stamps = empty_columns(len(data))
     name, bounds = field, (float("nan"), float("nan"))
@@ -137,7 +140,7 @@ def _decode_cdr(data: list[bytes], topic: Topic, field: str) -> Decoded:
 
 
 def _stamps(table: Any, layout: MessageLayout) -> Any:
-    """Return the header stamps [ns] of messages with the same byte layout; 0 for messages without a header."""
+    """Return the header stamps [ns] of messages with equal byte layout."""
     for name in _STAMP:
         pair = [layout.fields.get(f"{name}.{part}") for part in ("sec", "nanosec")]
         if pair[0] is not None and pair[1] is not None:
@@ -154,7 +157,7 @@ def _decode_each(
     store: Any,
     columns: tuple[FloatArray, IntArray],
 ) -> str:
-    """Decode messages one by one into two columns of values and stamps; return the name of the decoded field."""
+    """Decode messages one by one, and return the decoded field."""
     values, stamps = columns
     for i in rows:
         message = store.deserialize_cdr(data[i], topic.message_type)
@@ -186,7 +189,7 @@ def _decode_json(data: list[bytes], topic: Topic, field: str) -> Decoded:
 
 
 def _field_of(field: str, fields: list[str], topic: Topic) -> str:
-    """Return the field to decode: the chosen one, or a usual one such as "range", or the only number."""
+    """Return the name of the message field to decode."""
     kind = topic.message_type or topic.encoding
     if field:
         if field not in fields and not any(name.partition("[")[0] == field.partition("[")[0] for name in fields):
@@ -213,7 +216,7 @@ def _listed(fields: list[str]) -> str:
 
 
 def _numbers_in(message: Any, path: str = "") -> list[str]:
-    """Return the names of all numeric fields in a decoded message, such as "position[0]"."""
+    """Return the names of all numeric fields in a message."""
     if isinstance(message, bool | int | float | np.generic):
         return [path]
     if isinstance(message, str | bytes) or message is None:
@@ -228,7 +231,7 @@ def _numbers_in(message: Any, path: str = "") -> list[str]:
 
 
 def _part_of(message: Any, path: str) -> Any:
-    """Return a named field of a decoded message; None if the message does not have this field."""
+    """Return a named field of a decoded message, or None."""
     for token in _TOKEN.findall(path):
         if isinstance(message, Mapping):
             message = message.get(token)
@@ -240,7 +243,7 @@ def _part_of(message: Any, path: str) -> Any:
 
 
 def _as_number(value: Any) -> float:
-    """Convert a number, or a text such as "Infinity", to a float; return NaN for anything else."""
+    """Return a message value as a float, or NaN."""
     try:
         return float(value)
     except (TypeError, ValueError):
@@ -248,7 +251,7 @@ def _as_number(value: Any) -> float:
 
 
 def _stamp_of(message: Any) -> int:
-    """Return the header stamp [ns] of a decoded message; 0 if the message has none."""
+    """Return the header stamp [ns] of a decoded message, or 0."""
     for name in _STAMP:
         stamp = _part_of(message, name)
         seconds = None if stamp is None else _part_of(stamp, "sec")
@@ -259,7 +262,7 @@ def _stamp_of(message: Any) -> int:
 
 
 def _type_store(topic: Topic, message: bytes) -> Any:
-    """Return the message definitions in the recording or, if it has none, those of a ROS version that fit."""
+    """Return the definitions of the message types for a topic."""
     types = require("rosbags.typesys", extra=EXTRA)
     parse = {"ros2msg": types.get_types_from_msg, "ros2idl": None}.get(topic.definition_format)
     if topic.definition and topic.definition_format == "ros2idl":
@@ -277,7 +280,7 @@ def _type_store(topic: Topic, message: bytes) -> Any:
     store = types.get_typestore(types.Stores.LATEST)
     if topic.message_type not in store.fielddefs:
         raise InvalidInputError(
-            f"{topic.name}: neither the recording nor ROS defines the message type {topic.message_type}; record again "
+            f"{topic.name}: neither the recording nor ROS defines the message type {topic.message_type}. Record again "
             "in the format MCAP with a recent ROS 2, which stores the definitions"
         )
     return store

@@ -1,4 +1,4 @@
-"""Find the periods in which the control law detected an object, and compare them with the true events."""
+"""Compare the detections of the control law with true events."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class RecordedDetection(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event(Value):
-    """A true event, that is, a present object or a contact, and how early the law detected it.
+    """An object or contact that the law should detect.
 
     Args:
         start: its start after the first reading [s].
@@ -63,16 +63,21 @@ class Event(Value):
 
     @property
     def is_late(self) -> bool:
-        """True if the law detected the object only after the event had begun."""
+        """True if the detection began later than the event."""
         return self.lead < 0
 
 
 def detections_in(steps: LawSteps, floor: float) -> list[tuple[float, float, float, float]]:
-    """Return start and end [s], peak output xi and largest force [N] of each detection; short pauses are ignored.
+    """Find the detections of the control law in a replay.
+
+    Pauses of up to `PAUSE` are ignored.
 
     Args:
         steps: the replay.
         floor: detection threshold of the controller [unit of the readings].
+
+    Returns:
+        Start and end [s], peak output xi and largest force [N] of each detection.
     """
     period = float(steps.time[1] - steps.time[0])
     spans = _merged(_spans((steps.status & Status.DETECTING) != 0), round(PAUSE / period))
@@ -85,7 +90,7 @@ def detections_in(steps: LawSteps, floor: float) -> list[tuple[float, float, flo
 
 
 def _spans(flags: BoolArray) -> list[tuple[int, int]]:
-    """Return the start and end index of each run of consecutive True values."""
+    """Return start and end index of each run of True values."""
     edges = np.diff(np.concatenate([[0], flags.astype(np.int8), [0]]))
     return list(zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True))
 
@@ -101,12 +106,15 @@ def _merged(spans: list[tuple[int, int]], pause: int) -> list[tuple[int, int]]:
 
 
 def events_in(time: FloatArray, values: FloatArray, threshold: float) -> list[tuple[float, float]]:
-    """Return start and end [s] of each true event: a period in which the values are above a threshold.
+    """Find the periods in which values are above a threshold.
 
     Args:
         time: times of its messages [s].
         values: their values.
         threshold: value above which there is an object or a contact.
+
+    Returns:
+        Start and end [s] of each period, which is a true event.
     """
     order = np.argsort(time, kind="stable")
     time, above = time[order], values[order] > threshold
@@ -117,7 +125,7 @@ def events_in(time: FloatArray, values: FloatArray, threshold: float) -> list[tu
 def judge(
     found: list[tuple[float, float, float, float]], events: list[tuple[float, float]] | None, before: float
 ) -> tuple[tuple[RecordedDetection, ...], tuple[Event, ...]]:
-    """Compare detections with true events: which detections are right, and how early they are.
+    """Compare detections with true events.
 
     A detection is right if it overlaps an event, or ends at most `before` ahead of its start.
 

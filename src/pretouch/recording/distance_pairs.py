@@ -1,4 +1,7 @@
-"""Pair recorded sensor readings with distances from another topic, as a calibration for `pretouch fit`."""
+"""Pair sensor readings with recorded distances for a calibration.
+
+The distances come from another topic. The command `pretouch fit` reads the resulting calibration.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ _NARROW: Final = 1e-3  # m, range of distances below which there is nothing to f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DistancePairs(Value):
-    """Sensor readings, each with the distance of the object at the time of the reading.
+    """Sensor readings and the object distances at the same times.
 
     Args:
         distance: distances [m]; infinite without an object.
@@ -34,7 +37,10 @@ class DistancePairs(Value):
     largest_speed: float
 
     def as_csv(self) -> str:
-        """Return distances and readings as a calibration table (CSV) of at most 20,000 rows; omit rows evenly."""
+        """Return the readings and distances as a CSV calibration table.
+
+        The table has at most 20,000 rows. Of more readings, every n-th is kept.
+        """
         every = -(-len(self.distance) // _MOST_ROWS)
         rows = [
             f"{'inf' if np.isinf(d) else f'{1e3 * d:.6g}'},{y!r}"
@@ -84,7 +90,7 @@ def pair_distances(
     if len(finite) < _FEWEST or np.ptp(finite) < _NARROW:
         span = f"from {1e3 * finite.min():.4g} to {1e3 * finite.max():.4g} mm" if len(finite) else "none"
         raise InvalidInputError(
-            f"reference: the number of readings with a distance is {len(finite)} ({span}); a calibration needs at "
+            f"reference: the number of readings with a distance is {len(finite)} ({span}). A calibration needs at "
             f"least {_FEWEST} readings, and distances that differ by more than {1e3 * _NARROW:g} mm. Move the object "
             "toward the sensor while recording"
         )

@@ -1,4 +1,4 @@
-"""Compute the distance between sensor and object from recorded joint states and a model of the robot."""
+"""Compute object distances from recorded joint states and a robot model."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _MOST: Final = 20_000  # joint states that are converted, since a calibration ha
 def distances_from_joints(
     path: str | os.PathLike[str], topic: str, model: Any, site: SensorSite, *, clock: str | None = None
 ) -> Recording:
-    """Return the distances from a sensor on a robot to an object, from recorded joint states and a model.
+    """Compute the distances from a robot's sensor to an object.
 
-    The model contains the object, such as a wall or a box, at its place during the recording. The distance is that
-    along the axis of the sensor, from its site to the first object.
+    The joint states come from a recording. The model contains the object, such as a wall or a box, at its place during
+    the recording. The distance is that along the axis of the sensor, from its site to the first object.
 
     Args:
         path: see `read_recording`.
@@ -57,10 +57,10 @@ def distances_from_joints(
 
 
 def _joint_names(file: Path, topic: str) -> tuple[str, ...]:
-    """Return the names of the joints in the joint states of a topic."""
+    """Read the joint names from the joint states of a topic."""
     if is_table(file):
         raise InvalidInputError(
-            f"{file}: pretouch reads joint states only from ROS 2 bags and MCAP files; in a CSV file, add a column "
+            f"{file}: pretouch reads joint states only from ROS 2 bags and MCAP files. In a CSV file, add a column "
             "with the distances, and choose this column as the reference"
         )
     first = f"{topic}.position[0]"

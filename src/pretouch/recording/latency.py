@@ -1,4 +1,7 @@
-"""Estimate the latency between two topics that show the same motion, by correlation and least squares."""
+"""Estimate the latency between two recorded topics.
+
+Both topics show the same motion. The estimate uses correlation and least squares.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ _LIMIT: Final = 1.959963984540054  # standard deviations of a 95 % interval
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Latency(Value):
-    """Latency of one topic relative to another topic, or the reason why the latency is unknown.
+    """Estimated latency of one topic relative to another topic.
 
     Args:
         value: the latency [s]; None if it is unknown.
@@ -99,7 +102,7 @@ def _unknown(correlation: float, reason: str) -> Latency:
 
 
 def _finite(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Remove non-finite samples, sort the rest by time, and keep only the first of samples with equal times."""
+    """Sort finite samples by time, and remove repeated times."""
     kept = np.isfinite(values) & np.isfinite(time)
     unique, index = np.unique(time[kept], return_index=True)
     return unique, values[kept][index]
@@ -112,13 +115,13 @@ def _correlation(a: FloatArray, b: FloatArray) -> float:
 
 
 def _half_width(correlations: FloatArray, best: int) -> int:
-    """Return the half-width of the correlation peak at half of its height, as a number of search steps."""
+    """Return the half-width of the correlation peak, in search steps."""
     below = np.flatnonzero(correlations < _DROP * correlations[best])
     return int(np.abs(below - best).min()) if len(below) else max(best, len(correlations) - 1 - best)
 
 
 def _rival(correlations: FloatArray, best: int) -> int | None:
-    """Return the index of a second correlation peak that is almost as high as the highest; None without one."""
+    """Return the index of a second high correlation peak, or None."""
     below = correlations < _DROP * correlations[best]
     left, right = np.flatnonzero(below[:best]), np.flatnonzero(below[best:])
     outside = np.ones(len(correlations), dtype=bool)
@@ -130,7 +133,7 @@ def _rival(correlations: FloatArray, best: int) -> int | None:
 
 
 def _smoothed(time: FloatArray, values: FloatArray, half_width: float) -> tuple[FloatArray, FloatArray]:
-    """Smooth a signal with a narrow Gaussian kernel, which does not shift the signal in time."""
+    """Smooth a signal without shifting it in time."""
     # Without this, the noise of the interpolated signal would make the residual a jagged function of the shift.
     width = _KERNEL * half_width
     step = min(width / 5, float(np.median(np.diff(time))) / 2)
@@ -147,7 +150,10 @@ def _smoothed(time: FloatArray, values: FloatArray, half_width: float) -> tuple[
 def _refine(
     time: FloatArray, signal: FloatArray, other: tuple[FloatArray, FloatArray], shift: float, half_width: float
 ) -> tuple[float, float]:
-    """Return the least-squares time shift [s] and its standard error [s] (Newey-West, autocorrelated residuals)."""
+    """Return the least-squares time shift and its standard error [s].
+
+    The standard error is that of Newey and West, for autocorrelated residuals.
+    """
     from scipy.optimize import minimize_scalar  # noqa: PLC0415 - slow to import
 
     least = minimize_scalar(

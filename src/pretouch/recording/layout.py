@@ -1,4 +1,7 @@
-"""Find the byte offset of each field in a ROS 2 message, so that many messages can be decoded at once."""
+"""Find the byte offset of each number in ROS 2 messages.
+
+With these offsets, many messages are decoded at once.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,7 @@ class Place(NamedTuple):
 
 
 class MessageLayout(NamedTuple):
-    """Byte layout of a message: the offset and type of each number in it.
+    """Offset and type of each number in a message.
 
     Args:
         fields: place of each number, by field, such as "header.stamp.sec" or "position[0]".
@@ -47,7 +50,10 @@ class MessageLayout(NamedTuple):
 
 
 class UnsupportedLayoutError(Exception):
-    """Raised for a message whose byte layout cannot be determined, such as one with wide characters."""
+    """Raised if the byte layout of a message is unknown.
+
+    Messages with wide characters are an example.
+    """
 
 
 def layout_of(message: bytes, message_type: str, types: Mapping[str, Any]) -> MessageLayout:
@@ -78,7 +84,7 @@ def layout_of(message: bytes, message_type: str, types: Mapping[str, Any]) -> Me
 
 
 class _Walk:
-    """Parser that goes through the fields of a message, and collects their byte offsets."""
+    """Parser that collects the byte offsets of message fields."""
 
     def __init__(self, message: bytes, order: str, types: Mapping[str, Any]) -> None:
         self.message, self.order, self.types = message, order, types
@@ -128,7 +134,7 @@ class _Walk:
 
 
 def column(table: Any, place: Place) -> Any:
-    """Return one numeric field of each message, for many messages of equal byte layout.
+    """Return one numeric field of many messages.
 
     Args:
         table: bytes of messages with the same layout, shape (n, size).
@@ -139,7 +145,9 @@ def column(table: Any, place: Place) -> Any:
 
 
 def same_layout(table: Any, layout: MessageLayout) -> bool:
-    """Return True if all messages have the same encoding and the same lengths of strings and lists.
+    """Return True if all messages have the same byte layout.
+
+    The layout is the same if the encodings and the lengths of strings and lists are equal.
 
     Args:
         table: bytes of the messages, shape (n, size).
@@ -155,17 +163,23 @@ def stamps_of(seconds: Any, nanoseconds: Any) -> IntArray:
 
 
 def group_by_size(data: Sequence[bytes]) -> dict[int, IntArray]:
-    """Group messages by their size in bytes, and return the message indices of each group."""
+    """Group message indices by message size in bytes."""
     sizes = np.fromiter(map(len, data), dtype=np.int64, count=len(data))
     return {int(size): np.flatnonzero(sizes == size) for size in np.unique(sizes)}
 
 
 def table_of(data: Sequence[bytes], rows: IntArray, size: int) -> Any:
-    """Return n messages of equal size as one array of bytes with the shape (n, size)."""
+    """Return messages of equal size as one byte array.
+
+    The shape of the array is (n, size).
+    """
     chosen = data if len(rows) == len(data) else [data[i] for i in rows]
     return np.frombuffer(b"".join(chosen), dtype=np.uint8).reshape(len(rows), size)
 
 
 def empty_columns(count: int) -> tuple[FloatArray, IntArray]:
-    """Create one array for values, filled with NaN, and one for header stamps, filled with 0."""
+    """Return new arrays for the values and header stamps of messages.
+
+    All values are NaN, and all stamps are 0.
+    """
     return np.full(count, np.nan), np.zeros(count, dtype=np.int64)

@@ -1,4 +1,7 @@
-"""Write the time series of a replay or simulation to an MCAP file, with a Foxglove layout that plots them."""
+"""Write time series to an MCAP file with a Foxglove layout.
+
+The time series come from a replay or a simulation. The layout plots them.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +70,9 @@ class Series(Value):
 
 
 def series_of_replay(replay: Replay) -> tuple[Series, ...]:
-    """Return the inputs and outputs of the law in a replay as time series on the clock of the recording.
+    """Return the time series of the control law in a replay.
+
+    They contain the inputs and outputs of the law, on the clock of the recording.
 
     Args:
         replay: the replay.
@@ -80,7 +85,9 @@ def series_of_replay(replay: Replay) -> tuple[Series, ...]:
 
 
 def series_of_trace(trace: LoopTrace, floor: float) -> tuple[Series, ...]:
-    """Return the time series of the control law, the robot and the obstacle in a simulated run.
+    """Return the time series of a simulated run.
+
+    They describe the control law, the robot and the obstacle.
 
     Args:
         trace: the run.
@@ -110,9 +117,10 @@ def _law_columns(log_level: FloatArray, status: IntArray, floor: float, columns:
 
 
 def write_mcap(path: str | os.PathLike[str], series: Iterable[Series], *, overwrite: bool = False) -> tuple[Path, Path]:
-    """Write time series to an MCAP file, and write a Foxglove layout that plots them to the same folder.
+    """Write time series to an MCAP file and a Foxglove layout.
 
-    Both files are written completely or not at all; numbers that are not finite are null.
+    The layout plots the time series and is in the same folder. Both files are written completely or not at all; numbers
+    that are not finite are null.
 
     Args:
         path: the MCAP file.
@@ -132,7 +140,7 @@ def write_mcap(path: str | os.PathLike[str], series: Iterable[Series], *, overwr
 
 
 def layout_path(path: Path) -> Path:
-    """Return the path of the Foxglove layout that belongs to an MCAP file.
+    """Return the path of the Foxglove layout for an MCAP file.
 
     Args:
         path: the MCAP file.
@@ -141,7 +149,7 @@ def layout_path(path: Path) -> Path:
 
 
 def _content(series: tuple[Series, ...]) -> bytes:
-    """Return the bytes of an MCAP file that contains the messages of all time series, sorted by time."""
+    """Return time series as the content of an MCAP file."""
     library = require("mcap.writer", extra=EXTRA)
     stream = io.BytesIO()
     writer = library.Writer(stream)
@@ -168,7 +176,7 @@ def _schema(series: Series) -> bytes:
 
 
 def _messages(series: Series) -> Iterable[bytes]:
-    """Yield the messages of a topic as JSON, with enough digits to restore each number exactly."""
+    """Yield the messages of a topic as JSON."""
     names = list(series.columns)
     lists = []
     for column in map(np.asarray, series.columns.values()):
@@ -206,7 +214,7 @@ def _layout(series: tuple[Series, ...]) -> dict[str, Any]:
 
 
 def _stacked(names: list[str]) -> Any:
-    """Arrange the panels of a Foxglove layout one below the other, with equal heights."""
+    """Stack Foxglove panels of equal height."""
     if len(names) == 1:
         return names[0]
     share = 100 / len(names)

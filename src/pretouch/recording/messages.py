@@ -1,4 +1,4 @@
-"""Store the raw messages of a recording by topic, and find a topic by its name."""
+"""Store the raw messages of a recording by topic."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SHOWN: Final = 12  # topics that a message lists
 
 
 class Topic(NamedTuple):
-    """A topic of a recording: its name, message type and encoding, without the messages.
+    """Name, message type and encoding of a recorded topic.
 
     Args:
         name: name of the topic.
@@ -32,7 +32,7 @@ class Topic(NamedTuple):
 
 @dataclass(slots=True, kw_only=True)
 class Messages:
-    """Raw messages of one topic, in the order in which the file contains them.
+    """Raw messages of one topic, in the order of the file.
 
     Args:
         topic: the topic.
@@ -47,7 +47,7 @@ class Messages:
 
 @dataclass(slots=True, kw_only=True)
 class Contents:
-    """Contents of a recording: the messages of the wanted topics, and the number of messages of every topic.
+    """Messages of the wanted topics in a recording.
 
     Args:
         counts: number of messages of each topic.
@@ -60,7 +60,9 @@ class Contents:
     notes: list[str] = field(default_factory=list)
 
     def messages_of(self, topic: Topic) -> Messages:
-        """Return the container for the messages of a topic; create the container at the first call.
+        """Return the container for the messages of a topic.
+
+        The first call creates the container.
 
         Args:
             topic: the topic.
@@ -70,7 +72,7 @@ class Contents:
 
 
 def split_name(wanted: str, names: Sequence[str]) -> tuple[str, str] | None:
-    """Split a name such as "/arm/range.range" into an existing topic and a field of its messages.
+    """Split a name into a topic and a message field.
 
     Args:
         wanted: topic, or topic and field.
@@ -96,7 +98,9 @@ def split_name(wanted: str, names: Sequence[str]) -> tuple[str, str] | None:
 
 
 def refuse_unknown(wanted: str, counts: Mapping[Topic, int], source: str) -> NoReturn:
-    """Raise an error for an unknown topic; its message suggests a similar name and lists the existing topics.
+    """Raise an error for an unknown topic.
+
+    The message suggests a similar name and lists the existing topics.
 
     Args:
         wanted: the topic.

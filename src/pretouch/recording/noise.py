@@ -23,7 +23,9 @@ _WHOLE: Final = 0.02  # of a step: deviation of quantized readings from whole st
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise(Value):
-    """Noise properties of a sensor, estimated from its recorded readings; None if a property is unknown.
+    """Noise properties of a sensor, estimated from recorded readings.
+
+    A property is None if it is unknown.
 
     Args:
         offset: median reading without an object, in the unit of the readings.
@@ -86,7 +88,7 @@ def noise_of(readings: FloatArray, regular: BoolArray, detecting: BoolArray, nea
 
 
 def _spread(deviations: FloatArray, resolution: float) -> float:
-    """Return a standard deviation that is robust against outliers, also for readings of coarse resolution."""
+    """Return a standard deviation that ignores outliers."""
     robust = float(ROBUST * np.median(np.abs(deviations - np.median(deviations))))
     if robust > 2 * resolution:
         return robust
@@ -96,7 +98,9 @@ def _spread(deviations: FloatArray, resolution: float) -> float:
 
 
 def spread_of_course(values: FloatArray, regular: BoolArray) -> float | None:
-    """Return the noise of a time series: its standard deviation around a smooth trend; None for too few values.
+    """Return the noise of a time series around its trend.
+
+    The noise is a standard deviation. It is None for too few values.
 
     Args:
         values: the values in the order of their times; those that are not finite are left out.
@@ -109,7 +113,10 @@ def spread_of_course(values: FloatArray, regular: BoolArray) -> float | None:
 def _rest_of_course(
     values: FloatArray, used: BoolArray, regular: BoolArray
 ) -> tuple[FloatArray | None, FloatArray | None]:
-    """Return fourth differences of a time series, scaled so that their spread is its noise, and local means."""
+    """Return scaled fourth differences and local means of a time series.
+
+    The standard deviation of the scaled differences equals the noise.
+    """
     width, windows = len(_FOURTH), np.lib.stride_tricks.sliding_window_view
     if len(values) < width:
         return None, None
@@ -121,7 +128,7 @@ def _rest_of_course(
 
 
 def _relative(readings: FloatArray, used: BoolArray, regular: BoolArray, offset: float, noise: float) -> float | None:
-    """Return the part of the noise that is proportional to the sensor output xi; None if it is unknown."""
+    """Return the noise relative to the sensor output, or None."""
     rest, means = _rest_of_course(readings, used, regular)
     if rest is None or means is None:
         return None
@@ -139,7 +146,7 @@ def _relative(readings: FloatArray, used: BoolArray, regular: BoolArray, offset:
 
 
 def _resolution(values: FloatArray) -> float:
-    """Return the quantization step of readings; 0 if the readings are not quantized."""
+    """Return the quantization step of the readings, or 0."""
     levels = np.unique(values)
     if len(levels) < _FEWEST_LEVELS:
         return 0.0
@@ -151,7 +158,10 @@ def _resolution(values: FloatArray) -> float:
 
 
 def _is_clipped(values: FloatArray) -> bool:
-    """Return True if readings look clipped: they vary, but the largest value occurs several times in a row."""
+    """Return True if the readings are probably clipped.
+
+    The largest value then occurs several times in a row.
+    """
     if len(values) < _CLIPPED or values.min() == values.max():
         return False
     at_top = np.concatenate([[0], (values == values.max()).astype(np.int8), [0]])

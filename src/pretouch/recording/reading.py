@@ -1,4 +1,7 @@
-"""Read sensor readings from a topic or column of a recording, with the clock and unit that the user chooses."""
+"""Read sensor readings from a ROS 2 bag, MCAP or CSV file.
+
+The user chooses the topic or column, the clock and the unit.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ _RANGE: Final = "sensor_msgs/msg/Range"
 
 @check_arguments
 def read_recording(path: str | os.PathLike[str], topic: str = "", *, clock: str | None = None) -> Recording:
-    """Read one topic of a ROS 2 bag or MCAP file, or one column of a CSV file.
+    """Read one topic or CSV column of a recording.
 
     Args:
         path: folder or file of a ROS 2 bag (MCAP or sqlite3), an MCAP file with JSON messages, or a CSV file.
@@ -46,7 +49,7 @@ def read_recording(path: str | os.PathLike[str], topic: str = "", *, clock: str 
 def read_recordings(
     path: str | os.PathLike[str], topics: tuple[str, ...], *, clock: str | None = None
 ) -> tuple[Recording, ...]:
-    """Read several topics of one recording, with all time stamps from the same clock.
+    """Read several topics of a recording with one clock.
 
     Args:
         path: see `read_recording`.
@@ -95,12 +98,15 @@ def _split_unit(text: str) -> tuple[str, str | None]:
 
 
 def decode_topic(contents: Contents, name: str, source: str) -> tuple[Messages, Decoded]:
-    """Return the messages of a topic, and one decoded number per message; raise an error if there are none.
+    """Decode one number per message of a topic.
 
     Args:
         contents: the contents of the recording.
         name: the topic, with a field if needed.
         source: name of the recording.
+
+    Returns:
+        The messages and the decoded numbers.
 
     Raises:
         InvalidInputError: there is no such topic, or no message on it.
@@ -144,7 +150,7 @@ def _recording(
 
 
 def _valid_ranges(values: FloatArray, bounds: tuple[float, float]) -> tuple[FloatArray, tuple[str, ...]]:
-    """Replace distances below the valid range by minus infinity, and above it by infinity (ROS REP 117)."""
+    """Replace distances outside the valid range by plus or minus infinity."""
     low, high = bounds
     if not low < high:
         return values, ()
@@ -159,7 +165,7 @@ def _valid_ranges(values: FloatArray, bounds: tuple[float, float]) -> tuple[Floa
 
 
 def _in_unit(values: FloatArray, unit: str | None) -> tuple[Kind, FloatArray, tuple[str, ...]]:
-    """Return the kind and values of readings; if their unit is a length, they are distances, converted to m."""
+    """Convert readings with a unit of length to distances [m]."""
     if not unit:
         return "reading", values, ()
     try:

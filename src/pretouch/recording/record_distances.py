@@ -1,4 +1,7 @@
-"""Choose the object distances of a calibration: a person types them, or they come from a list."""
+"""Choose the object distances of a calibration.
+
+A person types the distances, or they come from a list.
+"""
 
 from __future__ import annotations
 
@@ -16,23 +19,29 @@ _SLOWEST: Final = 120.0  # s, after which a command that moves a stage is consid
 
 
 class RecordDisplay(Protocol):
-    """Interface of a display that shows the recording to a person and asks for the next step."""
+    """Interface of the display during a calibration recording."""
 
     def ask(self, question: str) -> str | None:
-        """Ask the person a question, and return the answer; None at the end of the input."""
+        """Ask the person a question, and return the answer.
+
+        The answer is None at the end of the input.
+        """
 
     def say(self, text: str) -> None:
         """Show a sentence to the person."""
 
     def show(self, distance: float, outputs: Sequence[float], counted: int, wanted: int, settling: bool) -> None:
-        """Show the latest sensor outputs at a distance [m]; the distance is infinite without an object."""
+        """Show the latest sensor outputs at an object distance.
+
+        The distance [m] is infinite without an object.
+        """
 
     def show_distance(self, distance: float, outputs: Sequence[float]) -> None:
         """Show the calibration readings of a distance when its recording is complete."""
 
 
 class DistancePlan(Protocol):
-    """Interface of a plan that chooses the next object distance, and waits until the object is there.
+    """Interface for choosing the next object distance.
 
     `suggests` is True if a person chooses the distances, and so wants to know which are missing.
     """
@@ -40,7 +49,10 @@ class DistancePlan(Protocol):
     suggests: bool
 
     def move(self, judgment: Judgment, display: RecordDisplay) -> float | None:
-        """Wait until the object is at the next distance [m], and return this distance; None after the last one."""
+        """Wait until the object is at the next distance.
+
+        The result is this distance [m], or None after the last distance.
+        """
 
 
 class TypedDistances:
@@ -49,7 +61,7 @@ class TypedDistances:
     suggests = True
 
     def move(self, judgment: Judgment, display: RecordDisplay) -> float | None:
-        """Ask the person for the next object distance, and suggest the first missing distance."""
+        """Ask the person for the next object distance."""
         suggested = judgment.missing.all[0] if judgment.missing.all else None
         offer = "" if suggested is None else f", Enter for {format_quantity(suggested, 'm')}"
         while True:
@@ -67,7 +79,9 @@ class TypedDistances:
 
 
 class ListedDistances:
-    """Distances from a list; a person or a linear stage moves the object to each distance.
+    """A list of object distances for a calibration.
+
+    A person or a linear stage moves the object to each distance.
 
     Args:
         distances: the distances in their order [m].
@@ -87,7 +101,7 @@ class ListedDistances:
             )
 
     def move(self, judgment: Judgment, display: RecordDisplay) -> float | None:  # noqa: ARG002 - of the interface
-        """Move the object to the next distance of the list, and return this distance [m]."""
+        """Move the object to the next distance of the list."""
         if not self._rest:
             return None
         distance = self._rest.pop(0)
@@ -99,7 +113,9 @@ class ListedDistances:
 
 
 def read_distance(text: str) -> float:
-    """Read a distance such as `12 mm`, `1.2 cm` or `12`; a number without a unit is in mm.
+    """Read a distance such as `12 mm`, `1.2 cm` or `12`.
+
+    A number without a unit is in mm.
 
     Args:
         text: the distance.
@@ -123,7 +139,9 @@ def read_distance(text: str) -> float:
 
 
 def read_distances(text: str) -> tuple[float, ...]:
-    """Read a list of distances such as `0 mm, 5 mm, 10 mm`; in `0, 5, 10 mm`, the last unit applies to all.
+    """Read a list of distances such as `0 mm, 5 mm`.
+
+    In `0, 5, 10 mm`, the last unit applies to all numbers.
 
     Args:
         text: the list.
@@ -149,7 +167,7 @@ def read_distances(text: str) -> tuple[float, ...]:
 
 
 def _run_stage(command: str, distance: float) -> None:
-    """Run the user's command that moves the linear stage, and wait until the command has ended."""
+    """Run the user's command that moves the linear stage."""
     words = shlex.split(command)
     values = {"{mm}": f"{1000 * distance:.9g}", "{m}": f"{distance:.12g}"}
     for mark, value in values.items():

@@ -1,4 +1,7 @@
-"""Write arriving sensor readings to a calibration file and a raw file, and continue interrupted recordings."""
+"""Write sensor readings to a calibration file during a recording.
+
+All readings are also written to a raw file. Interrupted recordings can be continued.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +24,15 @@ _PICOMETERS: Final = 12  # decimal digits of a distance in m that are compared
 
 
 def raw_path(path: Path) -> Path:
-    """Return the path of the raw file, which has all readings and is in the folder of the calibration file."""
+    """Return the path of the raw file with all readings.
+
+    The raw file is in the folder of the calibration file.
+    """
     return path.with_name(f"{path.stem}-raw.csv")
 
 
 def check_free(path: Path) -> None:
-    """Raise an error if a new recording would overwrite the calibration file or the file with all readings."""
+    """Raise an error if a recording would overwrite a file."""
     for each in (path, raw_path(path)):
         if each.exists():
             raise OutputExistsError(
@@ -36,9 +42,10 @@ def check_free(path: Path) -> None:
 
 
 class RecordFile:
-    """The two files of a recording: the calibration file, and the file with all readings, `STEM-raw.csv`.
+    """The calibration file and the raw file of a recording.
 
-    Every reading is handed to the operating system at once, so that nothing is lost if the program ends.
+    The raw file `STEM-raw.csv` contains all readings. Every reading is handed to the operating system at once, so that
+    nothing is lost if the program ends.
 
     Args:
         path: the calibration file (CSV).
@@ -75,13 +82,19 @@ class RecordFile:
         self._write(self._all, f"{made}time [s],distance [mm],{title}\n" if is_new else made)
 
     def add(self, distance: float, output: float) -> None:
-        """Write a reading and its distance [m] to the calibration file; the distance is infinite without an object."""
+        """Write a reading and its distance to the calibration file.
+
+        The distance [m] is infinite without an object.
+        """
         self._write(self._file, f"{_mm(distance)},{output:.15g}\n")
         self._rows.append((distance, output))
         self._count[round(distance, _PICOMETERS)] += 1
 
     def add_raw(self, time: float, distance: float | None, output: float) -> None:
-        """Write a reading to the raw file, with its time [s] and its distance [m]; None while the object moves."""
+        """Write a reading with its time to the raw file.
+
+        The time is in s, and the distance in m. The distance is None while the object moves.
+        """
         self._received += 1
         self._write(self._all, f"{time:.6f},{'' if distance is None else _mm(distance)},{output:.15g}\n")
 
@@ -90,12 +103,15 @@ class RecordFile:
         return self._count[round(distance, _PICOMETERS)]
 
     def complete(self, wanted: int) -> tuple[float, ...]:
-        """Return the distances [m] at which there are at least as many readings as wanted."""
+        """Return the distances [m] with at least `wanted` readings."""
         return tuple(distance for distance in self.distances if self.count(distance) >= wanted)
 
     @property
     def outputs(self) -> dict[float, list[float]]:
-        """A dictionary that maps each distance [m] to its readings; the distance is infinite without an object."""
+        """The readings at each distance.
+
+        The distance [m] is infinite without an object.
+        """
         outputs: dict[float, list[float]] = {}
         for distance, output in self._rows:
             outputs.setdefault(distance, []).append(output)
@@ -113,7 +129,10 @@ class RecordFile:
 
     @property
     def calibration(self) -> Calibration | None:
-        """The calibration from the readings so far; None before the first reading with an object."""
+        """The calibration from the readings so far.
+
+        It is None before the first reading with an object.
+        """
         rows = np.array(self._rows).reshape(-1, 2)
         is_near = np.isfinite(rows[:, 0])
         if not is_near.any():
@@ -123,7 +142,10 @@ class RecordFile:
         )
 
     def close(self) -> None:
-        """Close both files; if no reading arrived, remove the files that this recording created."""
+        """Close both files of the recording.
+
+        If no reading arrived, the new files are removed.
+        """
         for descriptor in (self._file, self._all):
             if descriptor >= 0:
                 os.close(descriptor)
@@ -133,7 +155,7 @@ class RecordFile:
                 path.unlink(missing_ok=True)
 
     def _load(self, unit: str | None) -> None:
-        """Read an existing calibration file to continue it, and remove an incomplete last line."""
+        """Read an existing calibration file to continue the recording."""
         text = self.path.read_text(encoding="utf-8", errors="replace")
         if not text.endswith("\n"):
             text = text[: text.rfind("\n") + 1]
@@ -174,7 +196,7 @@ class RecordFile:
 
 
 def _append(path: Path) -> int:
-    """Open a file for appending, and create it if it does not exist."""
+    """Open or create a file for appending."""
     binary = getattr(os, "O_BINARY", 0)  # exists on Windows only
     try:
         return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | binary, 0o666)

@@ -1,4 +1,7 @@
-"""Judge during a recording whether the slope of the sensor curve is known accurately enough."""
+"""Judge whether a calibration recording has enough readings.
+
+The slope of the sensor curve must be known accurately enough.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ _FLOOR: Final = 3.0  # standard deviations of the noise above the offset, as in 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordGoal(Value):
-    """Requirements for a calibration recording, such as the accuracy of the slope and the range of distances.
+    """Requirements for a calibration recording.
 
     Args:
         accuracy: largest allowed relative uncertainty of the slope g (95 %).
@@ -49,7 +52,7 @@ class RecordGoal(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgment(Value):
-    """Judgment of a calibration recording: whether its readings are sufficient, and which distances are missing.
+    """Judgment on whether a calibration recording is sufficient.
 
     Args:
         is_enough: whether the slope g is known well enough.
@@ -67,7 +70,9 @@ class Judgment(Value):
 
 
 def judge_recording(calibration: Calibration | None, goal: RecordGoal, *, final: bool = True) -> Judgment:
-    """Judge whether a calibration determines the sensor slope g = d ln xi / dl accurately enough.
+    """Judge whether a calibration determines the sensor slope accurately enough.
+
+    The slope is g = d ln xi / dl.
 
     Args:
         calibration: the readings so far; None without any.
@@ -103,7 +108,7 @@ def judge_recording(calibration: Calibration | None, goal: RecordGoal, *, final:
 
 
 def _missing(calibration: Calibration, report: CalibrationReport | None, goal: RecordGoal) -> MissingDistances:
-    """Estimate the offset and noise, and return the distances at which a calibration still needs readings."""
+    """Return the distances at which a calibration needs more readings."""
     curve = average(calibration)
     empty: FloatArray = calibration.no_object
     offset = 0.0
@@ -123,7 +128,10 @@ def _missing(calibration: Calibration, report: CalibrationReport | None, goal: R
 
 
 def _objection(report: CalibrationReport, slope: float | None, missing: MissingDistances, goal: RecordGoal) -> str:
-    """Return a sentence on why the fit of the sensor curve is not good enough; empty if it is good enough."""
+    """Return a reason why the fit of the sensor curve is insufficient.
+
+    The text is empty if the fit is good enough.
+    """
     if report.verdict != "usable":
         return report.reasons[0]
     if slope is None or report.slope is None:
@@ -140,7 +148,10 @@ def _objection(report: CalibrationReport, slope: float | None, missing: MissingD
 
 
 def _objection_of_scenario(load: Callable[[], Task]) -> str:
-    """Return a sentence on why a calibration is not good enough for a scenario; empty if it is good enough."""
+    """Return a reason why a calibration is insufficient for a scenario.
+
+    The text is empty if the calibration is good enough.
+    """
     try:
         task = load()
         report = task.calibration

@@ -88,7 +88,7 @@ def missing_distances(
 
 
 def _outward(last: float, level: float, steepness: float, lowest: float, end: float) -> list[float]:
-    """Return the next larger distances [m] that a calibration still needs, from an extrapolated sensor signal."""
+    """Return the missing distances [m] beyond the last recorded distance."""
     places: list[float] = []
     while steepness > 0 and len(places) < _MOST and last < end - _SAME and level > lowest:
         step = _STEP / steepness
@@ -102,6 +102,6 @@ def _has(distances: FloatArray, distance: float) -> bool:
 
 
 def _round(distance: float, step: float) -> float:
-    """Round a distance [m] so that a person can set it: to 0.1 mm, or to a full millimeter if the steps are wide."""
+    """Round a distance so that a person can set it."""
     unit = 1e-3 if step > 3e-3 else 1e-4
     return round(round(distance / unit) * unit, 6)

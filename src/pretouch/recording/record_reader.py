@@ -1,4 +1,7 @@
-"""Read a sensor in a separate thread, so that no reading is lost while the program computes or waits."""
+"""Read a sensor in a separate thread.
+
+No reading is lost while the program computes or waits.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,10 @@ _POLL: Final = 0.02  # s between two looks for the first reading
 
 
 class TimedReading(NamedTuple):
-    """A sensor reading with its arrival time, in seconds since the start of the recording.
+    """A sensor reading with its arrival time.
 
-    `place` is the distance at which the object was when the reading arrived, None while it moved.
+    The time [s] counts from the start of the recording. `place` is the distance at which the object was when the
+    reading arrived, None while it moved.
     """
 
     time: float
@@ -26,7 +30,7 @@ class TimedReading(NamedTuple):
 
 
 class RecordReader:
-    """Thread that reads a sensor, and writes every reading to the raw file as it arrives.
+    """Thread that reads a sensor and writes the raw file.
 
     Args:
         source: where the readings come from.
@@ -80,7 +84,9 @@ class RecordReader:
         return bool(self.count) or self.has_ended
 
     def move_to(self, place: float | None) -> None:
-        """Set the distance [m] of the object (None while it moves), and discard all readings in the queue.
+        """Set the object distance, and discard all waiting readings.
+
+        The distance [m] is None while the object moves.
 
         Args:
             place: the distance; infinite without an object.

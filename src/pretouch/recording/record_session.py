@@ -1,4 +1,7 @@
-"""Record a calibration: first without an object, then at one distance after another, until it is good enough."""
+"""Record a calibration at one distance after another.
+
+The recording starts without an object, and ends when the calibration is good enough.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ _JUDGED: Final = 2.0  # s between two judgments if the distances come from the s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordOptions(Value):
-    """Options of a calibration recording, such as the number of readings at each distance.
+    """Options of a calibration recording.
 
     Args:
         readings: number of readings at each distance, and of the empty scene.
@@ -48,7 +51,7 @@ class RecordOptions(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RecordedCalibration(Described, Value):
-    """Result of a calibration recording: the files, the number of readings, and the missing distances.
+    """Result of a calibration recording.
 
     Args:
         path: the calibration file.
@@ -76,12 +79,15 @@ class RecordedCalibration(Described, Value):
 
     @property
     def headline(self) -> str:
-        """Summary of the recording: the number of readings, and whether they are sufficient."""
+        """Summary of the calibration recording."""
         start = "Interrupted. " if self.interrupted else ""
         return f"{start}{kept(self.readings, len(self.distances), self.empty, self.path)}. {self.judgment.reason}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result of the recording as one JSON object, in SI units."""
+        """Return the recording result as a JSON object.
+
+        All values are in SI units.
+        """
         judgment, slope = self.judgment, None if self.judgment.report is None else self.judgment.report.best
         result: dict[str, Any] = plain(
             {
@@ -147,7 +153,7 @@ def record_calibration(
     options: RecordOptions,
     goal: RecordGoal,
 ) -> RecordedCalibration:
-    """Record a sensor calibration from a source of readings, such as a serial port.
+    """Record a sensor calibration from a source of readings.
 
     Args:
         source: where the readings come from.
@@ -222,14 +228,14 @@ class _Session:
             judgment = self._judge(plan.suggests)
 
     def close(self) -> None:
-        """Stop the thread that reads the sensor, and close the sensor and the files."""
+        """Close the sensor and the files of the recording."""
         self.reader.close()
         self._source.close()
         self._file.close()
 
     @contextmanager
     def explain_what_is_kept(self) -> Iterator[None]:
-        """Extend the message of a sensor error: which readings are saved, and how to continue the recording."""
+        """Explain in sensor errors how to continue the recording."""
         try:
             yield
         except SourceError as error:
@@ -249,7 +255,7 @@ class _Session:
         return judgment
 
     def _stay(self, distance: float) -> None:
-        """Record the readings at one distance [m] of the object; the distance is infinite without an object."""
+        """Record the readings at one object distance [m]."""
         self.judgment = None
         wanted = self._options.readings - self._file.count(distance)
         stay = Stay(max(wanted, 1), self._options.dwell)
@@ -271,7 +277,7 @@ class _Session:
             self._display.say(self.notes[-1])
 
     def _follow(self) -> None:
-        """Record readings with distances from the source until the slope is known accurately or the source ends."""
+        """Record readings from a source that also reports distances."""
         last = time.monotonic()
         judged: float | None = None
         while True:
@@ -300,12 +306,12 @@ class _Session:
                 judged = arrived[-1].time
 
     def _wait_for_first(self) -> None:
-        """Wait for the first reading, so that a wrong connection is reported before a person places an object."""
+        """Wait for the first reading of the sensor."""
         if not self.reader.wait_for_first(self._options.timeout):
             raise self._silence()
 
     def _check_silence(self, last: float, now: float, has_arrived: bool) -> float:
-        """Return the time of the last reading; raise an error if the readings have ended or are overdue."""
+        """Return the time of the last reading, unless readings are overdue."""
         if has_arrived:
             return now
         if self.reader.has_ended:

@@ -35,7 +35,7 @@ def robust_spread(values: FloatArray) -> float:
 
 
 def drifts(values: FloatArray) -> bool:
-    """Return True if a series of readings rises or falls by more than noise explains.
+    """Return True if readings rise or fall more than noise explains.
 
     Args:
         values: the readings in the order of their arrival, shape (N,).
@@ -66,7 +66,9 @@ def drifts(values: FloatArray) -> bool:
 
 
 class Stay:
-    """The readings at one distance of the object; the calibration uses only readings after settling.
+    """The readings at one distance of the object.
+
+    The calibration uses only readings after settling.
 
     Args:
         wanted: number of readings that count.
@@ -113,21 +115,33 @@ class Stay:
 
     @property
     def is_settling(self) -> bool:
-        """Whether the sensor output is still settling, so that the calibration does not use its readings yet."""
+        """Whether the sensor output is still settling.
+
+        The calibration does not use readings during settling.
+        """
         return self._counted_from is None
 
     @property
     def has_drifted(self) -> bool:
-        """Whether the readings that the calibration uses drift, that is, rise or fall."""
+        """Whether the readings for the calibration drift.
+
+        Drifting readings rise or fall.
+        """
         return drifts(np.array(self.counted))
 
     @property
     def recent(self) -> FloatArray:
-        """The readings that the calibration uses; while the output still settles, the latest readings."""
+        """The readings since the sensor output settled.
+
+        Before that, these are the latest readings.
+        """
         return np.array(self.counted or [output for _, output in self._recent])
 
     def _is_steady(self, now: float) -> bool:
-        """Return True if the latest readings do not drift, or if the longest settling time is over."""
+        """Return True if the sensor output has settled.
+
+        The result is also True after the longest settling time.
+        """
         if len(self._recent) < _FEWEST or now - self._recent[0][0] < 0.4 * self._dwell:
             return False
         if now - self._judged < self._dwell / _JUDGMENTS:  # so that fast sensors need little computing time

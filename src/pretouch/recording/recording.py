@@ -1,4 +1,7 @@
-"""Define a recording: the readings of one topic with their time stamps, as distances or sensor outputs."""
+"""Store the readings and time stamps of a recorded topic.
+
+The readings are distances or sensor outputs.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +74,7 @@ class Recording(Value):
         return self.seconds_after(int(self.stamps[0]) if len(self.stamps) else 0)
 
     def seconds_after(self, stamp: int) -> FloatArray:
-        """Return the time of each reading [s], counted from a given time stamp.
+        """Return the reading times [s], counted from a time stamp.
 
         Args:
             stamp: nanoseconds of the same clock.

@@ -1,4 +1,7 @@
-"""Replay a recording: run the sampled control law with its readings, and measure the sensor properties."""
+"""Run the control law with the readings of a recording.
+
+The replay also measures the sensor properties.
+"""
 
 from __future__ import annotations
 
@@ -42,10 +45,11 @@ def replay(
     start: float = 0.0,
     end: float = np.inf,
 ) -> Replay:
-    """Run the sampled law of a task with recorded readings, and compare the sensor with its model in the task.
+    """Run the control law of a task with recorded readings.
 
-    The replay is open loop: the recorded readings do not respond to the motion that the law commands. The law is the
-    compiled one that simulations run and exports contain.
+    The replay also compares the recorded sensor with its model in the task. The replay is open loop: the recorded
+    readings do not respond to the motion that the law commands. The law is the compiled one that simulations run and
+    exports contain.
 
     Args:
         task: the task with its sampled loop; the gain as for `verify_gain`.
@@ -122,7 +126,7 @@ def _positive(value: float) -> float:
 
 
 def _controller(task: Task) -> tuple[Controller, ClosedLoop, str]:
-    """Return the controller with its gain, the sampled loop of the task, and a description of the control law."""
+    """Return the controller, the sampled loop and the law's description."""
     loop = task.loop
     if not isinstance(loop, ClosedLoop) or not isinstance(loop.law, Controller):
         raise InvalidInputError(
@@ -135,7 +139,7 @@ def _controller(task: Task) -> tuple[Controller, ClosedLoop, str]:
 
 
 def _one_clock(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
-    """Return the recording; if its clock was set back, only the longest part with an increasing clock."""
+    """Return the longest part of a recording with increasing time."""
     if not len(recording.stamps):
         raise InvalidInputError(f"{recording.source}: the topic {recording.topic} has no messages")
     parts = stretches(recording.time)
@@ -147,13 +151,13 @@ def _one_clock(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     other = {"header": "receive", "receive": "header" if len(recording.transport) else ""}.get(recording.clock)
     advice = f" Try --clock {other}." if other else ""
     return recording.part(longest), (
-        f"The clock of the recording was set back (jumps: {len(parts) - 1}), so only the longest part with an "
-        f"increasing clock was replayed. {lost:,} of {total:,} readings were left out.{advice}",
+        f"The clock of the recording was set back (jumps: {len(parts) - 1}), so pretouch replayed only the longest "
+        f"part between jumps. {lost:,} of {total:,} readings were left out.{advice}",
     )
 
 
 def _part_between(recording: Recording, start: float, end: float) -> Recording:
-    """Return the readings between two times [s], which are counted from the first reading."""
+    """Return the readings between two times after the first reading [s]."""
     if start <= 0 and end == np.inf:
         return recording
     time = recording.time
@@ -166,7 +170,7 @@ def _part_between(recording: Recording, start: float, end: float) -> Recording:
 
 
 def _detecting_at(steps: LawSteps, time: FloatArray) -> BoolArray:
-    """Return, for each reading, whether the law detected an object within one control step of using the reading."""
+    """Return for each reading whether the law detected an object."""
     flags = (steps.status & Status.DETECTING) != 0
     period = float(steps.time[1] - steps.time[0])
     index = np.minimum(np.ceil(np.maximum.accumulate(time) / period - 1e-9).astype(int), len(flags) - 1)
@@ -183,7 +187,7 @@ def _events(
     first: float,
     last: float,
 ) -> list[tuple[float, float]] | None:
-    """Return start and end [s] of each true event, counted from the first replayed reading; None if unknown."""
+    """Return start and end of each true event [s], or None."""
     if truth is not None and contacts is not None:
         raise InvalidInputError("truth, contacts: found both, expected only one: a topic (truth) or times (contacts)")
     if truth is not None:
@@ -203,7 +207,7 @@ def _events(
 def _latency(
     task: Task, used: Recording, readings: FloatArray, reference: Recording, controller: Controller
 ) -> Latency:
-    """Return the latency of the log output of the sensor relative to the reference topic."""
+    """Return the latency of the sensor relative to the reference."""
     conditioning = controller.conditioning
     saturation = np.inf if conditioning.saturation is None else conditioning.saturation
 
@@ -223,7 +227,7 @@ def _latency(
 def _delay(
     used: Recording, latency: Latency | None, reference: Recording | None, exposure: float
 ) -> tuple[float, str] | None:
-    """Return the delay of the sensor chain [s] and how it was measured; None if the delay is unknown."""
+    """Return the sensor delay [s] and how it was measured."""
     if latency is not None and latency.value is not None and reference is not None and latency.value > 0:
         # a latency counts from the middle of an exposure, and a delay from its end
         return (

@@ -120,13 +120,13 @@ def _warnings(replay: Replay) -> Iterator[str]:
     if not replay.detections and replay.usable and xi is not None:
         yield caution(
             "PT605",
-            f"No reading was above the noise floor: the largest sensor output was {xi:.4g}, and the noise floor is "
-            f"{format_output(floor)}. Check that the topic has the unit of the scenario, and that an object came near.",
+            f"No reading was above the noise floor (largest {xi:.4g}, floor {format_output(floor)}): check that the topic "
+            "has the unit of the scenario, and that an object came near.",
         )
     if timing.rate > 0 and timing.mean_rate / timing.held < _SLOWER * chain.rate:
         yield caution(
             "PT606",
-            "The sensor is slower than the scenario says, so the verification does not hold for it. Put the section "
+            "The sensor is slower than the scenario says, so the verification does not hold for it: copy the section "
             "[chain] of this recording into the scenario file, and run pretouch verify.",
         )
     if replay.recording.kind == "reading" and noise.noise is not None:
@@ -140,9 +140,9 @@ def _warnings(replay: Replay) -> Iterator[str]:
         if floor < needed:
             yield caution(
                 "PT607",
-                f"The noise floor of {floor:.4g} is only {floor / noise.noise:.2g} standard deviations of the noise, "
-                "so noise alone can be detected as an object more than once per hour. Raise the noise floor to at "
-                f"least {needed:.3g}.",
+                f"The noise floor of {floor:.4g} is only {floor / noise.noise:.2g} standard deviations of the noise: "
+                f"raise the floor to at least {needed:.3g}. Otherwise, noise alone can be detected as an object more "
+                "than once per hour.",
             )
         if noise.offset is not None and abs(noise.offset - replay.controller.conditioning.offset) > floor / 2:
             yield caution(
@@ -153,7 +153,10 @@ def _warnings(replay: Replay) -> Iterator[str]:
 
 
 def _quiet_floor(replay: Replay, noise: float) -> float:
-    """Return the noise floor that Gaussian noise exceeds less than once per hour; 0 with a low-pass filter."""
+    """Return the lowest noise floor without frequent false detections.
+
+    Gaussian noise exceeds this floor less than once per hour. With a low-pass filter, the result is 0.
+    """
     conditioning, rate = replay.controller.conditioning, replay.timing.rate
     if conditioning.low_pass_order or not rate > 0 or not noise > 0:
         return 0.0
@@ -164,7 +167,7 @@ def _quiet_floor(replay: Replay, noise: float) -> float:
 
 
 def _fault_warnings(replay: Replay) -> Iterator[str]:
-    """Yield warnings about readings that the law cannot use, and about wrong time stamps."""
+    """Yield warnings about unusable readings and wrong time stamps."""
     counts, timing, total = replay.counts, replay.timing, len(replay.readings)
     texts = {
         "saturated": "are saturated, and the law ignores them; reduce the amplification",
@@ -250,7 +253,7 @@ def _events(replay: Replay) -> PageSection | None:
 
 
 def _sensor_rows(replay: Replay) -> Iterator[Row]:
-    """Yield table rows that compare the recorded sensor properties with those of the scenario."""
+    """Yield table rows that compare the sensor with the scenario."""
     timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
     yield "topic", f"{replay.recording.topic} ({replay.recording.message_type})", ""
     yield "times", CLOCKS[replay.recording.clock], ""

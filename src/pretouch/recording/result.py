@@ -28,7 +28,7 @@ _SAME_RATE: Final = 0.01  # relative difference of two rates that are called equ
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Replay(Described, Value):
-    """Result of replaying a recording: detections and outputs of the law, and measured sensor properties.
+    """Result of replaying a recording.
 
     Args:
         recording: the part of the recording that was replayed.
@@ -71,12 +71,15 @@ class Replay(Described, Value):
 
     @property
     def false_triggers(self) -> tuple[RecordedDetection, ...]:
-        """The false detections, which have no true event; empty if the true events are unknown."""
+        """Detections without a true event.
+
+        Empty if the true events are unknown.
+        """
         return tuple(d for d in self.detections if d.judgment == "false")
 
     @property
     def missed(self) -> tuple[Event, ...]:
-        """The true events that the law did not detect, or detected only after they had begun."""
+        """True events that the law detected late or never."""
         return tuple(e for e in self.events or () if e.is_missed or e.is_late)
 
     @property
@@ -86,16 +89,19 @@ class Replay(Described, Value):
 
     @property
     def is_good(self) -> bool:
-        """True if the law had usable readings, no false detection, and no missed or late event."""
+        """True if the law detected all true events and nothing else.
+
+        There must also be usable readings, and no late detection.
+        """
         return self.usable > 0 and not self.false_triggers and not self.missed
 
     @property
     def headline(self) -> str:
-        """Summary of the replay: the detections, their comparison with the true events, and the sensor rate."""
+        """Summary of the detections and the sensor rate."""
         return _headline(self)
 
     def pairs(self) -> DistancePairs:
-        """Return the readings for a calibration, each with the distance from the reference topic.
+        """Return the sensor readings with the distances from the reference.
 
         A known latency of the sensor is removed.
 
@@ -183,7 +189,7 @@ def _why_unusable(replay: Replay) -> str:
 
 
 def _describe_rates(replay: Replay) -> Iterator[str]:
-    """Yield one or two sentences that compare the recorded sensor rate with the rate in the scenario."""
+    """Yield sentences that compare the recorded rate with the scenario."""
     timing, declared = replay.timing, replay.loop.chain.rate
     if not timing.rate > 0:
         yield f"All readings ({timing.count}) have the same time stamp, so the sensor rate is unknown."

@@ -1,4 +1,7 @@
-"""Run the sampled control law with recorded readings, with the same compiled code as in simulations."""
+"""Run the control law with recorded readings.
+
+Simulations run the same compiled code.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,9 @@ _OUTPUT: Final = np.dtype(RawOutput)
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LawSteps(Value):
-    """Inputs and outputs of the law in each control period of a replay; each array has the shape (n,).
+    """Inputs and outputs of the law in each control period.
+
+    Each array has one value per period, that is, the shape (n,).
 
     Args:
         time: time of the step after the first reading [s].
@@ -54,7 +59,9 @@ class LawSteps(Value):
 
 
 def readings_of(recording: Recording, sensor: SensorModel, offset: float) -> FloatArray:
-    """Return the readings for the law; the sensor curve converts distances to sensor outputs, as on the robot.
+    """Return the sensor readings for the control law.
+
+    The sensor curve converts distances to sensor outputs, as on the robot.
 
     Args:
         recording: the recording.
@@ -78,11 +85,11 @@ def readings_of(recording: Recording, sensor: SensorModel, offset: float) -> Flo
 
 
 def run_steps(controller: Controller, time: FloatArray, readings: FloatArray) -> LawSteps:
-    """Run the law with recorded readings in open loop: the readings do not respond to the commanded motion.
+    """Run the control law with recorded readings in open loop.
 
-    The first step is at the first reading. A reading is used in the first step after its arrival, with its age; if
-    several arrive between two steps, only the newest is used. A reading whose time is earlier than that of an earlier
-    one arrives with the earlier one.
+    The readings do not respond to the commanded motion. The first step is at the first reading. A reading is used in
+    the first step after its arrival, with its age; if several arrive between two steps, only the newest is used. A
+    reading whose time is earlier than that of an earlier one arrives with the earlier one.
 
     Args:
         controller: the controller with its gain.
@@ -120,7 +127,7 @@ def run_steps(controller: Controller, time: FloatArray, readings: FloatArray) ->
 
 
 def run_samples(controller: Controller, samples: Any) -> Any:
-    """Start a controller, run it with a series of input samples, and return its outputs.
+    """Run a controller with input samples, and return its outputs.
 
     Args:
         controller: the controller.

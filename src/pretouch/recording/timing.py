@@ -1,4 +1,7 @@
-"""Compute the timing of recorded readings: rate, jitter, gaps, repeated and late stamps, and repeated values."""
+"""Compute the rate, jitter and gaps of recorded readings.
+
+Repeated values, and repeated or late time stamps, are counted.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ _FEWEST_RUNS: Final = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing(Value):
-    """Timing of the readings of a recording, such as their rate, jitter and gaps.
+    """Rate, jitter and gaps of recorded readings.
 
     Args:
         count: number of readings.
@@ -53,7 +56,7 @@ class Timing(Value):
 
 
 def timing_of(time: FloatArray, values: FloatArray) -> Timing:
-    """Compute the timing of readings, such as rate, jitter and gaps, from their times and values.
+    """Compute the rate, jitter and gaps of sensor readings.
 
     Args:
         time: time of each reading [s], in the order of arrival.
@@ -102,14 +105,20 @@ def timing_of(time: FloatArray, values: FloatArray) -> Timing:
 
 
 def _jitter(intervals: FloatArray) -> float:
-    """Return the jitter of the reading times [s] as a robust standard deviation; 0 if it is below 1 ns."""
+    """Return the jitter of the reading times [s].
+
+    The jitter is a robust standard deviation, or 0 below 1 ns.
+    """
     # the interval between two readings has the jitter of both
     jitter = float(ROBUST * np.median(np.abs(intervals - np.median(intervals))) / np.sqrt(2))
     return jitter if jitter >= _RESOLUTION else 0.0
 
 
 def _held(values: FloatArray) -> int:
-    """Return how many times in a row a sensor repeats each value; 1 if this number is not constant."""
+    """Return how many times a sensor repeats each value.
+
+    The result is 1 if this number is not constant.
+    """
     finite = values[np.isfinite(values)]
     changes = np.flatnonzero(np.diff(finite) != 0)
     runs = np.diff(changes)
@@ -121,7 +130,7 @@ def _held(values: FloatArray) -> int:
 
 
 def stretches(time: FloatArray) -> list[slice]:
-    """Split a recording at the moments at which its clock was set back.
+    """Split a recording where its clock was set back.
 
     A single reading that is late does not split a recording.
 

@@ -1,4 +1,7 @@
-"""Write HTML reports and draw figures of results; Matplotlib is imported when the first figure is drawn."""
+"""Write HTML reports and draw figures of results.
+
+Matplotlib is imported when the first figure is drawn.
+"""
 
 from .html import report_html, write_report
 from .panel_figure import panel_figure

@@ -1,4 +1,4 @@
-"""Convert the blocks of a report, such as tables and paragraphs, to HTML."""
+"""Convert the blocks of a report, such as tables, to HTML."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ QUIET: Final = ' class="note"'
 
 
 def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
-    """Return a short HTML version of a report page for notebooks: headline, warnings, main plot and one short table.
+    """Return a short HTML version of a report page for notebooks.
+
+    It contains the headline, the warnings, the main plot and one short table.
 
     Args:
         page: the page.
@@ -56,7 +58,9 @@ def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
 
 
 def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
-    """Return a report page as HTML: result, plot, key numbers and warnings at the top, then collapsible sections.
+    """Return a report page as HTML.
+
+    Result, plot, key numbers and warnings come first, then collapsible sections.
 
     Args:
         page: the page.
@@ -81,12 +85,15 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
 
 
 def lead_picture(page: Page) -> Picture | None:
-    """Return the main plot of a report page, or the first plot if no main plot exists; None without plots."""
+    """Return the main plot of a report page.
+
+    Without a main plot, the first plot is returned; without plots, None.
+    """
     return _without_lead(page.blocks, page.lead)[0] or next(_pictures(page.blocks), None)
 
 
 def _pictures(blocks: Iterable[Block]) -> Iterator[Picture]:
-    """Yield all plots of a report page, including the plots inside its sections."""
+    """Yield all plots of a report page and its sections."""
     for block in blocks:
         if isinstance(block, Picture):
             yield block
@@ -95,7 +102,7 @@ def _pictures(blocks: Iterable[Block]) -> Iterator[Picture]:
 
 
 def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, list[Block]]:
-    """Find a plot of a report page by its name; return this plot and all other blocks of the page."""
+    """Separate one plot of a report page from all other blocks."""
     # Sections that the figure leaves empty are removed as well.
     lead: Picture | None = None
     others: list[Block] = []
@@ -112,7 +119,10 @@ def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, l
 
 
 def page_top(page: Page, figure: str = "") -> str:
-    """Return the top of a report page as HTML: status, result, plot, key numbers and warnings."""
+    """Return the top part of a report page as HTML.
+
+    It contains status, result, plot, key numbers and warnings.
+    """
     parts = [f'<p class="state{"" if page.good else " bad"}">{escape(page.status)}</p>'] if page.status else []
     parts += [f'<p class="warning">{_with_links(text)}</p>' for text in page.reservations]
     parts.append(f'<p class="answer">{escape(page.headline)}</p>')
@@ -133,7 +143,10 @@ def page_top(page: Page, figure: str = "") -> str:
 
 
 def explained(page: Page) -> Page:
-    """Return the report page with an additional section that explains its warning codes, such as PT201."""
+    """Return a report page with explanations of its warning codes.
+
+    An additional section explains the codes, such as PT201.
+    """
     codes = codes_in((*page.reservations, *page.warnings))
     if not codes:
         return page
@@ -153,12 +166,12 @@ def _explanation(code: str) -> PageSection:
 
 
 def _with_links(text: str) -> str:
-    """Return a warning as HTML; each warning code in it is a link to the explanation of this code."""
+    """Return a warning as HTML with linked warning codes."""
     return re.sub(r"\b(PT\d{3}): ", lambda m: f'<a href="#{m[1].lower()}">{m[1]}:</a> ', _inline(text))
 
 
 def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], level: int = 2) -> Iterator[str]:
-    """Yield the blocks of a report page, such as tables and figures, as HTML elements.
+    """Yield the blocks of a report page as HTML elements.
 
     Args:
         blocks: the blocks.
@@ -218,7 +231,10 @@ def _table(table: PageTable) -> str:
 
 
 def cell_as_html(cell: Cell) -> str:
-    """Return a table cell as HTML; a missing number is shown as a dash."""
+    """Return a table cell as HTML.
+
+    A missing number is shown as a dash.
+    """
     if isinstance(cell, Named):
         return escape(f"{cell.words} {cell.symbol}".strip())
     if not isinstance(cell, Measured):
@@ -236,6 +252,6 @@ def _id(anchor: str) -> str:
 
 
 def _inline(text: str) -> str:
-    """Convert a sentence with backticks and links to HTML, and escape its special characters."""
+    """Convert a sentence with backticks and links to HTML."""
     linked = LINK.sub(r'<a href="#\2">\1</a>', escape(text))
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", linked)

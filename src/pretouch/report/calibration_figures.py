@@ -28,7 +28,7 @@ _LEAST: Final = 1.6  # inch, least height of a panel
 
 
 class _Points(NamedTuple):
-    """Averaged calibration readings: distance, log output (ln xi), and standard deviation of the log output."""
+    """Averaged calibration readings with the standard deviation of their log output."""
 
     distance: FloatArray
     log_output: FloatArray
@@ -69,7 +69,7 @@ def calibration(report: CalibrationReport) -> Figure:
 
 
 def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
-    """Draw all calibration readings and fitted curves; mark offset, noise floor, clipping level and usable range."""
+    """Draw all calibration readings and the fitted sensor curves."""
     scale = _set_up(axes, report, "Readings and their use" if report.fits else f"Readings: {report.verdict}")
     outputs = report.calibration.outputs
     axes.set_ylabel(f"output [{_unit(report)}]", parse_math=False)
@@ -87,7 +87,7 @@ def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the sensor readings minus their offset versus the distance, on a logarithmic axis."""
+    """Draw the sensor readings, minus their offset, on a logarithmic axis."""
     scale = _set_up(axes, report, "Signal, logarithmic", zoom=True)
     points = _points(report)
     axes.set_ylabel(f"output \u2212 offset [{_unit(report)}], log. axis", parse_math=False)
@@ -100,7 +100,7 @@ def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the slope of the log output versus the distance, from fitted curves and from neighboring readings."""
+    """Draw the slope of the log output versus the distance."""
     scale = _set_up(axes, report, "Slope g: the damping force is D\u209a g l\u2032", zoom=True)
     points = _points(report)
     axes.set_ylabel("slope g = d ln \u03be / dl [1/m]")
@@ -119,7 +119,7 @@ def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the residuals of each fitted sensor curve, and a band of two standard deviations of the noise."""
+    """Draw the residuals of each fitted sensor curve."""
     scale = _set_up(axes, report, "Residuals of the models", zoom=True)
     points = _points(report)
     axes.set_ylabel("residual of ln \u03be [1]")
@@ -147,7 +147,7 @@ def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _set_up(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = False) -> Scale:
-    """Set title and distance axis of a calibration plot; `zoom` restricts the axis to the usable distance range."""
+    """Set the title and the distance axis of a calibration plot."""
     distances = report.calibration.distances
     scale = scale_for("m", float(distances.max()))
     axes.locator_params(nbins=6)
@@ -162,19 +162,22 @@ def _set_up(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = F
 
 
 def _unit(report: CalibrationReport) -> str:
-    """Return the unit of the sensor output as plot text; characters that the font lacks become question marks."""
+    """Return the unit of the sensor output as plot text.
+
+    Characters that the font lacks become question marks.
+    """
     plain = "".join(c if ord(c) < 0x250 or c in "\u00b5\u03bc\u2126\u03a9" else "?" for c in report.calibration.unit)
     return plain.strip() or "1"
 
 
 def _distances(fit: SensorFit, report: CalibrationReport) -> FloatArray:
-    """Return the distances at which a fitted sensor curve is drawn, all within the usable range of the calibration."""
+    """Return the distances at which a fitted sensor curve is drawn."""
     low, high = fit.sensor.valid_range
     return np.linspace(max(low, report.window.l_min), min(high, report.window.l_max), _FINE)
 
 
 def _points(report: CalibrationReport) -> _Points:
-    """Recover the averaged calibration readings: add the residuals of the best fit to its curve."""
+    """Recover the averaged calibration readings from the best fit."""
     fit = report.fits[0]
     distance = np.asarray(fit.distances)
     log_output = np.asarray(fit.sensor.log_output(distance)) + fit.residuals
@@ -192,7 +195,7 @@ def _draw_points(axes: Axes, x: FloatArray, y: FloatArray, spread: FloatArray) -
 
 
 def _levels(report: CalibrationReport) -> Iterator[tuple[float, str, Any, tuple[float, float] | None]]:
-    """Yield each horizontal reference line (offset, noise floor, clipping level) with its name and line style."""
+    """Yield horizontal reference lines, such as offset and noise floor."""
     window, offset = report.window, report.offset
     if offset is not None:
         spread = (offset.low, offset.high) if np.isfinite([offset.low, offset.high]).all() else None
@@ -204,7 +207,7 @@ def _levels(report: CalibrationReport) -> Iterator[tuple[float, str, Any, tuple[
 
 
 def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, str, str]]:
-    """Yield groups of calibration readings, such as outliers, with the marker and the color of each group."""
+    """Yield groups of calibration readings with their marker and color."""
     distances, outputs = report.calibration.distances, report.calibration.outputs
     window = report.window
     outlier = np.zeros(len(outputs), dtype=np.bool_)
@@ -226,7 +229,7 @@ def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, st
 
 
 def _draw_curves(axes: Axes, report: CalibrationReport, scale: Scale, value: Any, *, named: bool = True) -> None:
-    """Draw all fitted sensor curves; the curve with the best fit is on top and first in the legend."""
+    """Draw all fitted sensor curves, with the best one on top."""
     for i, fit in enumerate(report.fits):
         distance = _distances(fit, report)
         color, style = CURVES[i % len(CURVES)]

@@ -1,4 +1,4 @@
-"""Compare candidates, such as sensors or robots, in one plot of contact speed versus excursion."""
+"""Compare candidates, such as sensors, by contact speed and excursion."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ _AIR: Final = 1.2
 
 @check_arguments
 def candidates(comparison: CandidateComparison) -> Figure:
-    """Draw one point for each candidate: its mean contact speed versus the mean of its largest excursions.
+    """Draw the mean contact speed of each candidate versus its excursion.
+
+    The excursion of a candidate is the mean of the largest excursions of its runs.
 
     Args:
         comparison: a comparison of candidates.

@@ -17,7 +17,9 @@ class ReportFigure(Figure):
     """
 
     def savefig(self, fname: Any, **options: Any) -> None:
-        """Save the figure with fixed settings and without a date, so that repeated saving gives identical files.
+        """Save the figure so that repeated saving gives identical files.
+
+        The settings are fixed, and no date is saved.
 
         Args:
             fname: a path or a binary file.

@@ -1,4 +1,8 @@
-"""Plot a gain design: objective versus gain, contact speed versus excursion, and sensitivities of the optimal gain."""
+"""Draw the figures of a gain design.
+
+They show the objective versus the gain, the contact speed versus the excursion, and the sensitivities of the optimal
+gain.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +40,7 @@ _CLOSE: Final = 0.06  # of the panel: least distance between two marks
 
 @check_arguments
 def trade_off(design: GainDesign) -> Figure:
-    """Draw the objective versus the gain, and the contact speed versus the excursion or another cost.
+    """Draw the trade-off between contact speed and excursion of a gain design.
 
     Args:
         design: a design of any status.
@@ -52,7 +56,7 @@ def trade_off(design: GainDesign) -> Figure:
 
 
 def _no_contact_panel(design: GainDesign) -> Panel:
-    """Return a plot of the smallest distance to the object versus the gain, for designs without any contact."""
+    """Return a plot of the smallest distance versus the gain."""
     scanned = design.scan_result
     gain = _shown_gain(design, np.asarray(scanned.gain, float))
     nearest = np.asarray(scanned.closest_distance, float)
@@ -67,7 +71,7 @@ def _no_contact_panel(design: GainDesign) -> Panel:
 
 
 def _objective_panel(design: GainDesign) -> Panel:
-    """Return a plot of the objective and its terms versus the gain; optimum and infeasible gains are marked."""
+    """Return a plot of the objective and its terms versus the gain."""
     gain, total = np.asarray(_shown_gain(design, design.trade_off.gain)), design.trade_off.objective
     finite = total[np.isfinite(total)]
     low, high = float(finite.min()), float(finite.max())
@@ -98,7 +102,7 @@ def _objective_panel(design: GainDesign) -> Panel:
 
 
 def _trade_off_panel(design: GainDesign) -> Panel:
-    """Return a plot of the contact speed versus the excursion, or versus another term of the objective."""
+    """Return a plot of the contact speed versus excursion or another cost."""
     name = traded_quantity(design)
     state, reached = design.trade_off.state, design.trade_off.reached
     cost = np.where(reached, np.abs(quantity_of(name, state, design.impact)), np.nan)
@@ -145,7 +149,7 @@ def _terms(design: GainDesign) -> dict[str, FloatArray]:
 
 
 def _infeasible_ranges(design: GainDesign, gain: FloatArray) -> Iterator[Span]:
-    """Yield each range of infeasible gains with the reason, such as an exceeded limit."""
+    """Yield each range of infeasible gains with its reason."""
     trade = design.trade_off
     reasons = np.full(len(gain), "", dtype=object)
     for outcome in design.constraints:
@@ -169,13 +173,13 @@ def _violates(design: GainDesign, outcome: ConstraintOutcome) -> BoolArray:
 
 
 def _edges(gain: FloatArray, *, logarithmic: bool) -> FloatArray:
-    """Return the borders of the plotted interval around each gain: midpoints between gains, first and last gain."""
+    """Return the borders of the plotted interval around each gain."""
     middles = np.sqrt(gain[1:] * gain[:-1]) if logarithmic else (gain[1:] + gain[:-1]) / 2
     return np.concatenate([gain[:1], middles, gain[-1:]])
 
 
 def _points(design: GainDesign, name: str) -> Iterator[tuple[float, float, dict[str, Any]]]:
-    """Yield the points to mark in the plot of contact speed versus excursion, such as the chosen gain."""
+    """Yield points that mark gains, such as the chosen gain."""
     nearest = design.nearest if design.result is None else None
     for run, style in (
         (design.no_mitigation, {"label": "no mitigation", "style": 1, "shape": "square"}),
@@ -192,7 +196,7 @@ def _scale(unit: str, values: FloatArray) -> Scale:
 
 
 def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[dict[str, float], dict[str, float]]:
-    """Return reference lines at the limits of the contact speed and of the quantity on the other axis."""
+    """Return reference lines at the design limits of both axes."""
     levels, positions = {}, {}
     for outcome in design.constraints:
         text = f"{outcome.name.replace('_', ' ')} limit"
@@ -204,7 +208,7 @@ def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[di
 
 
 def _optimal_contour(design: GainDesign, name: str, across: Scale, up: Scale, most: tuple[float, float]) -> list[Curve]:
-    """Return the contour line of the objective through the optimum, for the plot of contact speed versus excursion."""
+    """Return the contour line of the objective through the optimum."""
     if not shows_equals(design):
         return []
     terms = {t.quantity: t for t in design.definition.terms if t.weight > 0}
@@ -221,7 +225,7 @@ def _optimal_contour(design: GainDesign, name: str, across: Scale, up: Scale, mo
 
 
 def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[Mark]) -> list[Mark]:
-    """Return points that mark round gains, such as -1 N s, on the curve of contact speed versus excursion."""
+    """Return points that mark round gains, such as -1 N s."""
     order = np.argsort(design.trade_off.gain)
     size = np.array([np.nanmax(x), np.nanmax(y)])
     new_marks: list[Mark] = []
@@ -238,7 +242,9 @@ def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[M
 
 @check_arguments
 def sensitivity(design: GainDesign) -> Figure:
-    """Draw, for each input, by how much the optimal gain changes if this input grows by 1 %.
+    """Draw the sensitivity of the optimal gain to each input.
+
+    A bar shows by how much the gain changes if an input grows by 1 %.
 
     Args:
         design: a design; without sensitivities the figure is an empty panel with a message.

@@ -1,4 +1,7 @@
-"""Plot the design of a virtual drag (damping quadratic in speed), and compare it with a fixed gain."""
+"""Plot the design of a virtual drag.
+
+The drag, a damping that is quadratic in speed, is compared with a fixed gain.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ _RATIOS: Final = np.exp(-np.linspace(1e-3, 6.0, 121))
 
 @check_arguments
 def drag(design: DragDesign) -> Figure:
-    """Draw contact speed versus excursion for many virtual drags, and the results of one drag at all approach speeds.
+    """Draw the contact speed and the excursion of many virtual drags.
 
     Args:
         design: the drag of a task; if the task has an objective, the letter's optimal gain is drawn as well.
@@ -76,7 +79,7 @@ def drag(design: DragDesign) -> Figure:
 
 
 def _trade_off(design: DragDesign, letter: GainDesign | None, speed: float) -> Panel:
-    """Return a plot of contact speed divided by approach speed versus excursion, for many virtual drags and gains."""
+    """Return a plot of the contact speed ratio versus the excursion."""
     curve = drag_trade_off(design.sensor, design.detection_distance, design.mass, _RATIOS)
     points = [(design.excursion, design.ratio, "chosen, at every speed", 0)]
     shown = [(curve.excursion, curve.ratio, "virtual drag", 0)]

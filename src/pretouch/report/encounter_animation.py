@@ -1,4 +1,7 @@
-"""Animate robot and object in an HTML report, in slow motion or in real time and without JavaScript."""
+"""Animate robot and object in an HTML report without JavaScript.
+
+The animation runs in slow motion or in real time.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,7 @@ _COLORS: Final = ("var(--blue)", "var(--red)")
 
 
 class Lane(NamedTuple):
-    """Motion of robot and object in one run, which the animation shows as one row.
+    """Motion of robot and object in one row of an animation.
 
     Args:
         label: what distinguishes the run, such as its gain.
@@ -64,7 +67,7 @@ def lane(
     relative_velocity: FloatArray,
     ends_with_contact: bool,
 ) -> Lane:
-    """Return one row of the animation, computed from the distance to the object and the motion of the object.
+    """Compute one row of the animation from distance and object motion.
 
     Args:
         label: what distinguishes the run.
@@ -74,16 +77,19 @@ def lane(
         distance: l [m].
         relative_velocity: l' [m/s].
         ends_with_contact: whether the last sample is the contact.
+
+    Returns:
+        The row.
     """
     position = obstacle.position_at(time) - distance
     return Lane(label, style, time, distance, position, -relative_velocity, ends_with_contact)
 
 
 def encounter_animation(lanes: Sequence[Lane], sensor: SensorModel) -> str:
-    """Return an HTML animation of several runs of one encounter; readers can choose the playback speed.
+    """Return an HTML animation of several runs of one encounter.
 
-    The animation consists of SVG shapes and CSS keyframes. On systems with the setting "reduced motion", and in print,
-    the shapes show the last sample of each run.
+    Readers can choose the playback speed. The animation consists of SVG shapes and CSS keyframes. On systems with the
+    setting "reduced motion", and in print, the shapes show the last sample of each run.
 
     Args:
         lanes: the runs, drawn one below the other on the same scale and with the same clock.
@@ -132,7 +138,10 @@ def encounter_animation(lanes: Sequence[Lane], sensor: SensorModel) -> str:
 def _lane(
     number: int, lane: Lane, rules: list[str], *, scale: float, near: float, far: float, fastest: float, end: float
 ) -> str:
-    """Return the SVG shapes of one run, and append the CSS keyframes that move these shapes to the list `rules`."""
+    """Return the SVG shapes of one run.
+
+    The CSS keyframes that move these shapes are appended to `rules`.
+    """
     times = np.linspace(0.0, end, _FRAMES)
     distance = np.maximum(np.interp(times, lane.time, lane.distance), 0.0)
     surface = _LEFT + scale * (np.interp(times, lane.time, lane.position) - near)
@@ -176,7 +185,7 @@ def _ending(lane: Lane) -> str:
 
 
 def _field_stops(sensor: SensorModel, reach: float) -> str:
-    """Return the color gradient of the area in front of the sensor; its opacity decreases like the sensor output."""
+    """Return the color gradient of the area in front of the sensor."""
     distances = np.clip(np.linspace(0.0, reach, 9), *sensor.valid_range)
     with np.errstate(all="ignore"):
         level = np.asarray(sensor.log_output(distances), dtype=float)

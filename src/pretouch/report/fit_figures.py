@@ -21,7 +21,9 @@ _POINTS: Final = 200
 
 @check_arguments
 def sensor_fit(fit: SensorFit) -> Figure:
-    """Draw readings and fitted curve of one sensor model, and the residuals of the log output (ln xi).
+    """Draw a fitted sensor curve with its readings and residuals.
+
+    The residuals are those of the log output ln xi.
 
     Args:
         fit: the fit of one model.

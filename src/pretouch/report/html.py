@@ -55,7 +55,7 @@ def write_report(
     source: object = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write the report of a result to a file as one self-contained HTML page.
+    """Write the report of a result to a self-contained HTML file.
 
     Args:
         result: the result of a verb, with any status.
@@ -100,7 +100,10 @@ def report_html(result: Any, *, calibration: CalibrationReport | None = None, so
 
 
 def page_html(page: Page) -> str:
-    """Return a report page as HTML, with software versions and with a hash that reveals later changes."""
+    """Return a complete report page as HTML.
+
+    It contains the software versions and a hash that reveals later changes.
+    """
     shell = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
     title = f"{page.kind}{'' if page.kind.endswith('?') else ':'} {page.source}" if page.source else page.kind
     body = page_as_html(explained(page), _draw)
@@ -109,7 +112,7 @@ def page_html(page: Page) -> str:
 
 
 def lead_figure(page: Page) -> Figure:
-    """Return the figure that a report page shows first, as a Matplotlib figure.
+    """Return the first figure of a report page.
 
     Raises:
         ResultUnavailableError: the page has no figure.
@@ -122,12 +125,15 @@ def lead_figure(page: Page) -> Figure:
 
 
 def excerpt_html(page: Page) -> str:
-    """Return a short HTML version of a report page for notebooks, with its main plot as an image."""
+    """Return a short HTML version of a report page for notebooks.
+
+    The main plot is an image.
+    """
     return page_as_excerpt(page, _image)
 
 
 def _image(picture: Picture) -> str:
-    """Draw a figure and return it as an HTML image element that contains the image data."""
+    """Draw a figure and return it as an HTML image element."""
     content = BytesIO()
     _figure(picture).savefig(content, format="png", dpi=110)
     data = base64.b64encode(content.getvalue()).decode()
@@ -139,7 +145,7 @@ def _figure(picture: Picture) -> Any:
 
 
 def _draw(picture: Picture) -> str:
-    """Return a figure as HTML: a plot as an SVG element, a film as an animation."""
+    """Return a plot or a film as an HTML element."""
     if isinstance(picture, Film) and picture.figure == "robot_film":
         return film_html(picture.of)
     drawn = draw_svg(_figure(picture), picture.figure.replace("_", "-"))
@@ -150,7 +156,7 @@ def _draw(picture: Picture) -> str:
 
 
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:
-    """Add a section about the sensor calibration to a report page, and put its main warning at the top of the page."""
+    """Add a section about the sensor calibration to a report page."""
     from pretouch.calibration.page import fitted_blocks  # noqa: PLC0415 - only where there is one
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415
 
@@ -185,7 +191,7 @@ def _versions() -> tuple[tuple[str, str], ...]:
 
 
 def _source(source: object) -> dict[str, str] | None:
-    """Return name, text and SHA-256 hash of the scenario file on which a report is based."""
+    """Return name, text and SHA-256 hash of the scenario file."""
     if source is None:
         return None
     keys = ("name", "path", "text", "sha256")

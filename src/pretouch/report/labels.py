@@ -1,4 +1,4 @@
-"""Place labels next to points and curves, so that the labels cover neither text nor curves."""
+"""Place plot labels without covering text or curves."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def label_near(
     side: int = 1,
     marks: list[FloatArray] | None = None,
 ) -> Annotation | None:
-    """Write a label next to a point or a curve of a plot if there is free space.
+    """Write a label next to a plotted point or curve.
 
     A place is free if it touches no text and covers no curve, and no curve separates it from its anchor. Lines with
     zorder below 1 may be covered. The limits of the axes must be final.
@@ -87,7 +87,10 @@ def _best_place(
     occupied: FloatArray,
     free: Any,
 ) -> int:
-    """Return the index of the best free position for a label; -1 if no position is free."""
+    """Return the index of the best free label position.
+
+    The index is -1 if no position is free.
+    """
     best, choice = np.inf, -1
     for i in free[np.argsort(places[free, 4], kind="stable")]:
         if places[i, 4] >= best:
@@ -102,7 +105,9 @@ def _best_place(
 
 
 def label_inside(axes: Axes, x: Any, y: Any, text: str, *, color: str, size: float, fill: str) -> Annotation | None:
-    """Write a plot label centered on the best of several points; rotate the label by 90 degrees if it is too wide.
+    """Write a label inside a plot, centered on one of several points.
+
+    The label is rotated by 90 degrees if it is too wide.
 
     Args:
         axes: the axes; its limits must be final.
@@ -153,7 +158,7 @@ def _new_label(axes: Axes, text: str, **style: Any) -> Annotation:
 
 
 def _crosses(anchor: FloatArray, box: FloatArray, gap: float, occupied: FloatArray) -> bool:
-    """Return True if the leader line between a label and its anchor point would cross another label."""
+    """Return True if a leader line would cross another label."""
     if gap <= _LEADERLESS or not len(occupied):
         return False
     end = np.clip(anchor, box[:2], box[2:])
@@ -163,7 +168,7 @@ def _crosses(anchor: FloatArray, box: FloatArray, gap: float, occupied: FloatArr
 
 
 def _behind(anchor: FloatArray, box: FloatArray, gap: float, marks: FloatArray) -> bool:
-    """Return True if a curve lies between an anchor point and the box of its label."""
+    """Return True if a curve separates a label from its anchor."""
     # Leader lines may cross reference lines.
     end = np.clip(anchor, box[:2], box[2:])
     length = float(np.hypot(*(end - anchor)))
@@ -178,7 +183,10 @@ def _behind(anchor: FloatArray, box: FloatArray, gap: float, marks: FloatArray) 
 def _candidates(
     anchors: FloatArray, dots: float, width: float, height: float, side: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return all possible positions of a label around its anchor points, each with cost and bounding box [pixel]."""
+    """Return all possible positions of a label around its anchor points.
+
+    Each position has a cost and a bounding box [pixel].
+    """
     # A place is (anchor, dx, dy, gap, cost).
     rank, turn, nth = np.indices((len(anchors), len(_DIRECTIONS), len(_GAPS))).reshape(3, -1)
     gap = np.array(_GAPS)[nth]
@@ -192,7 +200,7 @@ def _candidates(
 
 
 def free_places(axes: Axes, boxes: FloatArray, occupied: FloatArray) -> Any:
-    """Return which of several label positions lie inside the plot and do not overlap existing labels."""
+    """Return which label positions are inside the plot and free."""
     (x0, y0), (x1, y1) = axes.bbox.get_points()
     inside = (boxes[:, 0] >= x0 + 1) & (boxes[:, 2] <= x1 + 4) & (boxes[:, 1] >= y0 + 1) & (boxes[:, 3] <= y1 + 2)
     apart = (
@@ -205,7 +213,8 @@ def free_places(axes: Axes, boxes: FloatArray, occupied: FloatArray) -> Any:
 
 
 def _move_to(axes: Axes, label: Annotation, anchor: FloatArray, place: FloatArray) -> list[FloatArray]:
-    """Move a label to its position; if the position is far from the anchor point, draw a leader line."""
+    """Move a plot label to its position."""
+    # If the position is far from the anchor, a leader line is drawn.
     # The points of the leader line are returned.
     dx, dy, gap = int(place[0]), int(place[1]), float(place[2])
     reach = gap / (np.sqrt(2) if dx and dy else 1)
@@ -246,13 +255,16 @@ def _renderer(artist: Any) -> Any:
 
 
 def boxes_in(axes: Axes, new: Annotation | None = None) -> FloatArray:
-    """Return the bounding boxes of the existing labels in a plot, in pixels."""
+    """Return the bounding boxes of existing plot labels [pixel]."""
     texts = [t for t in axes.texts if t is not new and t.get_text()]
     return np.array([t.get_window_extent(_renderer(t)).extents for t in texts]).reshape(-1, 4)
 
 
 def marks_in(axes: Axes) -> list[FloatArray]:
-    """Return closely spaced points [pixel] along all lines and markers of a plot, so that labels can avoid them."""
+    """Return closely spaced points along all lines and markers [pixel].
+
+    Labels avoid these points.
+    """
     parts = [np.empty((0, 3))]
     for line in axes.lines:
         parts += _marks_along(line)
@@ -275,7 +287,11 @@ def _with_zorder(points: FloatArray, artist: Any) -> FloatArray:
 
 
 def dense_points(points: FloatArray) -> FloatArray:
-    """Resample a curve in small steps [pixel], so that labels also avoid its long straight segments."""
+    """Resample a curve in small steps [pixel].
+
+    Returns:
+        The points, so that labels also avoid long straight segments.
+    """
     if len(points) < 2:
         return points
     steps = np.abs(np.diff(points, axis=0)).max(axis=1)
@@ -287,7 +303,7 @@ def dense_points(points: FloatArray) -> FloatArray:
 
 
 def _covered(box: FloatArray, marks: FloatArray, air: float = 1.0) -> float:
-    """Return a penalty for a plot label that covers curves; the penalty grows with the number of covered points."""
+    """Return a penalty for a plot label that covers curves."""
     x, y = marks[:, 0], marks[:, 1]
     inside = (x > box[0] - air) & (x < box[2] + air) & (y > box[1] - air) & (y < box[3] + air)
     behind = np.count_nonzero(inside & (marks[:, 2] < 1))

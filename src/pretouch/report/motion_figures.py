@@ -1,4 +1,7 @@
-"""Plot the motion until contact: distance, position, velocity and virtual force over time."""
+"""Plot the motion until contact over time.
+
+The plots show distance, position, velocity and virtual force.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopMotion:
-    """Time series of a simulated run until contact, with one value per controller step.
+    """Time series of a simulated run until contact.
+
+    There is one value per controller step.
 
     Args:
         time: t [s].
@@ -47,7 +52,7 @@ class LoopMotion:
 def loop_motion(
     loop: ClosedLoop, scenario: Scenario, sensor: SensorModel, gain: float, *, horizon: float
 ) -> LoopMotion:
-    """Simulate an encounter with the sampled controller until contact, and return the motion as time series.
+    """Simulate an encounter with the sampled controller until contact.
 
     The noise is that of the first run.
 
@@ -94,7 +99,7 @@ _DOT: Final = " "  # marks the end of a curve with a dot and no text
 
 
 class DrawnMotion(NamedTuple):
-    """A motion over time to draw in a plot, with its label and line style."""
+    """A motion to draw, with its label and line style."""
 
     label: str
     motion: Motion | LoopMotion
@@ -103,7 +108,7 @@ class DrawnMotion(NamedTuple):
 
 @check_arguments
 def motion(design: GainDesign) -> Figure:
-    """Draw the motion until contact with the designed gain, compared with the motion without mitigation.
+    """Draw the motion until contact, with and without the designed gain.
 
     Args:
         design: a design of any status; without a gain, the nearest gain or a bound is drawn.
@@ -138,7 +143,9 @@ def sampled_motion(motion: Motion) -> Figure:
 
 
 def runs_of(design: GainDesign) -> list[DrawnMotion]:
-    """Compute the motions without mitigation and with the designed gain (with another gain if the design has none).
+    """Compute the motions with and without the designed gain.
+
+    A design without a gain uses the nearest gain, or else the weakest gain within its bounds.
 
     Args:
         design: the design.
@@ -164,7 +171,9 @@ def runs_of(design: GainDesign) -> list[DrawnMotion]:
 
 
 def lanes_of(design: GainDesign) -> tuple[list[Lane], SensorModel]:
-    """Return the motions with and without mitigation as rows of an animation, together with the sensor curve.
+    """Return the animation rows of a gain design and the sensor curve.
+
+    The rows are the motions with and without mitigation.
 
     Args:
         design: the design.
@@ -201,7 +210,7 @@ def _panel(design: GainDesign, runs: list[DrawnMotion], clock: Scale, what: tupl
 
 
 def _curve(run: DrawnMotion, name: str, clock: Scale, scale: Scale, largest: float) -> Curve:
-    """Return one quantity of a motion, such as the distance, as a labeled curve over time."""
+    """Return one quantity of a motion as a labeled curve."""
     time, values, ended = run.motion.time, np.asarray(getattr(run.motion, name)), _reached(run.motion.result)
     label, end = "", scale.text(float(values[-1]), largest=largest)
     if name == "distance":
@@ -211,7 +220,7 @@ def _curve(run: DrawnMotion, name: str, clock: Scale, scale: Scale, largest: flo
 
 
 def _reference(design: GainDesign, last: float, values: FloatArray, clock: Scale, scale: Scale) -> list[Curve]:
-    """Return the reference motion of the robot as a curve, if the curve is visible in the plot."""
+    """Return the robot's reference motion as a curve, if visible."""
     reference, time = design.scenario.reference, np.linspace(0.0, last, 50)
     path = reference.position + (reference.velocity + reference.acceleration * time / 2) * time
     margin = 0.1 * np.ptp(values)
@@ -222,7 +231,7 @@ def _reference(design: GainDesign, last: float, values: FloatArray, clock: Scale
 
 
 def _horizon(design: GainDesign) -> float:
-    """Return the time [s] at which the plot of a motion without contact ends."""
+    """Return the end time of a plotted motion without contact [s]."""
     ends = [r for r in (design.result, design.nearest, design.no_mitigation) if r is not None]
     times = [float(r.end.time) for r in ends if _reached(r)]
     mass, damping = float(design.scenario.admittance.mass), float(design.scenario.admittance.damping)
@@ -245,7 +254,7 @@ def _solve(design: GainDesign, gain: float, method: str, horizon: float) -> Moti
 
 
 def _limits(design: GainDesign, name: str) -> dict[str, float]:
-    """Return names and values of the design limits of a plotted quantity, in SI units."""
+    """Return the design limits of a plotted quantity in SI units."""
     limits: dict[str, float] = {}
     reference = design.scenario.reference
     centers = {"travel": float(design.scenario.plant.position)}
@@ -263,7 +272,7 @@ def _limits(design: GainDesign, name: str) -> dict[str, float]:
 
 
 def _worth_drawing(limits: dict[str, float], values: FloatArray) -> dict[str, float]:
-    """Return only those limits that lie close enough to the plotted motion to be drawn."""
+    """Return only the limits close to the plotted motion."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     reach = _FAR * max(high - low, 1e-12)
     below = abs(low) >= abs(high)

@@ -1,4 +1,7 @@
-"""Create an empty figure; Matplotlib is imported only when the first figure is created."""
+"""Create an empty figure.
+
+Matplotlib is imported only when the first figure is created.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,11 @@ if TYPE_CHECKING:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Make an empty figure of a given size in inches, without using pyplot or a display."""
+    """Make an empty figure of a given size in inches.
+
+    Returns:
+        The figure, made without pyplot or a display.
+    """
     from .canvas import ReportFigure  # noqa: PLC0415 - Matplotlib is imported when a figure is drawn
 
     return ReportFigure(figsize=(width, height))

@@ -1,4 +1,7 @@
-"""Check the arguments that describe the panels (subplots) of a figure, and explain invalid values."""
+"""Check the arguments of figure panels and explain invalid values.
+
+A panel is a subplot of a figure.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +19,22 @@ from .style import CURVES
 
 
 def called(kind: str, label: str) -> str:
-    """Return the name of a plot item for error messages, such as `curve 'finger sensor'`."""
+    """Return the name of a plot item for error messages.
+
+    An example is `curve 'finger sensor'`.
+    """
     return f"{kind} {label!r}" if label else kind
 
 
 def as_column(values: ArrayLike, name: str) -> FloatArray:
-    """Copy a list of numbers to a one-dimensional array; masked values become NaN."""
+    """Copy a list of numbers to a one-dimensional array.
+
+    Returns:
+        The array; masked values become NaN.
+
+    Raises:
+        InvalidInputError: the values are not a list of numbers, the list is empty, or a value is infinite.
+    """
     try:
         array = np.asarray(values)
     except ValueError:
@@ -54,7 +67,14 @@ def as_number(value: Any, name: str) -> float:
 
 
 def as_limits(limits: Any, name: str) -> tuple[float, float] | None:
-    """Check that the limits of an axis are two ascending numbers, and return the limits."""
+    """Check and return the two ascending limits of an axis.
+
+    Returns:
+        The limits, or None if they are None.
+
+    Raises:
+        InvalidInputError: the limits are not two ascending numbers.
+    """
     if limits is None:
         return None
     ends = finite(limits, name)
@@ -64,7 +84,14 @@ def as_limits(limits: Any, name: str) -> tuple[float, float] | None:
 
 
 def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
-    """Check that all elements of a sequence are instances of one class, and return the elements."""
+    """Check the class of all elements of a sequence.
+
+    Returns:
+        The elements.
+
+    Raises:
+        InvalidInputError: an element has another class, or the argument is no sequence.
+    """
     if isinstance(values, kind):
         raise InvalidInputError(
             f"{name}: found a single {kind.__name__}, expected a list of such objects; try [{kind.__name__}(...)]"
@@ -85,7 +112,11 @@ def check_choice(value: Any, choices: tuple[str, ...], name: str) -> None:
 
 
 def check_ends(low: Any, high: Any, subject: str) -> None:
-    """Check the ends of error bars or bands: both ends must be given, and no lower end may exceed its upper end."""
+    """Check the lower and upper ends of error bars or bands.
+
+    Raises:
+        InvalidInputError: only one end is given, or a lower end exceeds its upper end.
+    """
     if (low is None) != (high is None):
         present, missing = ("high", "low") if low is None else ("low", "high")
         raise InvalidInputError(
@@ -98,7 +129,7 @@ def check_ends(low: Any, high: Any, subject: str) -> None:
 
 
 def check_style(style: Any, subject: str) -> None:
-    """Check that the index of a line style exists in the color palette."""
+    """Check that a line style exists in the color palette."""
     if style is not None and (isinstance(style, bool) or style not in range(len(CURVES))):
         raise InvalidInputError(
             f"{subject}: found the style {style!r}, expected an index of the color palette from 0 to "
@@ -107,7 +138,11 @@ def check_style(style: Any, subject: str) -> None:
 
 
 def check_axis(panel: Any, axis: str) -> None:
-    """Check that labeled items lie partly within the axis limits, and that a logarithmic axis has positive values."""
+    """Check the limits of an axis against the plotted items.
+
+    Raises:
+        InvalidInputError: a labeled item is outside the limits, or a logarithmic axis has a value that is not positive.
+    """
     ends = getattr(panel, f"{axis}_limits")
     if getattr(panel, f"{axis}_log"):
         for name, values in [*_numbers(panel, axis), (f"{axis}_limits", np.array(ends or ()))]:
@@ -126,7 +161,7 @@ def check_axis(panel: Any, axis: str) -> None:
 
 
 def _numbers(panel: Any, axis: str) -> Iterator[tuple[str, FloatArray]]:
-    """Yield the coordinates of all plot items along one axis, each with the item's name for error messages."""
+    """Yield the coordinates of all plot items along one axis."""
     for curve in panel.curves:
         for name, column in curve.columns():
             if (name == "x") == (axis == "x") and np.isfinite(column).any():

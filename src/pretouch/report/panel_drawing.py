@@ -1,4 +1,4 @@
-"""Draw curves, bands, points and lines in a panel (subplot) of a figure."""
+"""Draw curves, bands, points and lines in a figure panel."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _SPANS: Final[dict[str, dict[str, Any]]] = {
 
 
 class Name(NamedTuple):
-    """Label of a curve, point or line in a plot, with possible anchor points and the line style of its legend entry."""
+    """Label of a plot item, with its possible anchor points."""
 
     text: str
     color: str
@@ -61,7 +61,10 @@ class _Look(NamedTuple):
 
 
 def draw_panel(axes: Axes, panel: Panel) -> None:
-    """Draw everything in a plot except the names of its curves, and set the limits of its axes."""
+    """Draw everything in a plot except the names of its curves.
+
+    The limits of the axes are set as well.
+    """
     zoomed = panel.x_limits is not None or panel.y_limits is not None
     for curve, look in _looks(panel):
         _draw_curve(axes, curve, look, clipped=zoomed)
@@ -81,7 +84,7 @@ def draw_panel(axes: Axes, panel: Panel) -> None:
 
 
 def names_of(axes: Axes, panel: Panel) -> list[Name]:
-    """Return all labels to write into a plot, such as the names of curves and points."""
+    """Return all labels to write into a plot."""
     # Limits and position of the axes must be final.
     names = [
         Name(mark.label, _color(mark.style), np.array([mark.x]), np.array([mark.y]), _mark_style(mark), "point")
@@ -134,7 +137,7 @@ def _mark_style(mark: Any) -> dict[str, Any]:
 
 
 def _curve_sample(curve: Curve, look: _Look) -> dict[str, Any]:
-    """Return the Matplotlib line style of a curve, for the plot and for its legend."""
+    """Return the Matplotlib line style of a curve."""
     return {
         "color": look.color,
         "linestyle": "None" if curve.kind == "points" else look.dashes,
@@ -176,7 +179,7 @@ def _draw_end(axes: Axes, curve: Curve, look: _Look) -> None:
 
 
 def _span_names(axes: Axes, panel: Panel) -> Iterator[Name]:
-    """Yield the labels of hatched or shaded ranges of a plot, with possible label positions inside each range."""
+    """Yield the labels of hatched or shaded ranges of a plot."""
     (x0, bottom), (x1, top) = axes.bbox.get_points()
     for span in panel.spans:
         ends = axes.get_xaxis_transform().transform([(span.start, 0.5), (span.end, 0.5)])
@@ -189,7 +192,10 @@ def _span_names(axes: Axes, panel: Panel) -> Iterator[Name]:
 
 
 def _end_names(panel: Panel) -> list[Name]:
-    """Return the labels at the ends of curves; several curves with the same label share one label."""
+    """Return the labels at the ends of curves.
+
+    Several curves with the same label share one label.
+    """
     ends: dict[str, list[tuple[Curve, _Look]]] = {}
     for curve, look in _looks(panel):
         if curve.end:
@@ -206,7 +212,7 @@ def _end_names(panel: Panel) -> list[Name]:
 
 
 def _line_names(axes: Axes, panel: Panel) -> Iterator[Name]:
-    """Yield the labels of reference lines in a plot, with possible label positions along each line."""
+    """Yield the labels of reference lines in a plot."""
     (x0, y0), (x1, y1) = axes.bbox.get_points()
     shares = np.concatenate([[0.99, 0.01], np.linspace(0.95, 0.05, 19)])
     pixels = np.column_stack([x0 + shares * (x1 - x0), y0 + shares * (y1 - y0)])
@@ -220,14 +226,15 @@ def _line_names(axes: Axes, panel: Panel) -> Iterator[Name]:
 
 
 def _with_value(text: str, at: float, label: str) -> str:
-    """Add the value of a reference line to its name, because all reference lines look alike in a legend."""
+    """Add the value of a reference line to its name."""
+    # All reference lines look alike in a legend.
     unit = label.rpartition("[")[2].partition("]")[0]
     number = minus(f"{at:.4g}")
     return f"{text} (at {number if unit == '1' else f'{number} {unit}'})"
 
 
 def _path(axes: Axes, curve: Curve) -> FloatArray:
-    """Return closely spaced points along the visible part of a curve, in pixels."""
+    """Return points along the visible part of a curve [pixel]."""
     x, y = _xy(curve)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], curve.known, [False]]).astype(int)))
     runs = [slice(*run) for run in edges.reshape(-1, 2)]
@@ -236,13 +243,16 @@ def _path(axes: Axes, curve: Curve) -> FloatArray:
 
 
 def inside(axes: Axes, path: FloatArray) -> FloatArray:
-    """Return only those points [pixel] that lie inside the axes of a plot."""
+    """Return only the points inside the axes of a plot [pixel]."""
     low, high = axes.bbox.get_points()
     return np.asarray(path[((path >= low) & (path <= high)).all(axis=1)])
 
 
 def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
-    """Return possible positions for the label of a curve; positions far from other curves come first."""
+    """Return possible positions for the label of a curve.
+
+    Positions far from other curves come first.
+    """
     # Points near two thirds of the length are preferred.
     if not len(path):
         return path
@@ -260,7 +270,10 @@ def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
 
 
 def _set_axis(axes: Axes, panel: Panel, which: str) -> None:
-    """Set limits, ticks and label of an axis; very large or small values get a power of ten in the unit."""
+    """Set limits, ticks and label of an axis.
+
+    Very large or small values get a power of ten in the unit.
+    """
     logarithmic, limits = getattr(panel, f"{which}_log"), getattr(panel, f"{which}_limits")
     low, high = limits or _data_limits(axes, panel, which)
     label = getattr(panel, f"{which}_label")
@@ -284,7 +297,8 @@ def _set_axis(axes: Axes, panel: Panel, which: str) -> None:
 
 
 def _with_power(label: str, power: int) -> str:
-    """Add a power of ten to the unit of a label: `force [N]` becomes `force [10⁻⁶ N]`."""
+    """Add a power of ten to the unit of a label."""
+    # `force [N]` becomes `force [10⁻⁶ N]`.
     written = "10" + str(power).translate(
         str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
     )
@@ -293,7 +307,7 @@ def _with_power(label: str, power: int) -> str:
 
 
 def _within_limits(curve: Curve, panel: Panel, which: str) -> Any:
-    """Return which points of a curve are within the axis limits of a plot."""
+    """Return which points of a curve are within the axis limits."""
     # If the panel has no limits, or no point is within the limits, all points count as within.
     limits, values = getattr(panel, f"{which}_limits"), np.asarray(getattr(curve, which), float)
     within = (values >= limits[0]) & (values <= limits[1]) if limits else np.ones(len(values), dtype=bool)
@@ -301,7 +315,7 @@ def _within_limits(curve: Curve, panel: Panel, which: str) -> Any:
 
 
 def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
-    """Return axis limits that contain everything in the plot, with margins for points and labels."""
+    """Return axis limits that contain everything in the plot."""
     if panel.map is not None:
         coordinates = np.asarray(getattr(panel.map, which))
         return coordinates[0], coordinates[-1]
@@ -330,7 +344,7 @@ def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
 
 
 def _room_for_ends(axes: Axes, panel: Panel) -> float:
-    """Return the fraction of the plot width that is reserved for labels at the right ends of curves."""
+    """Return the share of the plot width reserved for curve labels."""
     low, high = axes.get_ylim()
     down = [c.end for c in panel.curves if c.end and np.asarray(c.y, float)[c.known][-1] < low + 0.05 * (high - low)]
     width = _LETTER * max((len(line) for text in down for line in text.split("\n")), default=0)

@@ -17,10 +17,11 @@ if TYPE_CHECKING:
 
 @check_arguments
 def panel_figure(*panels: Panel, columns: int = 2, height: float = 3.3) -> Figure:
-    """Draw one or several plots in a grid, and write the name of each curve next to the curve.
+    """Draw one or several plots in a grid.
 
-    A name is written above its panel if there is no free place next to its curve. If the numbers on an axis are very
-    small or very large, the label of this axis has a power of ten.
+    The name of each curve is written next to the curve. A name is written above its panel if there is no free place
+    next to its curve. If the numbers on an axis are very small or very large, the label of this axis has a power of
+    ten.
 
     Args:
         panels: the panels, row by row.

@@ -1,4 +1,4 @@
-"""Arrange the panels (subplots) of a figure, and place the labels of their curves."""
+"""Arrange the panels of a figure, and place the curve labels."""
 
 from __future__ import annotations
 
@@ -43,7 +43,11 @@ _SAMPLE: Final = 26.0  # pt, width of a line sample in a legend and of the space
 
 
 def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figure:
-    """Draw plots in a grid; a legend above each plot contains the names that do not fit next to the curves."""
+    """Draw plots in a grid, with a legend above each plot.
+
+    Returns:
+        The figure. A legend contains the names that do not fit next to the curves.
+    """
     width = _WIDTH_OF_ONE if len(panels) == 1 < columns else _WIDTH
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
@@ -74,7 +78,7 @@ def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figur
 
 
 def arrange(figure: Figure, least: float) -> None:
-    """Set the positions of all plots in a figure, and adapt ticks, labels and figure height so that all labels fit.
+    """Arrange the plots of a figure so that all labels fit.
 
     Args:
         figure: a figure with panels in a grid.
@@ -99,7 +103,8 @@ def arrange(figure: Figure, least: float) -> None:
 
 
 def _thin_ticks(axes: Axes, renderer: Any) -> bool:
-    """Show fewer ticks if tick labels would touch; return True if this was necessary."""
+    """Show fewer ticks if tick labels would touch."""
+    # The result is True if this was necessary.
     thinned = False
     for axis, side in ((axes.xaxis, 0), (axes.yaxis, 1)):
         for most in (6, 5, 4, 3, 2):
@@ -115,7 +120,8 @@ def _thin_ticks(axes: Axes, renderer: Any) -> bool:
 
 
 def _wrap_labels(axes: Axes, renderer: Any, least: float) -> bool:
-    """Wrap axis labels and titles that are longer than the plot; return True if the line breaks of a text changed."""
+    """Wrap axis labels and titles longer than the plot."""
+    # The result is True if the line breaks of a text changed.
     texts = (axes.xaxis.label, axes._left_title, axes.yaxis.label)  # type: ignore[attr-defined]
     before = [text.get_text() for text in texts]
     height = max(axes.bbox.height, least * axes.figure.dpi)  # a lower panel will grow
@@ -125,7 +131,9 @@ def _wrap_labels(axes: Axes, renderer: Any, least: float) -> bool:
 
 
 def legend_above(axes: Axes, entries: Sequence[tuple[str, str, Any]]) -> None:
-    """Write a legend between a plot and its title, in as many columns as fit.
+    """Write a legend between a plot and its title.
+
+    The legend has as many columns as fit.
 
     Args:
         axes: the panel.
@@ -164,7 +172,8 @@ def legend_above(axes: Axes, entries: Sequence[tuple[str, str, Any]]) -> None:
 
 
 def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
-    """Write the labels of curves into a plot; return the indices of labels for which there is no free space."""
+    """Write the labels of curves into a plot."""
+    # The result contains the indices of labels without free space.
     names = list(enumerate(names_of(axes, panel)))
     hardest_first = sorted(names, key=lambda each: (_KINDS.index(each[1].kind), -len(each[1].text)))
     marks = marks_in(axes)
@@ -177,7 +186,8 @@ def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
 
 
 def _place(axes: Axes, name: Name, marks: list[FloatArray]) -> bool:
-    """Write a label next to its curve, in one or two lines of text; return True if there was free space."""
+    """Write a label next to its curve."""
+    # The result is True if there was free space.
     if name.kind == "span":
         fill, size = name.sample["markerfacecolor"], _SIZES["span"]
         return label_inside(axes, name.x, name.y, name.text, color=name.color, size=size, fill=fill) is not None
@@ -209,7 +219,10 @@ def _in_two_lines(text: str) -> str:
 
 
 def _break(text: Text, words: str, room: float, side: int, renderer: Any, *, hyphens: bool = False) -> None:
-    """Break a text into as few lines as possible, each at most `room` pixels long; never break inside a unit."""
+    """Break a text into as few lines as possible.
+
+    Each line is at most `room` pixels long. Units remain whole.
+    """
     head, bracket, unit = words.partition("[")
     whole = head + bracket + unit.replace(" ", "\u00a0")
     width = len(whole) + 1

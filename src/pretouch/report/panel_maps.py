@@ -1,4 +1,4 @@
-"""Draw two-dimensional maps with color shades and contour lines in a panel (subplot) of a figure."""
+"""Draw two-dimensional maps with colors and contour lines in a plot."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ _CROWDED: Final = 0.6  # share of the map between two levels, from which the lev
 
 
 def draw_map(axes: Axes, shown: Map) -> None:
-    """Draw a quantity as a map in the background of a plot, with color shades and contour lines."""
+    """Draw a quantity as a map with shades and contour lines.
+
+    The map is the background of the plot.
+    """
     axes.patch.set(facecolor=BLOCKED, edgecolor=QUIET, hatch="////", linewidth=0)  # visible where there is no value
     values = np.ma.masked_invalid(shown.values)
     low, high = float(values.min()), float(values.max())
@@ -44,7 +47,7 @@ def draw_map(axes: Axes, shown: Map) -> None:
 
 
 def number_contours(axes: Axes) -> None:
-    """Label each contour line of a map with its value, if possible far from other lines."""
+    """Label each contour line of a map with its value."""
     # All other artists of the plot must be final.
     contours = [c for c in axes.collections if isinstance(c, ContourSet) and not c.filled]
     lines = [(level, run) for c in contours for level, runs in zip(c.levels, c.allsegs, strict=True) for run in runs]
@@ -66,7 +69,8 @@ def number_contours(axes: Axes) -> None:
 
 
 def _levels(values: FloatArray) -> FloatArray:
-    """Choose equally spaced contour levels, or quantiles of the values if most values are close together."""
+    """Choose the contour levels of a map."""
+    # The levels are equally spaced, or quantiles if most values are close together.
     low, high = float(values.min()), float(values.max())
     even = np.asarray(MaxNLocator(_LEVELS).tick_values(low, high))
     if np.histogram(values, even)[0].max() < _CROWDED * values.size:

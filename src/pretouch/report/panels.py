@@ -1,4 +1,7 @@
-"""Describe the content of a figure panel (subplot): curves, points, ranges and maps on axes with units."""
+"""Describe the curves, points, ranges and maps in a figure panel.
+
+A panel is a subplot whose axes have units.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +92,7 @@ class Curve(Value):
         check_style(self.style, subject)
 
     def columns(self) -> Iterator[tuple[str, FloatArray]]:
-        """Yield each data column of the curve, such as x or y, with its name."""
+        """Yield the curve's data columns, such as x, with their names."""
         for name in ("x", "y", "low", "high"):
             column = getattr(self, name)
             if column is not None:
@@ -97,7 +100,7 @@ class Curve(Value):
 
     @property
     def known(self) -> Any:
-        """Boolean array that is True for each point of the curve with finite x and y."""
+        """Boolean mask of the curve points with finite x and y."""
         return np.isfinite(np.asarray(self.x, float)) & np.isfinite(np.asarray(self.y, float))
 
     def __repr__(self) -> str:
@@ -136,7 +139,9 @@ class Mark(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span(Value):
-    """A range of the horizontal axis that is hatched or shaded over the whole height of a plot.
+    """A hatched or shaded range of the horizontal axis.
+
+    It spans the whole height of the plot.
 
     Args:
         start: lower end, in the unit of the panel's x label.
@@ -167,9 +172,9 @@ class Span(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Map(Value):
-    """A quantity as a function of two variables, drawn as a map with labeled contour lines.
+    """A map of a quantity over two variables.
 
-    Missing values are hatched.
+    The contour lines are labeled. Missing values are hatched.
 
     Args:
         x: coordinates of the columns of `values`, shape (N,), N >= 2, in the unit of the panel's x label.
@@ -191,8 +196,8 @@ class Map(Value):
         if values.shape != (len(y), len(x)) or min(values.shape) < 2 or not np.isfinite(values).any():
             actual = f"{np.isfinite(values).sum()} finite values of shape {values.shape}"
             expected = (
-                f"an array of the shape ({len(y)}, {len(x)}), with one row for each y and one column for each x, at "
-                "least 2 rows and 2 columns, and at least one finite value"
+                f"an array of the shape ({len(y)}, {len(x)}). The array needs one row for each y and one column for "
+                "each x. At least 2 rows, 2 columns and one finite value are necessary"
             )
             raise InvalidInputError(f"map: values: found {actual}, expected {expected}")
         across, up = np.argsort(x), np.argsort(y)
@@ -262,8 +267,8 @@ class Panel(Value):
         loud = [curve for curve in self.curves if not curve.quiet]
         if any(curve.style is None for curve in loud[len(CURVES) :]):
             raise InvalidInputError(
-                f"curves: found {len(loud)} curves in one panel, but there are only {len(CURVES)} line styles; "
-                "use quiet=True for background curves, draw several panels, or give curves the same style with "
+                f"curves: found {len(loud)} curves in one panel, but there are only {len(CURVES)} line styles. "
+                "Use quiet=True for background curves, draw several panels, or give curves the same style with "
                 "style=0...4"
             )
 

@@ -1,4 +1,4 @@
-"""Plot Pareto fronts, the design parameters along a front, and designs of both gain and admittance."""
+"""Plot Pareto fronts and designs of gain and admittance."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ _PARAMETERS: Final = {
 
 @check_arguments
 def pareto(front: ParetoFront) -> Figure:
-    """Draw a Pareto front, the design parameters along it, and the physical bound that holds for any controller.
+    """Draw a Pareto front, its design parameters and the physical bound.
+
+    The bound holds for any controller.
 
     Args:
         front: a front with points.
@@ -62,7 +64,9 @@ def pareto(front: ParetoFront) -> Figure:
 
 @check_arguments
 def admittance(design: AdmittanceDesign) -> Figure:
-    """Draw the objective with the best gain versus the natural frequency or the damping ratio of the admittance.
+    """Draw the best objective versus the parameters of the admittance.
+
+    The parameters are the natural frequency and the damping ratio. Each admittance has its best gain.
 
     Args:
         design: a design of gain and admittance, with at least one feasible admittance.
@@ -114,7 +118,7 @@ def admittance(design: AdmittanceDesign) -> Figure:
 
 
 def _plane(front: ParetoFront, i: int, k: int) -> Panel:
-    """Return a plot of a Pareto front in the plane of two quantities, with dominated points in the background."""
+    """Return a plot of a Pareto front for two quantities."""
     names = front.quantities[i], front.quantities[k]
     across, up = (_scale(front, name, _all_values(front, name)) for name in names)
     x, y = front.of(names[0]) / across.factor, front.of(names[1]) / up.factor
@@ -141,7 +145,7 @@ def _plane(front: ParetoFront, i: int, k: int) -> Panel:
 
 
 def _bound(front: ParetoFront) -> Panel:
-    """Return a plot of excursion versus contact speed, with the smallest excursion that any controller needs."""
+    """Return a plot of the smallest excursion that any controller needs."""
     c = front.comparison
     if c is None or front.result is None:
         raise InvalidInputError("front: this Pareto front has no physical bound to draw")
@@ -176,7 +180,7 @@ def _bound(front: ParetoFront) -> Panel:
 
 
 def _parameters(front: ParetoFront) -> Iterator[Panel]:
-    """Yield one plot for each free design parameter, such as the gain, along the Pareto front."""
+    """Yield one plot for each free parameter along the Pareto front."""
     name = front.quantities[0]
     scale = _scale(front, name, front.of(name))
     x = front.of(name) / scale.factor
@@ -217,12 +221,12 @@ def _scale(front: ParetoFront, name: str, values: FloatArray) -> Scale:
 
 
 def _is_curve(front: ParetoFront) -> bool:
-    """Return True if a Pareto front is a curve, so that a line can connect its points."""
+    """Return True if a Pareto front is a curve."""
     return len(front.quantities) == 2 or front.free == ("gain",)
 
 
 def _dominated(front: ParetoFront, i: int, k: int) -> FloatArray:
-    """Return a limited number of dominated (not Pareto-optimal) points that lie within the limits of the plot."""
+    """Return some dominated points within the limits of the plot."""
     extent = np.ptp(front.values, axis=0)
     extent = np.where(extent > 0, extent, 1.0)
     limits = [float(_all_values(front, front.quantities[j]).max()) for j in (i, k)]
@@ -232,7 +236,7 @@ def _dominated(front: ParetoFront, i: int, k: int) -> FloatArray:
 
 
 def _broken(front: ParetoFront, values: FloatArray) -> FloatArray:
-    """Insert NaN between the separate pieces of a Pareto front, so that no line connects these pieces."""
+    """Insert NaN between the separate pieces of a Pareto front."""
     return np.insert(values, np.flatnonzero(np.diff(front.piece)) + 1, np.nan)
 
 

@@ -1,4 +1,7 @@
-"""Plot a replayed recording: readings, sensor output, virtual force and commanded motion over time."""
+"""Plot a replayed recording over time.
+
+The plots show readings, sensor output, virtual force and commanded motion.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,9 @@ _MOST_SPANS: Final = 100  # detections that are shaded
 
 @check_arguments
 def replay(replay: Replay) -> Figure:
-    """Draw recorded sensor readings, and the virtual force and motion that the control law computed from them.
+    """Draw recorded sensor readings and the resulting virtual force and motion.
+
+    The control law computes force and motion from the readings.
 
     Args:
         replay: the replay.
@@ -46,7 +51,10 @@ def replay(replay: Replay) -> Figure:
 
 
 def _panel(replay: Replay, clock: Scale, time: FloatArray, values: FloatArray, axis: tuple[str, str]) -> Panel | None:
-    """Return a plot of one quantity over time; None if the quantity has no finite value."""
+    """Return a plot of one quantity over time.
+
+    The plot is None if the quantity has no finite value.
+    """
     label, unit = axis
     end = float(replay.steps.time[-1])
     order = np.argsort(time, kind="stable")

@@ -1,4 +1,4 @@
-"""Plot encounters of a whole robot over time, and maps of a robot's workspace."""
+"""Plot encounters and workspace maps of a whole robot."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MAPS: Final = ("reflected_mass", "relative_velocity", "remaining_excursion")
 
 @check_arguments
 def robot(result: RobotSimulation, run: int = 0) -> Figure:
-    """Draw one run of a simulated robot over time, compared with the prediction.
+    """Draw one run of a simulated robot and its prediction.
 
     Args:
         result: the result of `simulate_robot`.
@@ -69,7 +69,9 @@ def robot(result: RobotSimulation, run: int = 0) -> Figure:
 
 
 def workspace(dataset: Any) -> Figure:
-    """Draw workspace maps of a robot for one gain: reflected mass, contact speed and still available excursion.
+    """Draw workspace maps of a robot for one gain.
+
+    The maps show the reflected mass, the contact speed and the still available excursion.
 
     Args:
         dataset: the dataset of a sweep after `Workspace.describe`.
@@ -114,7 +116,7 @@ def workspace(dataset: Any) -> Figure:
 
 
 def _mapped(dataset: Any) -> Iterator[tuple[str, FloatArray]]:
-    """Yield title and values of each workspace map, such as the map of the contact speed."""
+    """Yield title and values of each workspace map."""
     for name in _MAPS:
         values = np.abs(np.asarray(dataset[name])) if name == "relative_velocity" else np.asarray(dataset[name])
         unit = {"reflected_mass": "kg", "relative_velocity": "m/s", "remaining_excursion": "m"}[name]

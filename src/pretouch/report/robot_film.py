@@ -1,4 +1,7 @@
-"""Draw the film of a simulated robot: a filmstrip, and an animation that loops in slow motion."""
+"""Draw a filmstrip and an animation of a simulated robot.
+
+The animation loops in slow motion.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ _PLANAR: Final = (
 
 @dataclass(frozen=True, slots=True)
 class _Film:
-    """Images of a simulated robot over time, and indices and titles of the images that form the filmstrip.
+    """Images of a simulated robot over time.
 
     Args:
         frames: images, shape (height, width, 3).
@@ -58,7 +61,7 @@ class _Film:
 
 @check_arguments
 def robot_film(result: RobotSimulation, run: int = 0) -> Figure:
-    """Draw a filmstrip of one run of a simulated robot: six still images.
+    """Draw six still images of one run of a simulated robot.
 
     Args:
         result: the result of `simulate_robot`.
@@ -80,9 +83,10 @@ def robot_film(result: RobotSimulation, run: int = 0) -> Figure:
 
 
 def film_html(result: RobotSimulation, run: int = 0) -> str:
-    """Return the film of one run of a simulated robot as HTML: a filmstrip and an animation.
+    """Return an HTML film of one run of a simulated robot.
 
-    On systems with the setting "reduced motion", a still replaces the animation.
+    The film consists of a filmstrip and an animation. On systems with the setting "reduced motion", a still replaces
+    the animation.
 
     Args:
         result: the result of `simulate_robot`.
@@ -107,7 +111,8 @@ def film_html(result: RobotSimulation, run: int = 0) -> str:
 
 
 def _film_of(result: RobotSimulation, run: int, count: int) -> _Film:
-    """Draw `count` frames at equal steps of a run, and shift one frame to the moment of the first contact."""
+    """Draw `count` images of a run at equal time steps."""
+    # One image is shifted to the moment of the first contact.
     trace, contacts = result.trace(run), [contacts[run] for contacts in result.contacts]
     rows = np.linspace(0, len(trace.time) - 1, count).round().astype(int)
     touches = [c.time for c in contacts if not math.isnan(c.time)]
@@ -131,7 +136,10 @@ def _film_of(result: RobotSimulation, run: int, count: int) -> _Film:
 
 
 def _label(time: float, distance: float, contact: SiteContact) -> str:
-    """Return the title of a still image: its time, and the distance to the object or the word `contact`."""
+    """Return the title of a still image.
+
+    It contains the time, and the distance or the word `contact`.
+    """
     clock = format_quantity(time, "s", 3)
     if time >= contact.time:
         return f"{clock}, {'contact' if time < contact.time + _MOMENT else 'after contact'}"
@@ -139,7 +147,7 @@ def _label(time: float, distance: float, contact: SiteContact) -> str:
 
 
 def _drawing(model: Any, configuration: FloatArray, camera: Camera) -> Frame:
-    """Draw the robot in one joint configuration with Matplotlib, as outlines in a plane."""
+    """Draw the robot in one joint configuration as planar outlines."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - Matplotlib, only when needed
 
     figure = new_figure(_SIZE[0] / _DPI, _SIZE[1] / _DPI)
@@ -157,7 +165,10 @@ def _drawing(model: Any, configuration: FloatArray, camera: Camera) -> Frame:
 
 
 def _address(frames: list[Frame]) -> str:
-    """Return images as a data URI: one image as a picture, several images as an animation that loops."""
+    """Return images as a data URI.
+
+    Several images become an animation that loops.
+    """
     from PIL import Image  # noqa: PLC0415 - Matplotlib brings it
 
     first, *others = [Image.fromarray(frame) for frame in frames]

@@ -1,4 +1,4 @@
-"""Plot a robust gain design: the risk measure versus the gain, and the distributions of the results."""
+"""Plot a robust gain design and the distributions of its results."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ROBUST, _NOMINAL, _NONE = 0, 1, 2  # palette indices: a gain has the same style
 
 @check_arguments
 def robust(design: RobustDesign) -> Figure:
-    """Draw the risk measure versus the gain, and distributions of the objective with the robust and the nominal gain.
+    """Draw the risk measure and the objective distribution of a robust gain.
 
     Args:
         design: a design of any status.
@@ -46,7 +46,7 @@ def robust(design: RobustDesign) -> Figure:
 
 @check_arguments
 def outcome(design: RobustDesign) -> Figure:
-    """Draw the distributions of contact quantities, such as the contact speed, in many new random encounters.
+    """Draw the distributions of contact quantities in new random encounters.
 
     Args:
         design: a design of any status.
@@ -68,7 +68,7 @@ def outcome(design: RobustDesign) -> Figure:
 
 @check_arguments
 def price(design: RobustDesign) -> Figure:
-    """Draw, for each value of an uncertain input, the best gain, and how much worse the robust gain is.
+    """Draw the loss of the robust gain versus each uncertain input.
 
     Args:
         design: a design with a gain.
@@ -87,13 +87,13 @@ def price(design: RobustDesign) -> Figure:
 
 
 def _runs(design: RobustDesign) -> list[tuple[str, int, RobustOutcomes]]:
-    """Return name, color and results of each gain that a robust design compares."""
+    """Return name, color and results of each compared gain."""
     styles = {design.nominal_name: _NOMINAL, "no mitigation": _NONE}
     return [(name, styles.get(name, _ROBUST), run) for name, run in design.compared.items()]
 
 
 def _measure_panel(design: RobustDesign) -> Panel:
-    """Return a plot of the risk measure of the objective versus the gain."""
+    """Return a plot of the risk measure versus the gain."""
     # Values far above the minimum are not drawn.
     sign, label, logarithmic = gain_axis(design.bounds, design.number)
     curve = design.trade_off
@@ -127,7 +127,10 @@ def _measure_panel(design: RobustDesign) -> Panel:
 
 
 def _nominal_objective(design: RobustDesign, gains: FloatArray) -> FloatArray:
-    """Return the objective of the nominal encounter for many gains; infinite without contact."""
+    """Return the objective of the nominal encounter for many gains.
+
+    The objective is infinite without contact.
+    """
     ensemble = design.problem.ensemble
     options: dict[str, Any] = {"method": ensemble.method, "horizon": ensemble.horizon}
     contact = ensemble.law.contact(design.scenario, design.sensor, gains, **options)
@@ -147,7 +150,10 @@ def _gain_marks(design: RobustDesign, sign: float, gains: FloatArray, nominal: F
 
 
 def _kind(design: RobustDesign) -> str:
-    """Return the word for the nominal encounter in plot labels: `ideal` with a sampled loop, otherwise `nominal`."""
+    """Return the plot label of the nominal encounter.
+
+    The label is `ideal` with a sampled loop, otherwise `nominal`.
+    """
     return "ideal" if design.on_evaluator else "nominal"
 
 
@@ -164,7 +170,7 @@ def _quantities(design: RobustDesign) -> list[str]:
 
 
 def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, RobustOutcomes]]) -> Panel:
-    """Return a plot of the distribution of one quantity, with the limit of this quantity."""
+    """Return a plot of the distribution of one quantity."""
     columns = [(label, style, run.magnitude(name)) for label, style, run in runs]
     required = next((r for r in design.limits if r.constraint.quantity == name), None)
     limit = None if required is None else (required.constraint.limit, required.probability)
@@ -172,7 +178,7 @@ def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, R
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
-    """Yield two plots versus one uncertain input: the best gain, and by how many percent other gains are worse."""
+    """Yield plots of best gain and loss versus an uncertain input."""
     scale = scale_for(price.unit, float(np.abs(price.value).max()))
     x = price.value / scale.factor
     across = f"{price.name} [{scale.unit or '1'}]"

@@ -1,4 +1,7 @@
-"""Plot cumulative distributions: the share of runs in which a quantity is below each value."""
+"""Plot cumulative distributions of quantities over many runs.
+
+A curve shows the share of runs in which a quantity is below each value.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,9 @@ def share_panel(
     positions: Mapping[str, float] | None = None,
     levels: Mapping[str, float] | None = None,
 ) -> Panel:
-    """Return a plot of cumulative distributions: the share of runs in which a quantity is below a value.
+    """Return a plot of cumulative distributions.
+
+    It shows the share of runs in which a quantity is below a value.
 
     Args:
         columns: name, palette index and values in SI of each curve; a run without a value is NaN or infinite, and its
@@ -70,7 +75,7 @@ def outcome_panel(
     of: str = "runs",
     marks: Callable[[Scale], Sequence[Mark]] = lambda _: (),
 ) -> Panel:
-    """Return a plot of the distribution of a quantity, with the limit of this quantity.
+    """Return a plot of the distribution of a quantity.
 
     Curves of negligible values are not drawn.
 

@@ -1,4 +1,7 @@
-"""Plot a simulated encounter, compared with the prediction and with the same encounter without mitigation."""
+"""Plot a simulated encounter and compare it with the prediction.
+
+The same encounter without mitigation is plotted as well.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,7 @@ _FIRST: Final = 1.6  # times the duration of the impact: how long a persistent c
 
 
 class _TimeSeries(NamedTuple):
-    """Time series of a simulated or predicted run in SI units, with the name and the color of the run."""
+    """Time series of one run in SI units, with its name."""
 
     label: str
     style: int
@@ -64,7 +67,9 @@ def simulation(encounter: SimulatedEncounter) -> Figure:
 
 
 def simulated_lanes(encounter: SimulatedEncounter) -> tuple[list[Lane], SensorModel]:
-    """Return the rows of an animation (runs with and without mitigation until first contact) and the sensor curve.
+    """Return the animation rows and the sensor curve of an encounter.
+
+    The rows are the runs with and without mitigation, until first contact.
 
     Args:
         encounter: a result of `simulate_encounter`.
@@ -99,7 +104,7 @@ _FORCE: Final = ("contact_force", "contact force", "N")
 
 
 def _shown_until(encounter: SimulatedEncounter) -> float:
-    """Return the end of the plot's time axis [s], which is after contact or after the smallest distance."""
+    """Return the end of the plot's time axis [s]."""
     run = encounter.run
     others: tuple[ContactResult | SimulationResult | None, ...] = (encounter.prediction, encounter.unmitigated)
     times = [t for t in map(_contact_time, others) if t is not None]
@@ -125,7 +130,7 @@ def _loop_series(encounter: SimulatedEncounter) -> _TimeSeries:
 
 
 def _unmitigated_series(encounter: SimulatedEncounter) -> _TimeSeries:
-    """Return the time series of the run without mitigation, until its first contact."""
+    """Return the time series of the run without mitigation."""
     # The contact force is not cut, because the panel of the contact shows the whole force.
     run, trace = encounter.unmitigated, encounter.unmitigated_trace
     columns = _columns_of(encounter, run, trace)
@@ -137,7 +142,7 @@ def _unmitigated_series(encounter: SimulatedEncounter) -> _TimeSeries:
 def _columns_of(
     encounter: SimulatedEncounter, run: SimulationResult, trace: LoopTrace
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return each plotted quantity of a run as a time series, with additional points during contact."""
+    """Return each plotted quantity of a run as a time series."""
     time, course = trace.time, trace.contact_course
     touch = (run.time, 0.0, run.relative_velocity, 0.0) if run.touched else None
     extra = course if len(course) else np.array([touch] if touch else np.empty((0, 4)))
@@ -155,19 +160,25 @@ def _columns_of(
 
 
 def _step_columns(trace: LoopTrace) -> dict[str, FloatArray]:
-    """Return virtual force and sensor reading at each controller step; readings are NaN before the first one."""
+    """Return virtual force and sensor reading at each controller step.
+
+    Readings are NaN before the first one.
+    """
     reading = trace.reading.copy()
     reading[: int((reading != 0.0).argmax()) if (reading != 0.0).any() else 0] = np.nan
     return {"virtual_force": trace.virtual_force, "reading": reading}
 
 
 def _step_curve(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
-    """Convert sampled values, which are constant between samples, to the points of a step curve."""
+    """Convert sampled values to the points of a step curve."""
     return np.column_stack([time, time + period]).ravel(), np.repeat(values, 2)
 
 
 def _relative_velocity(encounter: SimulatedEncounter, run: SimulationResult, trace: LoopTrace) -> FloatArray:
-    """Return the velocity of the obstacle relative to the robot at each step, also after contact moved the obstacle."""
+    """Return the velocity of the obstacle relative to the robot.
+
+    This also holds after contact has moved the obstacle.
+    """
     # The obstacle's velocity is then a difference quotient.
     obstacle_velocity = encounter.scenario.obstacle.velocity_at(trace.time)
     contact = encounter.loop.contact
@@ -193,7 +204,7 @@ _SOLVED: Final = ("distance", "relative_velocity", "virtual_force")
 def _panel(
     encounter: SimulatedEncounter, runs: list[_TimeSeries], which: tuple[str, str, str], clock: Scale, end: float
 ) -> Panel:
-    """Return a plot of one quantity over time; only the plot of the distance has curve labels."""
+    """Return a plot of one quantity over time."""
     name, label, unit = which
     shown = [(c, *thin_out(*c.columns[name], end)) for c in runs if name in c.columns]
     shown = [(c, t, v) for c, t, v in shown if np.isfinite(v).any()]
@@ -218,7 +229,11 @@ def _largest(values: FloatArray) -> float:
 
 
 def thin_out(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
-    """Cut a time series at the end of the plot, and remove points from it but keep its minima and maxima."""
+    """Remove points from a time series, but keep its extremes.
+
+    Returns:
+        Time and values until the end of the plot.
+    """
     visible = time <= end
     time, values = time[visible], np.where(np.isfinite(values[visible]), values[visible], np.nan)
     if len(time) <= MOST_POINTS:
@@ -231,7 +246,7 @@ def thin_out(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArr
 
 
 def _marks(encounter: SimulatedEncounter, name: str, clock: Scale, scale: Scale, end: float) -> Iterator[Mark]:
-    """Yield points that mark the detection, labeled with its distance, and the contact, labeled with its speed."""
+    """Yield points that mark detection and contact in a plot."""
     run, detection = encounter.run, encounter.detection
     if name == "distance" and detection is not None and detection.time <= end:
         text = f"detected at {scale.text(detection.distance)}"
@@ -254,7 +269,7 @@ def _marks(encounter: SimulatedEncounter, name: str, clock: Scale, scale: Scale,
 
 
 def _positions(encounter: SimulatedEncounter, clock: Scale, end: float) -> dict[str, float]:
-    """Return the times of detection and contact in the simulated run, if these times are visible in the plot."""
+    """Return the visible times of detection and contact."""
     run, detection = encounter.run, encounter.detection
     moments = {}
     if detection is not None and 0.01 * end < detection.time <= end:
@@ -265,7 +280,7 @@ def _positions(encounter: SimulatedEncounter, clock: Scale, end: float) -> dict[
 
 
 def _impact_panel(encounter: SimulatedEncounter) -> Panel:
-    """Return a plot of the contact force during the first contact, with the gain and without mitigation."""
+    """Return a plot of the force during the first contact."""
     runs = [
         ("no mitigation", _NONE, encounter.unmitigated, encounter.unmitigated_trace),
         ("on the loop", _LOOP, encounter.run, encounter.trace),
@@ -291,7 +306,7 @@ def _impact_panel(encounter: SimulatedEncounter) -> Panel:
 
 
 def _impact_end(trace: LoopTrace) -> float:
-    """Return the time [s] at which the plot of the first contact ends."""
+    """Return the end time of the plotted first contact [s]."""
     samples, first = _first_contact(trace), trace.contacts[0]
     if np.isfinite(first[4]):
         return float(_AIR * first[5])
@@ -301,7 +316,7 @@ def _impact_end(trace: LoopTrace) -> float:
 
 
 def _impact(trace: LoopTrace, end: float) -> tuple[FloatArray, FloatArray]:
-    """Return time [s] and force [N] of the first contact; the force is 0 before and after the contact."""
+    """Return time [s] and force [N] of the first contact."""
     samples, first = _first_contact(trace), trace.contacts[0]
     time = np.concatenate([[-_BEFORE * end, 0.0], samples[:, 0] - first[0]])
     force = np.concatenate([[0.0, 0.0], samples[:, 3]])

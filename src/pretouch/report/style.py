@@ -82,13 +82,20 @@ _SETTINGS: Final[dict[str, Any]] = {
 
 
 class Scale(NamedTuple):
-    """The unit in which a quantity is displayed, with the factor between this unit and the SI unit."""
+    """The display unit of a quantity and its conversion factor.
+
+    The factor is the size of the display unit in SI units, such as 0.001 for mm.
+    """
 
     factor: float
     unit: str
 
     def text(self, value: float, digits: int = 3, largest: float = 1.0) -> str:
-        """Format an SI value in the display unit; return 0 for a value that is negligible compared with `largest`."""
+        """Format an SI value in the display unit.
+
+        Returns:
+            The text; 0 for a value that is negligible compared with `largest`.
+        """
         shown = 0.0 if abs(value) < NEGLIGIBLE * abs(largest) else value / self.factor
         size = digits - 1 - math.floor(math.log10(abs(shown))) if shown and math.isfinite(shown) else 0
         number = "0" if not shown else f"{shown:.{size}f}" if 0 <= size <= 6 else f"{shown:.{digits}g}"
@@ -119,7 +126,7 @@ _LONGEST_IN_UNIT: Final = {"m": 1.0, "s": 1.0, "m/s": 0.1, "N": 0.1, "N*s": 1.0,
 
 
 def scale_for(unit: str, largest: float) -> Scale:
-    """Choose the unit, such as mm or ms, in which numbers up to a given magnitude are displayed.
+    """Choose the display unit for numbers up to a given magnitude.
 
     Args:
         unit: SI unit.
@@ -142,7 +149,10 @@ def scale_for(unit: str, largest: float) -> Scale:
 
 
 def gain_axis(bounds: tuple[float, float], number: LawNumber, *, magnitude: bool = False) -> tuple[float, str, bool]:
-    """Return how gains are plotted: the sign, the axis label, and whether the axis is logarithmic."""
+    """Return sign, label and scale of the gain axis.
+
+    The last element is True for a logarithmic axis.
+    """
     low, high = bounds
     name = "virtual force gain" if number.name == "gain" else f"virtual {number.name}"
     sign = "\u2212" if high <= 0 else ""
@@ -173,7 +183,10 @@ def minus_signs(text: str) -> str:
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Use the Matplotlib settings of pretouch temporarily, and restore the user's settings afterwards."""
+    """Use the Matplotlib settings of pretouch temporarily.
+
+    The user's settings are restored afterwards.
+    """
     from matplotlib import rc_context, rcParams, rcParamsDefault  # noqa: PLC0415
 
     plain = {k: v for k, v in rcParamsDefault.items() if k.split(".")[0] in _GROUPS and rcParams[k] != v}
@@ -187,7 +200,9 @@ _WIDE: Final = 0.6  # share of the width of the figure, from which a panel fills
 
 
 def draw_svg(figure: Figure, name: str) -> str:
-    """Draw a figure as an SVG element for an HTML page; equal figures give identical elements.
+    """Draw a figure as an SVG element for an HTML page.
+
+    Equal figures give identical elements.
 
     Args:
         figure: the figure.
@@ -216,7 +231,7 @@ def draw_svg(figure: Figure, name: str) -> str:
 
 
 def _panel_boxes(figure: Figure) -> list[tuple[float, float, float, float]]:
-    """Return the position and the size [pt] of each plot in a figure with several columns."""
+    """Return position and size of each plot in a figure [pt]."""
     # Each box has x, y (from the top), width and height.
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - loaded with Matplotlib
     from matplotlib.transforms import Bbox  # noqa: PLC0415
@@ -242,7 +257,10 @@ def _panel_boxes(figure: Figure) -> list[tuple[float, float, float, float]]:
 
 
 def log_axis(axes: Axes, which: str, low: float, high: float) -> None:
-    """Make an axis logarithmic with given limits and with few ticks, which are written as plain numbers."""
+    """Make an axis logarithmic with given limits.
+
+    The axis has few ticks, which are written as plain numbers.
+    """
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter, NullLocator  # noqa: PLC0415
 
     locator = FixedLocator(log_ticks(low, high)) if high > 4 * low else MaxNLocator(5)
@@ -256,7 +274,7 @@ def log_axis(axes: Axes, which: str, low: float, high: float) -> None:
 
 
 def _tick(value: float, _: int | None = None) -> str:
-    """Format the number at an axis tick in about five characters, such as 0.001 or 3e−4."""
+    """Format the number at an axis tick in about five characters."""
     text = f"{value:g}"
     if len(text) <= 5 and "e" not in text:
         return minus(text)

@@ -1,4 +1,4 @@
-"""Plot the results of a sweep over a grid of inputs as curves or maps."""
+"""Plot the results of a sweep as curves or maps."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST_CELLS: Final = 300  # along an axis of a map
 
 @check_arguments
 def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
-    """Draw the results of a parameter sweep: curves for one varied input, curves or maps for two.
+    """Draw the results of a parameter sweep as curves or maps.
 
     With one axis, results are curves. With two axes, they are a family of curves if an axis has up to five values,
     otherwise maps with contour lines, in which encounters without a value are hatched. Axes of one value are ignored.
@@ -51,15 +51,15 @@ def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
     dims = [str(dim) for dim in flat["status"].dims]
     if len(dims) not in {1, 2}:
         raise InvalidInputError(
-            "dataset: a figure shows one or two axes that have more than one value, but this dataset has "
-            f"{len(dims)} such axes; select values of the other axes first, for example with "
+            "dataset: a figure can show one or two axes with several values, but this dataset has "
+            f"{len(dims)} such axes. Select values of the other axes first, for example with "
             f"dataset.sel({{'gain': -0.7}}, method='nearest')"
         )
     for name in names:
         if not bool(np.isfinite(flat[name].values).any()):
             raise InvalidInputError(
-                f"{name}: no encounter of this sweep has a value of this result, so there is nothing to draw; "
-                "the variable `status` of the dataset gives the reasons"
+                f"{name}: no encounter of this sweep has a value of this result, so there is nothing to draw. "
+                "The variable `status` of the dataset gives the reasons"
             )
     if len(dims) == 1:
         return panel_figure(*(_panel(flat, name, dims[0], None) for name in names))
@@ -69,7 +69,7 @@ def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
 
 
 def _axis(flat: xr.Dataset | xr.DataArray, dim: str) -> tuple[FloatArray, Scale, str]:
-    """Return the values of a sweep axis in a display unit, together with this unit and the axis label."""
+    """Return the values of a sweep axis in a display unit."""
     values = np.asarray(flat[dim].values, dtype=np.float64)
     scale = _scale(flat[dim], values)
     name = words_for(dim.replace(".", " ")) if "units" in flat[dim].attrs else f"{dim} number"
@@ -97,7 +97,10 @@ def _label(variable: Any, scale: Scale, *, short: bool = False) -> str:
 
 
 def _is_logarithmic(values: FloatArray) -> bool:
-    """Return True if the values of an axis are logarithmically spaced over at least one decade."""
+    """Return True if the values of a sweep axis are logarithmically spaced.
+
+    They must span at least one decade.
+    """
     if len(values) < 3 or not (values > 0).all() or values.max() < 10 * values.min():
         return False
     return bool(np.allclose(np.diff(np.log(values)), np.log(values[-1] / values[0]) / (len(values) - 1), rtol=1e-6))

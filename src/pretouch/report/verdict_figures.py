@@ -1,4 +1,4 @@
-"""Plot distributions of contact quantities in simulated runs, and compare two of the runs with the prediction."""
+"""Plot simulated runs and compare them with the prediction."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _SYMBOLS: Final = {
 
 @check_arguments
 def verdict(verdict: Verdict) -> Figure:
-    """Draw the distributions of contact quantities, such as the contact speed, in simulated runs.
+    """Draw the distributions of contact quantities in simulated runs.
 
     Args:
         verdict: a verdict with a gain.
@@ -59,7 +59,10 @@ def verdict(verdict: Verdict) -> Figure:
 
 
 def _quantities(verdict: Verdict) -> list[str]:
-    """Return the quantities to draw: the most important quantities, and all quantities with a limit."""
+    """Return the quantities to draw.
+
+    These are the most important quantities and all quantities with a limit.
+    """
     compared = [c.name for c in verdict.comparisons]
     forces = [name for name in ("impact_force", "peak_force") if name in compared]
     names = ["relative_velocity", *forces, "largest_excursion", "time"]
@@ -69,7 +72,10 @@ def _quantities(verdict: Verdict) -> list[str]:
 
 
 def _outcome_panel(verdict: Verdict, name: str) -> Panel | None:
-    """Return a plot of the distribution of one quantity; None if no run has a value."""
+    """Return a plot of the distribution of one quantity.
+
+    The plot is None if no run has a value.
+    """
     columns = [
         ("without mitigation", _WITHOUT, _magnitudes(verdict, name, verdict.unmitigated, 0.0)),
         ("with the gain", _WITH, _magnitudes(verdict, name, verdict.mitigated, verdict.gain)),
@@ -95,7 +101,10 @@ def _magnitudes(verdict: Verdict, name: str, result: SimulationResult | None, ga
 
 
 def _predictions(verdict: Verdict, name: str, scale: Scale) -> Iterator[Mark]:
-    """Yield points that mark predicted values at a height of 50 %, for comparison with the median of the runs."""
+    """Yield points that mark the predicted values.
+
+    Their height of 50 % allows a comparison with the median of the runs.
+    """
     compared = verdict.comparison(name)
     check = _limit_of(verdict, name)
     if compared is not None:
@@ -109,7 +118,7 @@ def _predictions(verdict: Verdict, name: str, scale: Scale) -> Iterator[Mark]:
 
 
 class _Shown(NamedTuple):
-    """Time series of a run to draw, with the name and the line style of the run."""
+    """Time series of a run, with its name and line style."""
 
     label: str
     style: int
@@ -122,7 +131,9 @@ class _Shown(NamedTuple):
 
 @check_arguments
 def verdict_run(verdict: Verdict) -> Figure:
-    """Draw the predicted run, and the simulated runs with the median and the highest contact speed.
+    """Draw the predicted run and two simulated runs.
+
+    The simulated runs have the median and the highest contact speed.
 
     Args:
         verdict: a verdict with a gain.
@@ -150,7 +161,7 @@ def verdict_run(verdict: Verdict) -> Figure:
 
 
 def _chosen_runs(result: SimulationResult) -> list[tuple[str, int, int]]:
-    """Return label, line style and index of the runs to draw: those with highest and median contact speed."""
+    """Return label, line style and index of the runs to draw."""
     touched = np.flatnonzero(result.touched)
     if not len(touched):
         return [("first run", _WITH, 0)]
@@ -163,7 +174,7 @@ def _chosen_runs(result: SimulationResult) -> list[tuple[str, int, int]]:
 
 
 def _shown_until(verdict: Verdict, result: SimulationResult, predicted: ContactResult) -> float:
-    """Return the time [s] at which the plot of a run without contact ends."""
+    """Return the end time of a plotted run without contact [s]."""
     distance, speed = float(verdict.scenario.distance), abs(float(verdict.scenario.relative_velocity))
     times = [distance / speed] if speed > 0 else []
     times += [float(predicted.end.time)] if predicted.reached.all() else []
@@ -172,7 +183,7 @@ def _shown_until(verdict: Verdict, result: SimulationResult, predicted: ContactR
 
 
 def _run_until_contact(verdict: Verdict, index: int, label: str, style: int, end: float) -> _Shown:
-    """Return the time series of a run until first contact, which may occur between two controller steps."""
+    """Return the time series of a run until first contact."""
     result: Any = verdict.mitigated
     trace, touched = result.trace(index), bool(result.touched[index])
     visible = trace.time < (result.time[index] if touched else end)
@@ -198,7 +209,7 @@ def _predicted(verdict: Verdict, predicted: ContactResult, gain: float, end: flo
 
 
 def _run_panel(shown: list[_Shown], name: str, label: tuple[str, str], clock: Scale) -> Panel:
-    """Return a plot of one quantity over time until contact; only the plot of the distance has curve labels."""
+    """Return a plot of one quantity over time until contact."""
     values: list[FloatArray] = [getattr(s, name) for s in shown]
     scale = scale_for(label[1], max(float(np.nanmax(np.abs(v))) for v in values))
     first = name == "distance"

@@ -1,4 +1,4 @@
-"""Plot the stability limit of the gain versus the distance, and the simulated objective versus the gain."""
+"""Plot the stability limit of the gain and the simulated objective."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _AROUND: Final = 1.4  # margin of a logarithmic axis, as a factor
 
 @check_arguments
 def verdict_stability(verdict: Verdict) -> Figure:
-    """Draw the strongest stable gain at each distance, compared with the verified gain.
+    """Draw the strongest stable gain at each distance.
 
     Args:
         verdict: a verdict with a stability check.
@@ -73,7 +73,9 @@ def _weakest_place(check: StabilityCheck, scale: Scale) -> Mark:
 
 @check_arguments
 def verdict_gain(verdict: Verdict) -> Figure:
-    """Draw the objective versus the gain, in continuous time and in simulations of the sampled controller.
+    """Draw the predicted and the simulated objective versus the gain.
+
+    The prediction is in continuous time; the simulations use the sampled controller.
 
     Args:
         verdict: a verdict; without a gain, or without changes, only the objective in continuous time is drawn.
@@ -111,7 +113,7 @@ def verdict_gain(verdict: Verdict) -> Figure:
 
 
 class _Part(NamedTuple):
-    """Objective values for many gains, with a flag for each gain that meets all limits."""
+    """Objective values for many gains, with a flag for feasible gains."""
 
     label: str
     style: int
@@ -120,7 +122,10 @@ class _Part(NamedTuple):
     feasible: BoolArray
 
     def curves(self, sign: float, top: float) -> Iterator[Curve]:
-        """Yield curves of the objective versus the gain: gray if a gain violates a limit, otherwise colored."""
+        """Yield curves of the objective versus the gain.
+
+        A curve is gray for gains that violate a limit, otherwise colored.
+        """
         values = np.where(np.isfinite(self.objective) & (self.objective <= 1.02 * top), self.objective, np.nan)
         feasible = np.where(self.feasible, values, np.nan)
         any_feasible = np.isfinite(feasible).any()
@@ -144,7 +149,7 @@ def _objectives(verdict: Verdict) -> Iterator[_Part]:
 
 
 def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
-    """Yield points that mark three gains: optimum in continuous time, verified gain, and best gain in simulations."""
+    """Yield points that mark the optimal and the verified gain."""
     design, loss, number = verdict.design, verdict.loss, verdict.law.number
     if design.gain is not None and design.objective is not None:
         text = f"ideal {number.plot_text(design.gain)}"
@@ -161,7 +166,10 @@ def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
 
 
 def _stable_until(verdict: Verdict, sign: float) -> dict[str, float]:
-    """Return the gains with gain margins 1 (the stability limit) and 2, if these gains are visible in the plot."""
+    """Return the gains with gain margins 1 and 2.
+
+    Margin 1 is the stability limit. Gains outside the plot are omitted.
+    """
     check, loss = verdict.stability, verdict.loss
     low, high = verdict.design.bounds
     if check is None or loss is None:

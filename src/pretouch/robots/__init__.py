@@ -1,4 +1,4 @@
-"""Compute effective mass and motion limits of a MuJoCo robot model along a sensor axis, as input of a design."""
+"""Compute limits of MuJoCo robots, and simulate their encounters with objects."""
 
 from .centering import Centering
 from .drives import AxisLimits

@@ -1,4 +1,7 @@
-"""Move a hand so that an object is centered between two opposed fingers, by the ratio of their sensor outputs."""
+"""Center an object between two opposed fingers by moving the hand.
+
+The control law uses the ratio of the sensor outputs.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +25,12 @@ _DETECTING: Final = int(Status.DETECTING)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Centering(Value):
-    """Control law that moves the hand of two opposed fingers, so that both fingers touch an object at the same time.
+    """Control law that centers an object between two opposed fingers.
 
-    The hand moves with the velocity u, where T u' + u = k ln(xi_2 / xi_1), toward the side of the second finger. It
-    needs the same reflectance on both sides of the object, because a ratio of reflectances looks like a distance. It
-    acts while both sensors detect an object, and ends at the first touch. The law of each finger stays as it is.
+    Both fingers then touch the object at the same time. The hand moves with the velocity u toward the side of the
+    second finger, where T u' + u = k ln(xi_2 / xi_1). The law needs the same reflectance on both sides of the object,
+    because a ratio of reflectances looks like a distance. It acts while both sensors detect an object, and ends at the
+    first touch. The law of each finger stays as it is.
 
     Args:
         sites: names of the two sites, whose axes are opposed.
@@ -59,7 +63,7 @@ class Centering(Value):
 
 
 def centering_gain(centering: Centering, laws: Sequence[SiteLaw], period: float) -> float:
-    """Return the gain k [m/s] of the control law that centers an object between two fingers.
+    """Return the gain k [m/s] of a centering law.
 
     Args:
         centering: the law.
@@ -84,7 +88,7 @@ def centering_gain(centering: Centering, laws: Sequence[SiteLaw], period: float)
 
 
 class HandMotion:
-    """The motion of a hand during a simulated run with a centering law.
+    """The motion of a hand in a simulated run.
 
     Args:
         centering: the law.
@@ -103,7 +107,9 @@ class HandMotion:
         self.position = self.velocity = 0.0
 
     def advance(self, outputs: Sequence[Output], *, touched: bool) -> None:
-        """Move the hand for one control period, toward the finger with the larger sensor output.
+        """Move the hand for one control period.
+
+        It moves toward the finger with the larger sensor output.
 
         Args:
             outputs: the outputs of the controllers of all sites.
@@ -118,12 +124,15 @@ class HandMotion:
         self.position += self._period * (before + self.velocity) / 2
 
     def along(self, site: int) -> float:
-        """Return the sign with which a site moves along its axis with the hand: first finger 1, second -1, others 0."""
+        """Return the direction of a site's motion with the hand.
+
+        It is 1 for the first finger of the hand, -1 for the second, and 0 for all other sites.
+        """
         return -1.0 if site == self._second else float(site == self._first)
 
 
 def pair_of(centering: Centering, laws: Sequence[SiteLaw]) -> tuple[int, int]:
-    """Return the indices of the two fingers of a centering law in the list of a robot's control laws."""
+    """Find the two fingers of a centering law among all laws."""
     names = [law.site.name for law in laws]
     for site in centering.sites:
         if site not in names:

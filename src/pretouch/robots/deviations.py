@@ -24,7 +24,9 @@ _SATURATED: Final = 0.1  # of the time until contact; deviations above 5 % were 
 
 
 def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteContact]]) -> Iterator[str]:
-    """Yield one warning for each reason why the simulation of a sensor site may deviate from its 1-D prediction.
+    """Yield warnings about reasons why simulated contacts deviate from the prediction.
+
+    The prediction is one-dimensional. Each reason at a sensor site is one warning.
 
     Args:
         sites: names of the sites.
@@ -38,8 +40,8 @@ def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteCon
         if share > _SATURATED:
             yield caution(
                 "PT505",
-                f"A drive is at its limit during up to {100 * share:.0f} % of the encounter at the site {site}, so "
-                "that the robot cannot follow its reference. Choose a weaker gain or another posture.",
+                f"At the site {site}, a drive is at its limit during up to {100 * share:.0f} % of the encounter: "
+                "choose a weaker gain. Otherwise, the robot cannot follow its reference. Another posture may help too.",
             )
         for reason in sorted({c.obstacle for c in runs} - {""}):
             yield caution(
@@ -51,8 +53,8 @@ def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteCon
         if turn > TURN or sideways > SIDEWAYS:
             yield caution(
                 "PT504",
-                f"Before contact, the sensor at the site {site} turns by up to {math.degrees(turn):.2g} deg and moves "
-                f"off its axis by up to {format_quantity(sideways, 'm', 2)}. The prediction assumes a fixed axis.",
+                f"The sensor at the site {site} turns by up to {math.degrees(turn):.2g} deg and moves up to "
+                f"{format_quantity(sideways, 'm', 2)} off its axis. The prediction assumes a fixed axis until contact.",
             )
 
 
@@ -61,7 +63,9 @@ def report_deviations(
     contacts: Sequence[Sequence[SiteContact]],
     predictions: Sequence[Sequence[SiteContact | None]],
 ) -> Iterator[str]:
-    """Yield one warning for each sensor site whose mean contact speed differs from its prediction by more than 5 %.
+    """Yield warnings about contact speeds that deviate from the prediction.
+
+    There is one warning for each sensor site whose mean contact speed deviates by more than 5 %.
 
     Args:
         sites: names of the sites.
@@ -89,7 +93,10 @@ def report_deviations(
 
 
 def _saturated(contact: SiteContact) -> float:
-    """Return the fraction of the time from detection to contact during which a drive is at its limit."""
+    """Return the fraction of time with a drive at its limit.
+
+    The time counts from detection to contact.
+    """
     if contact.detection is None:
         return 0.0
     if math.isnan(contact.time):

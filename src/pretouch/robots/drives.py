@@ -1,7 +1,7 @@
-"""Compute by linear programs which acceleration, speed and force a robot's drives allow along an axis.
+"""Compute a robot's largest acceleration, speed and force along an axis.
 
-The unknowns are the motion or force along the axis, the joint motion in the null space of what the joints hold, and the
-forces and controls of the actuators.
+Linear programs yield these limits. The unknowns are the motion or force along the axis, the joint motion in the null
+space of what the joints hold, and the forces and controls of the actuators.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _FASTEST: Final = 30.0  # m/s: likewise; models with torques but without speed l
 
 @dataclass(frozen=True, slots=True)
 class AxisLimits(Value):
-    """The largest possible acceleration, speed or force along an axis, in each of its two directions.
+    """The largest acceleration, speed or force in both directions along an axis.
 
     Args:
         ahead: toward objects; infinite without a limit.
@@ -44,7 +44,7 @@ class AxisLimits(Value):
 
 @dataclass(frozen=True, slots=True)
 class Drives:
-    """Actuators of a robot at rest in one posture: force limits, load, and how forces become joint torques.
+    """The actuators of a robot at rest in one posture.
 
     The force of an actuator output is gain * control + constant - damping * (velocity of the actuator).
 
@@ -84,7 +84,7 @@ class Drives:
 
 
 def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArray) -> Drives:
-    """Read the actuator limits of a robot, and compute the load on its joints at rest in a posture.
+    """Read a robot's actuator limits, and compute its joint load at rest.
 
     Args:
         model: the model.
@@ -130,7 +130,10 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
 
 
 def _controls(model: Model, rows: Any, known: Any) -> FloatArray:
-    """Return the control range of each actuator, or its activation range if the actuator integrates its control."""
+    """Return the control range of each actuator.
+
+    If an actuator integrates its control, the range is that of its activation.
+    """
     integrates = np.asarray(model.actuator_dyntype)[rows] == int(mujoco().mjtDyn.mjDYN_INTEGRATOR)
     limited = np.where(
         integrates, np.asarray(model.actuator_actlimited)[rows], np.asarray(model.actuator_ctrllimited)[rows]
@@ -142,19 +145,21 @@ def _controls(model: Model, rows: Any, known: Any) -> FloatArray:
 
 
 def acceleration_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) -> AxisLimits:
-    """Return the largest accelerations [m/s^2] of a sensor site from rest along its axis, relative to the robot's base.
+    """Return the largest accelerations of a sensor site along its axis [m/s^2].
 
-    The torques are (inertia) q'' + load, with q'' along the axis plus any motion in the null space.
+    The site starts from rest, and accelerates relative to the robot's base. The torques are (inertia) q'' + load, with
+    q'' along the axis plus any motion in the null space.
     """
     columns = dynamics.inertia @ np.column_stack([motion.joints, motion.free])
     return _span(drives, columns, np.zeros((len(motion.joints), 0)))
 
 
 def speed_limits(drives: Drives, motion: AxisMotion) -> AxisLimits:
-    """Return the largest constant speeds [m/s] of a sensor site along its axis, relative to the robot's base.
+    """Return the largest constant speeds of a sensor site along its axis.
 
-    The actuators overcome gravity and the damping of joints and actuators; torques that grow with the square of the
-    speed are neglected. Without given joint speeds or damping that keeps the speed plausible, there is no limit.
+    The speeds [m/s] are relative to the robot's base. The actuators overcome gravity and the damping of joints and
+    actuators; torques that grow with the square of the speed are neglected. Without given joint speeds or damping that
+    keeps the speed plausible, there is no limit.
     """
     velocities = np.column_stack([motion.joints, motion.free])
     found = _span(drives, drives.friction @ velocities, velocities)
@@ -163,7 +168,7 @@ def speed_limits(drives: Drives, motion: AxisMotion) -> AxisLimits:
 
 
 def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
-    """Return the largest forces [N] that a sensor site at rest can exert along its axis.
+    """Return the largest static forces [N] along the axis of a sensor.
 
     On a floating base, the force accelerates base and joints together, without motion between them.
     """
@@ -171,7 +176,9 @@ def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
 
 
 def _span(drives: Drives, columns: FloatArray, velocities: FloatArray) -> AxisLimits:
-    """Return how large x[0] may be in both directions, if the drives apply the joint torques columns @ x + load.
+    """Return the largest magnitudes of x[0] that the drives allow.
+
+    The drives apply the joint torques columns @ x + load.
 
     Args:
         drives: the drives.

@@ -1,4 +1,4 @@
-"""Reduce the dynamics of a robot in a posture to motion along the axis of one sensor.
+"""Reduce robot dynamics in a posture to motion along a sensor axis.
 
 The equations of motion are M v' + h = B f + J^T F, with the generalized velocity v = (v_b, q') of the base and of the
 driven joints. Nothing pushes on a floating base but gravity, so that the momentum M_bb v_b + M_bq q' stays 0 in a frame
@@ -30,7 +30,7 @@ _RANK: Final = 1e-10  # relative singular values below it are zero up to roundin
 
 @dataclass(frozen=True, slots=True)
 class Drivetrain:
-    """The driven and the passive degrees of freedom of the robot that carries a sensor site.
+    """The driven and passive degrees of freedom of a sensor's robot.
 
     Args:
         site: index of the site.
@@ -49,7 +49,9 @@ class Drivetrain:
 
 @dataclass(frozen=True, slots=True)
 class PostureDynamics:
-    """Mass matrix and Jacobians of a robot in one posture, reduced to its driven joints.
+    """Mass matrix and Jacobians of a robot in one posture.
+
+    `inertia`, `own` and `seen` are reduced to the driven joints.
 
     Args:
         mass: mass matrix of base and joints, the base first, shape (m + n, m + n).
@@ -74,13 +76,16 @@ class PostureDynamics:
 
     @property
     def reflected_mass(self) -> float:
-        """Effective mass [kg] in an impact along the axis u: 1 / (u^T J M^-1 J^T u), Jacobian J, mass matrix M."""
+        """Effective mass [kg] in an impact along the sensor axis.
+
+        It is 1 / (u^T J M^-1 J^T u) with the axis u, the Jacobian J and the mass matrix M.
+        """
         row = self.axis @ self.full[:3]
         return float(1 / (row @ np.linalg.solve(self.mass, row)))
 
     @property
     def lightest_mass(self) -> float:
-        """The smallest effective mass [kg] over all directions in which the joints can move the site."""
+        """The smallest effective mass [kg] in any direction that the joints allow."""
         jacobian = self.own[:3]
         mobility = jacobian @ np.linalg.solve(self.inertia, jacobian.T)
         return float(1 / np.linalg.eigvalsh(mobility)[-1])
@@ -112,7 +117,7 @@ class AxisMotion:
 
 
 def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
-    """Find which degrees of freedom of the robot that carries a sensor site are driven by actuators.
+    """Find the driven and passive degrees of freedom of a sensor's robot.
 
     Args:
         model: the model.
@@ -150,9 +155,12 @@ def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
 
 
 def joined(drivetrains: Sequence[Drivetrain]) -> tuple[Drivetrain, ...]:
-    """Return one drivetrain for each sensor site, each with the combined degrees of freedom of all sites.
+    """Combine the degrees of freedom of several sensor sites.
 
     The fingers of a hand that is fixed to the world are separate kinematic trees in MuJoCo.
+
+    Returns:
+        One drivetrain for each site, with the degrees of freedom of all sites.
     """
     trees = list({int(d.driven[0]): d for d in drivetrains}.values())
     driven, base, joints = (np.concatenate([getattr(d, name) for d in trees]) for name in ("driven", "base", "joints"))
@@ -161,7 +169,10 @@ def joined(drivetrains: Sequence[Drivetrain]) -> tuple[Drivetrain, ...]:
 
 
 def actuator_moment(model: Model, data: Data) -> FloatArray:
-    """Return the generalized forces per unit of actuator force as a dense matrix, one row per actuator output."""
+    """Return the generalized forces per unit of actuator force.
+
+    The dense matrix has one row for each actuator output.
+    """
     moment = np.zeros((len(data.moment_rownnz), model.nv))
     if len(moment):
         sparse = data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
@@ -170,7 +181,7 @@ def actuator_moment(model: Model, data: Data) -> FloatArray:
 
 
 def update_posture(model: Model, data: Data) -> None:
-    """Update body positions and mass matrix of a model after its joint positions have changed."""
+    """Update a model's body positions and mass matrix for new joint positions."""
     library = mujoco()
     library.mj_kinematics(model, data)
     library.mj_comPos(model, data)
@@ -179,7 +190,9 @@ def update_posture(model: Model, data: Data) -> None:
 
 
 def posture_dynamics(model: Model, data: Data, drivetrain: Drivetrain, direction: FloatArray) -> PostureDynamics:
-    """Compute mass matrix and Jacobians of a robot in a posture, reduced to its driven joints.
+    """Compute the mass matrix and Jacobians of a robot in a posture.
+
+    They are reduced to the driven joints.
 
     Args:
         model: the model.
@@ -211,10 +224,11 @@ def posture_dynamics(model: Model, data: Data, drivetrain: Drivetrain, direction
 
 
 def axis_motion(dynamics: PostureDynamics, hold: str, locked: Any = ()) -> AxisMotion | None:
-    """Find the joint motion with the least kinetic energy that moves a sensor site along its axis.
+    """Find the least-energy joint motion that moves a sensor along its axis.
 
-    It is the motion that a force along the axis would cause if constraints held the other directions. Computed torque
-    and operational-space control with the dynamically consistent inverse both command it (O. Khatib, 1987).
+    Of all such joint motions, it has the least kinetic energy. It is the motion that a force along the axis would cause
+    if constraints held the other directions. Computed torque and operational-space control with the dynamically
+    consistent inverse both command it (O. Khatib, 1987).
 
     Args:
         dynamics: the posture.
@@ -233,7 +247,10 @@ def axis_motion(dynamics: PostureDynamics, hold: str, locked: Any = ()) -> AxisM
 
 
 def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMotion | None:
-    """Return the joint motion along the axis that holds the other directions, or None if that is impossible."""
+    """Return the joint motion along the axis with other directions held.
+
+    The result is None if the joints cannot hold them.
+    """
     inertia = dynamics.inertia[np.ix_(kept, kept)]
     solution = least_energy(held_rows(dynamics, hold)[:, kept], (0,), inertia)
     if solution is None:
@@ -256,7 +273,10 @@ def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMo
 
 
 def held_rows(dynamics: PostureDynamics, hold: str) -> FloatArray:
-    """Return the Jacobian of the sensor axis (first row) and of the directions that the joints hold, shape (k, n)."""
+    """Return the Jacobian of the sensor axis and the held directions.
+
+    The first row is that of the axis. The shape is (k, n).
+    """
     u = dynamics.axis
     lines = np.zeros(({"axis": 1, "position": 3, "pose": 6}[hold], 6))
     lines[0, :3] = u
@@ -271,7 +291,9 @@ def held_rows(dynamics: PostureDynamics, hold: str) -> FloatArray:
 def least_energy(
     rows: FloatArray, driven: tuple[int, ...], inertia: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Find joint motions with the least kinetic energy, each of which moves along one row of a Jacobian only.
+    """Find the least-energy joint motion for each driven row of a Jacobian.
+
+    Each motion moves along its own row only.
 
     Args:
         rows: the Jacobian of all directions that move or are held, shape (k, n).

@@ -1,4 +1,4 @@
-"""Simulate in MuJoCo how objects meet a whole robot that has proximity sensors at several sites."""
+"""Simulate in MuJoCo how objects meet a robot with proximity sensors."""
 
 from __future__ import annotations
 
@@ -59,11 +59,12 @@ def simulate_robot(
     follow_time: float = FOLLOW,
     workers: int = 1,
 ) -> RobotSimulation:
-    """Simulate encounters of a robot that runs sampled control laws, and compare them with the 1-D prediction.
+    """Simulate how objects meet a robot with sampled control laws.
 
-    Each sensor sees the scene by rays, and has its own sensor chain and its own controller. The controllers move the
-    references of their sites along axes that stay those of the start, relative to the base. The tracking makes the
-    joints follow. The robot starts at rest, and the objects move as the state says.
+    The results are compared with the 1-D prediction. Each sensor sees the scene by rays, and has its own sensor chain
+    and its own controller. The controllers move the references of their sites along axes that stay those of the start,
+    relative to the base. The tracking makes the joints follow. The robot starts at rest, and the objects move as the
+    state says.
 
     Laws on robots are one-sided by default, see `SiteLaw`: an object that leaves the beam looks like one that recedes.
 
@@ -116,7 +117,7 @@ def _warnings(
     contacts: Sequence[Sequence[SiteContact]],
     predictions: Sequence[Sequence[SiteContact | None]],
 ) -> Iterator[str]:
-    """Yield warnings about posture and model at each site, and about deviations of simulation from prediction."""
+    """Yield warnings about postures, model and deviations from the prediction."""
     names = [law.site.name for law in scene.laws]
     found = list(explain_deviations(names, contacts))
     if scene.centering is None:  # the prediction does not know the law of the hand
@@ -188,7 +189,14 @@ class _Scene:
         horizon: float,
         follow_time: float,
     ) -> _Scene:
-        """Check the inputs of a simulation, and copy the model with its actuators replaced by joint torques."""
+        """Check the inputs of a simulation, and copy the robot model.
+
+        Returns:
+            The scene of the simulation, with a copy in which joint torques replace the actuators.
+
+        Raises:
+            InvalidInputError: an input is invalid, or the time step does not fit the controller period.
+        """
         library = mujoco()
         laws = tuple(laws)
         names = [law.site.name for law in laws]
@@ -207,7 +215,7 @@ class _Scene:
         if steps < 1 or abs(period / model.opt.timestep - steps) > 1e-6 * steps:
             raise InvalidInputError(
                 f"model: the time step of {model.opt.timestep:g} s does not divide the controller period of "
-                f"{period:g} s; set <option timestep=.../> to a whole fraction of the period"
+                f"{period:g} s. Set <option timestep=.../> to a whole fraction of the period"
             )
         _check_bandwidth(tracking, model.opt.timestep)
         copied = copy.copy(model)
@@ -249,7 +257,7 @@ class _Scene:
 
 
 def _check_opposed(data: Data, centering: Centering, laws: Sequence[SiteLaw], indices: Sequence[int]) -> None:
-    """Raise an error if the two fingers of a centering law do not face each other."""
+    """Raise an error if two fingers do not face each other."""
     first, second = (
         np.array(data.site_xmat[indices[i]]).reshape(3, 3) @ laws[i].site.direction for i in pair_of(centering, laws)
     )
@@ -262,17 +270,17 @@ def _check_opposed(data: Data, centering: Centering, laws: Sequence[SiteLaw], in
 
 
 def _check_bandwidth(tracking: Tracking, step: float) -> None:
-    """Raise an error if the bandwidth of the joint controller is too high for the time step of the model."""
+    """Raise an error if the joint controller's bandwidth is too high."""
     bandwidth = getattr(tracking, "bandwidth", 0.0)
     if 2 * math.pi * bandwidth * step > _FINEST:
         raise InvalidInputError(
             f"bandwidth: found {bandwidth:g} Hz, expected at most {_FINEST / (2 * math.pi * step):.3g} Hz for the "
-            f"model's time step of {step:g} s; reduce the bandwidth of the tracking or the time step"
+            f"model's time step of {step:g} s. Reduce the bandwidth of the tracking or the time step"
         )
 
 
 def _largest_torques(drives: Drives) -> FloatArray:
-    """Return the smallest and the largest torque that the actuators can apply to each joint, shape (n, 2)."""
+    """Return the smallest and largest actuator torques per joint, shape (n, 2)."""
     by_control = np.sort(drives.gain[:, None] * drives.controls + drives.constant[:, None], axis=1)
     by_control = np.where(drives.gain[:, None] == 0, (-math.inf, math.inf), by_control)
     low = np.maximum(drives.lowest, by_control[:, 0])
@@ -286,7 +294,10 @@ def _largest_torques(drives: Drives) -> FloatArray:
 
 
 class _Site:
-    """One sensor site in a run: its sensor, its controller, and the results recorded so far."""
+    """One sensor site in a simulated run.
+
+    It has a sensor, a controller and the results recorded so far.
+    """
 
     __slots__ = (
         *("body", "controller", "detection", "distance", "excursion", "force", "glance", "index", "impulse", "law"),
@@ -349,7 +360,11 @@ class _Run:
         self.hand_target = (0.0, 0.0, 0.0, 0.0)
 
     def finish(self) -> tuple[SiteContact, ...]:
-        """Simulate until all sites have touched or the longest time is over, and return the results of all sites."""
+        """Simulate the run to its end, and return all contacts.
+
+        Returns:
+            The contacts of all sites. The run ends some time after the last contact, or after the longest time.
+        """
         scene, now = self.scene, 0.0
         for j in range(math.ceil(scene.horizon / scene.period - 1e-9)):
             t = j * scene.period
@@ -382,14 +397,17 @@ class _Run:
         )
 
     def _move_hand(self, outputs: Sequence[Output]) -> None:
-        """Move the hand for one control period, if a centering law controls it."""
+        """Move the hand of a centering law for one control period.
+
+        Without such a law, do nothing.
+        """
         if self.hand is not None:
             before = self.hand.position, self.hand.velocity
             self.hand.advance(outputs, touched=any(not math.isnan(site.time) for site in self.sites))
             self.hand_target = (*before, self.hand.position, self.hand.velocity)
 
     def _ask(self, site: _Site, t: float) -> Output:
-        """Run one step of the controller of a site with the latest sensor reading, and store its reference motion."""
+        """Run one controller step for a site with its latest reading."""
         fresh = site.sensor.deliver(t)
         output = site.controller.step(
             *(site.sensor.reading, fresh, max(t - site.sensor.measured, 0.0)),
@@ -404,7 +422,10 @@ class _Run:
         return output
 
     def _detect(self, site: _Site, t: float) -> DetectedEncounter:
-        """Return distance, velocities and masses at the first detection by a site, where the prediction starts."""
+        """Return the encounter of a site at its first detection.
+
+        The prediction starts with its distance, velocities and masses.
+        """
         scene, data = self.scene, self.data
         model = scene.model
         dynamics = posture_dynamics(model, data, site.drivetrain, site.law.site.direction)
@@ -428,7 +449,10 @@ class _Run:
         )
 
     def _object_acceleration(self, glance: Glance, site: _Site) -> float:
-        """Return the present acceleration of the object along the axis, relative to the base of the site [m/s^2]."""
+        """Return the object's acceleration along the sensor axis [m/s^2].
+
+        It is relative to the base of the site.
+        """
         library, model, data = mujoco(), self.scene.model, self.data
         body = int(model.geom_bodyid[glance.geom])
         library.mj_rnePostConstraint(model, data)
@@ -441,7 +465,7 @@ class _Run:
         return float(site.sight.axis(data) @ (proper + model.opt.gravity)) if moving else 0.0
 
     def _approach(self, site: _Site) -> float:
-        """Return the rate of change [m/s] of the distance between a sensor site and the object on its axis."""
+        """Return the rate of change [m/s] of the distance to the object."""
         library, model, data, glance = mujoco(), self.scene.model, self.data, site.glance
         u = site.sight.axis(data)
         jacobian, turn = np.zeros((3, model.nv)), np.zeros((3, model.nv))
@@ -470,7 +494,10 @@ class _Run:
             self._watch(site, now, h)
 
     def _torques(self, at: float) -> FloatArray:
-        """Return the torques with which the joints follow their reference, limited to what the drives can apply."""
+        """Return the torques that make the joints follow their reference.
+
+        They are limited to what the drives can apply.
+        """
         scene, data, model = self.scene, self.data, self.scene.model
         drivetrain = scene.drivetrains[0]
         driven, base = drivetrain.driven, drivetrain.base
@@ -501,7 +528,7 @@ class _Run:
         return torques
 
     def _watch(self, site: _Site, now: float, h: float) -> None:
-        """Pass the current distance to the sensor of a site, and record the site's contact force and first contact."""
+        """Pass a site's distance to its sensor, and record its contact."""
         model, data = self.scene.model, self.data
         before, site.glance = site.distance, site.sight.glance(data)
         site.distance = site.glance.distance
@@ -528,14 +555,20 @@ class _Run:
         site.rate = (site.distance - before) / h if math.isfinite(site.distance) and math.isfinite(before) else math.nan
 
     def _leave_axis(self, site: _Site, now: float) -> None:
-        """Record how far a site has turned and moved off its initial axis, in a frame that moves with the robot."""
+        """Record how far a site has moved off its initial axis.
+
+        Rotations are recorded as well. The axis moves with the robot.
+        """
         axis, position, velocity = site.start
         moved = np.array(self.data.site_xpos[site.index]) - position - velocity * now - site.fall * (now * now / 2)
         turn = float(np.linalg.norm(np.cross(axis, site.sight.axis(self.data))))
         site.turn, site.sideways = math.asin(min(turn, 1.0)), float(np.linalg.norm(np.cross(axis, moved)))
 
     def _contact_force(self, site: _Site) -> float:
-        """Return the contact force [N] on the body of a site along the sensor axis, positive if it pushes back."""
+        """Return the contact force [N] on a site along its axis.
+
+        The force acts on the body of the site. It is positive if it pushes back.
+        """
         library, model, data = mujoco(), self.scene.model, self.data
         if not data.ncon:
             return 0.0
@@ -565,7 +598,7 @@ class _Run:
 
 
 def _cubic(target: tuple[float, float, float, float], period: float, at: float) -> tuple[float, float, float]:
-    """Return position, velocity and acceleration of a cubic interpolation within one controller period."""
+    """Interpolate position, velocity and acceleration within one controller period."""
     x0, v0, x1, v1 = target
     s = at / period
     a, b = v0 * period, v1 * period

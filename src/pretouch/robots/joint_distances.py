@@ -1,4 +1,7 @@
-"""Compute the distance ahead of a sensor from recorded joint positions, with a model of the robot and the object."""
+"""Compute object distances ahead of a sensor from recorded joint positions.
+
+The computation needs a model of the robot and of the object.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,9 @@ _ANY_CURVE: Final = InversePower(scale=1.0, distance_offset=1.0, exponent=1.0)  
 
 
 def distances_ahead(model: Model, site: SensorSite, joints: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the distance along the axis of a sensor to the first object, for recorded joint positions.
+    """Return the distances ahead of a sensor for recorded joint positions.
+
+    Each distance is measured along the axis of the sensor to the first object.
 
     Args:
         model: the model of the robot and of the object, which is fixed to the world.
@@ -53,14 +58,14 @@ def distances_ahead(model: Model, site: SensorSite, joints: Mapping[str, FloatAr
             refuse_covered_sensor(model, data, site, index)
     if not np.isfinite(distances).any():
         raise InvalidInputError(
-            f"site {site.name!r}: in no recorded posture is an object on the sensor axis {site.axis}; add the object "
+            f"site {site.name!r}: in no recorded posture is an object on the sensor axis {site.axis}. Add the object "
             "to the model where it was during the recording, or choose another axis"
         )
     return distances
 
 
 def _joints_between(model: Model, site: int) -> IntArray:
-    """Return the joints that move a sensor site, in the order from the world to the site."""
+    """Return the joints that move a sensor site."""
     body, joints = int(model.site_bodyid[site]), []
     while body > 0:
         first = int(model.body_jntadr[body])
@@ -75,12 +80,12 @@ def _joints_between(model: Model, site: int) -> IntArray:
 
 
 def _column(model: Model, joint: int, joints: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the recorded positions of a joint, after checking that they are within the range of the joint."""
+    """Return a joint's recorded positions after a check of its range."""
     name = names_of(model, "joint")[joint]
     if not is_scalar_joint(model, joint):
         raise InvalidInputError(
-            f"joint {name!r}: this joint is neither a hinge nor a slide, so joint states do not contain its position; "
-            "use a model whose base is fixed"
+            f"joint {name!r}: this joint is neither a hinge nor a slide, so joint states do not contain its position. "
+            "Use a model whose base is fixed"
         )
     if name not in joints:
         listed = ", ".join(joints) or "none"
@@ -97,6 +102,6 @@ def _column(model: Model, joint: int, joints: Mapping[str, FloatArray]) -> Float
             ends = " to ".join(describe_position(end, unit) for end in (low, high))
             raise InvalidInputError(
                 f"joint {name!r}: found the recorded position {values[worst]:g} {unit}, expected positions within the "
-                f"joint range of the model ({ends}); joint states must be in rad or m, and of the same robot"
+                f"joint range of the model ({ends}). Joint states must be in rad or m, and of the same robot"
             )
     return values

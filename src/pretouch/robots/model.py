@@ -29,7 +29,7 @@ def mujoco() -> Any:
 
 
 def load_model(path: str | os.PathLike[str]) -> Model:
-    """Load a robot model from a file in the format MJCF or URDF.
+    """Load a robot model from an MJCF or URDF file.
 
     Args:
         path: the file.
@@ -50,7 +50,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
 
 
 def make_data(model: Model, posture: Mapping[str, Any] | None = None, *, keyframe: int | str | None = None) -> Data:
-    """Return the MuJoCo state of a robot model at rest in a posture.
+    """Return the MuJoCo state of a robot at rest in a posture.
 
     Args:
         model: the model.
@@ -82,7 +82,7 @@ def make_data(model: Model, posture: Mapping[str, Any] | None = None, *, keyfram
 
 
 def _keyframe_index(model: Model, keyframe: int | str) -> int:
-    """Return the index of a keyframe, or raise an error that lists all keyframes of the model."""
+    """Return the index of a keyframe."""
     names = names_of(model, "key")
     if isinstance(keyframe, str) and keyframe in names:
         return names.index(keyframe)
@@ -93,7 +93,7 @@ def _keyframe_index(model: Model, keyframe: int | str) -> int:
 
 
 def _joint_index(model: Model, name: str) -> int:
-    """Return the index of a joint, or raise an error that lists all joints of the model."""
+    """Return the index of a joint."""
     names = names_of(model, "joint")
     if name not in names:
         listed = ", ".join(filter(None, names)) or "none with a name"
@@ -102,7 +102,11 @@ def _joint_index(model: Model, name: str) -> int:
 
 
 def site_index(model: Model, name: str) -> int:
-    """Return the index of a site, or raise an error that lists all sites of the model."""
+    """Return the index of a site.
+
+    Raises:
+        InvalidInputError: there is no such site; the error lists all sites of the model.
+    """
     names = names_of(model, "site")
     if name not in names:
         listed = ", ".join(filter(None, names)) or "none with a name"
@@ -111,7 +115,10 @@ def site_index(model: Model, name: str) -> int:
 
 
 def names_of(model: Model, kind: str) -> list[str]:
-    """Return the names of all sites, joints or other elements of a model, in the order of their indices."""
+    """Return the names of all elements of one kind in a model.
+
+    Kinds are "site", "joint", "key" and "geom". The order is that of the indices.
+    """
     library = mujoco()
     number = {"site": model.nsite, "joint": model.njnt, "key": model.nkey, "geom": model.ngeom}[kind]
     code = getattr(library.mjtObj, f"mjOBJ_{kind.upper()}")
@@ -119,23 +126,33 @@ def names_of(model: Model, kind: str) -> list[str]:
 
 
 def joint_label(model: Model, joint: int) -> str:
-    """Return the name of a joint, or its number if it has no name."""
+    """Return a joint's name, or its number if it is unnamed."""
     return names_of(model, "joint")[joint] or f"number {joint}"
 
 
 def is_scalar_joint(model: Model, joint: int) -> bool:
-    """Return True if a joint is a hinge or a slide, which has a single position."""
+    """Return True if a joint is a hinge or a slide.
+
+    Such a joint has a single position.
+    """
     kinds = mujoco().mjtJoint
     return int(model.jnt_type[joint]) in {int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE)}
 
 
 def unit_of_joint(model: Model, joint: int) -> str:
-    """Return the SI unit of the position of a joint: rad for a hinge, m for a slide."""
+    """Return the SI unit of a joint's position.
+
+    The unit is rad for a hinge and m for a slide.
+    """
     return "rad" if int(model.jnt_type[joint]) == int(mujoco().mjtJoint.mjJNT_HINGE) else "m"
 
 
 def tree_of(model: Model, site: int) -> IntArray:
-    """Return the degrees of freedom of the robot that carries a site, or raise an error if the site cannot move."""
+    """Return the degrees of freedom of a sensor site's robot.
+
+    Raises:
+        InvalidInputError: the site cannot move.
+    """
     tree = int(model.body_treeid[model.site_bodyid[site]])
     if tree < 0:
         raise InvalidInputError(
@@ -145,7 +162,9 @@ def tree_of(model: Model, site: int) -> IntArray:
 
 
 def range_of(model: Model, joint: int) -> tuple[float, float]:
-    """Return the range of a joint [rad or m]; it is infinite for a hinge without range, which turns continuously.
+    """Return the range of a joint [rad or m].
+
+    A hinge without a range turns continuously, so its range is infinite.
 
     Raises:
         InvalidInputError: a slide joint has no range.
@@ -155,12 +174,16 @@ def range_of(model: Model, joint: int) -> tuple[float, float]:
             return -math.inf, math.inf
         raise InvalidInputError(
             f"joint {joint_label(model, joint)!r}: this slide joint has no range in the model, so nothing limits the "
-            "motion of the site; add a range to the joint"
+            "motion of the site. Add a range to the joint"
         )
     low, high = map(float, model.jnt_range[joint])
     return low, high
 
 
 def describe_position(value: float, unit: str) -> str:
-    """Return the position of a joint as text, in degrees for a hinge and in millimeters for a slide."""
+    """Describe a joint position as text in degrees or millimeters.
+
+    Returns:
+        The position of a hinge in degrees, or that of a slide in millimeters.
+    """
     return f"{math.degrees(value):.4g} deg" if unit == "rad" else f"{1e3 * value:.4g} mm"

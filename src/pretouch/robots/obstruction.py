@@ -1,4 +1,4 @@
-"""Check the start of a simulation: no body covers a sensor, and no object overlaps the robot."""
+"""Check that nothing covers a sensor and no object overlaps the robot."""
 
 from __future__ import annotations
 
@@ -39,14 +39,15 @@ def refuse_covered_sensor(model: Model, data: Data, site: SensorSite, index: int
             name = _name_of(model, int(geom))
             raise InvalidInputError(
                 f"site {site.name!r}: the site is inside the geom {name}, {format_quantity(depths[0], 'm')} below the "
-                "surface, so the sensor cannot see objects; move the site to the contact surface"
+                "surface, so the sensor cannot see objects. Move the site to the contact surface"
             )
 
 
 def refuse_overlap(model: Model, data: Data, site: SensorSite, index: int, distance: float) -> None:
-    """Raise an error if an object overlaps the robot that carries a sensor.
+    """Raise an error if an object overlaps the robot.
 
-    The world, such as the ground, may overlap bodies that carry no sensor.
+    The robot is the one that carries the sensor. The world, such as the ground, may overlap bodies that carry no
+    sensor.
 
     Args:
         model: the model.
@@ -79,7 +80,10 @@ def _name_of(model: Model, geom: int) -> str:
 
 
 def _distance_to(model: Model, data: Data, geom: int, point: FloatArray, direction: FloatArray) -> float:
-    """Return the distance [m] along a ray to the surface of a geometry, negative if the ray misses it."""
+    """Return the distance [m] along a ray to a geometry's surface.
+
+    It is negative if the ray misses the surface.
+    """
     library = mujoco()
     kinds, kind = library.mjtGeom, int(model.geom_type[geom])
     if kind in {int(kinds.mjGEOM_PLANE), int(kinds.mjGEOM_HFIELD)}:

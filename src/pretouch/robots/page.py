@@ -1,4 +1,4 @@
-"""Create reports on the mass and the limits of a robot along the axes of its sensors."""
+"""Report the mass and the limits of a robot along sensor axes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FAST = (
 
 
 def projection_page(projection: Projection) -> Page:
-    """Return the report on the mass and the limits of a robot along the axis of one sensor."""
+    """Report the mass and limits of a robot along a sensor axis."""
     p = projection
     back, ahead = p.excursion[1], p.excursion[0]
     return Page(
@@ -55,7 +55,11 @@ def projection_page(projection: Projection) -> Page:
 
 
 def table_page(table: ProjectionTable) -> Page:
-    """Return the report on mass and limits of a robot model at all of its sites and in all of its postures."""
+    """Report the mass and limits of a robot at all sites.
+
+    Returns:
+        The report, which covers all postures of the model.
+    """
     rows = table.projections
     omitted, sites = len(table.rows) - len(rows), len({row.site for row, _ in rows})
     fast = any(math.isinf(p.speed.least) for _, p in rows)

@@ -1,4 +1,4 @@
-"""Find how far a sensor site can move along its axis before the joints reach the ends of their ranges."""
+"""Find how far joint ranges let a sensor move along its axis."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ _REACH: Final = 2.0  # longest path, in sizes of the robot
 
 @dataclass(frozen=True, slots=True)
 class Excursion(Value):
-    """How far a sensor site can move in one direction along its axis.
+    """The longest path of a sensor site along its axis.
+
+    The path leads in one of the two directions.
 
     Args:
         length: the distance [m], relative to the base of the robot.
@@ -42,11 +44,12 @@ class Excursion(Value):
 def excursion(
     model: Model, data: Data, drivetrain: Drivetrain, direction: FloatArray, *, hold: str, ahead: bool
 ) -> Excursion:
-    """Move a sensor site along its axis until the joint ranges allow no further motion.
+    """Find the longest path of a sensor site along its axis.
 
-    The path starts in the posture of `data` and is a solution of q' = (joint motion along the axis), with the least
-    kinetic energy. A joint that reaches the end of its range stays there, and the others continue if they can. Every
-    point of the path is inside the ranges. Collisions of the robot with itself or its surroundings are not considered.
+    The path ends where the joint ranges allow no further motion. The path starts in the posture of `data` and is a
+    solution of q' = (joint motion along the axis), with the least kinetic energy. A joint that reaches the end of its
+    range stays there, and the others continue if they can. Every point of the path is inside the ranges. Collisions of
+    the robot with itself or its surroundings are not considered.
 
     Args:
         model: the model.
@@ -71,7 +74,10 @@ def excursion(
 
 
 def ranges_of(model: Model, drivetrain: Drivetrain) -> FloatArray:
-    """Return the ranges of the driven joints [rad or m], shape (n, 2)."""
+    """Return the ranges of all driven joints [rad or m].
+
+    The shape is (n, 2).
+    """
     return np.array([range_of(model, int(joint)) for joint in drivetrain.joints])
 
 
@@ -101,7 +107,7 @@ class _Path:
     hold: str
 
     def follow(self, joints: FloatArray) -> Excursion:
-        """Integrate the path piece by piece; each piece ends where a joint reaches the end of its range."""
+        """Integrate the path from one joint limit to the next."""
         from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import
 
         size = float(self.model.stat.extent)
@@ -129,7 +135,10 @@ class _Path:
             locked = self._blocked(joints, locked)
 
     def _motion(self, joints: FloatArray, locked: tuple[int, ...]) -> Any:
-        """Return the joint motion along the path at given joint positions; None if it does not exist or is singular."""
+        """Return the joint motion along the path at given joint positions.
+
+        The result is None if no motion exists or the posture is singular.
+        """
         self.data.qpos[self.places] = joints
         update_posture(self.model, self.data)
         turn = np.array(self.data.site_xmat[self.drivetrain.site]).reshape(3, 3)
@@ -146,13 +155,16 @@ class _Path:
         return 0.0 if motion is None else float(motion.conditioning)
 
     def _slack(self, joints: FloatArray, locked: tuple[int, ...]) -> float:
-        """Return the smallest distance [rad or m] between a moving joint and an end of its range."""
+        """Return the smallest distance [rad or m] to a joint limit.
+
+        Only moving joints count.
+        """
         low, high = np.delete(self.ranges, locked, axis=0).T
         q = np.delete(joints, locked)
         return float(np.minimum(q - low, high - q).min() + _TOLERANCE)
 
     def _blocked(self, joints: FloatArray, locked: tuple[int, ...]) -> tuple[int, ...] | None:
-        """Return the joints that must stand still because they would leave their ranges; None if no joint can move."""
+        """Find the joints that would leave their ranges along the path."""
         low, high = self.ranges.T
         while True:
             motion = self._motion(joints, locked)
@@ -169,7 +181,7 @@ class _Path:
                 return None
 
     def _reason(self, joints: FloatArray) -> str:
-        """Return as text why the path ends: joints at the ends of their ranges, or a singular posture."""
+        """Describe why the path ends."""
         low, high = self.ranges.T
         at_end = np.flatnonzero((joints <= low + 2 * _TOLERANCE) | (joints >= high - 2 * _TOLERANCE))
         names = [joint_label(self.model, int(self.drivetrain.joints[i])) for i in at_end]
@@ -177,7 +189,7 @@ class _Path:
 
     @staticmethod
     def _event(function: Any) -> Any:
-        """Make an event that ends the integration where a function of the joint positions falls to zero."""
+        """Make an event that ends the integration at a zero crossing."""
 
         def event(_: float, joints: FloatArray) -> float:
             return float(function(joints))

@@ -1,4 +1,4 @@
-"""Project a robot in a posture to a sensor axis: compute mass, excursion and drive limits along this axis."""
+"""Compute a robot's mass, excursion and drive limits along a sensor axis."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ POOR: Final = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Projection(Described, Value):
-    """A robot in one posture, projected to the axis of one sensor: mass, excursion and limits along this axis.
+    """Mass, excursion and limits of a robot along a sensor axis.
 
-    Lengths, speeds, accelerations and forces count along the axis: ahead is toward objects, back is away from them.
-    Excursion, speed and acceleration are those of the site relative to the base of the robot. On a fixed base these
-    are the motion itself.
+    The robot is in one posture. Lengths, speeds, accelerations and forces count along the axis: ahead is toward
+    objects, back is away from them. Excursion, speed and acceleration are those of the site relative to the base of the
+    robot. On a fixed base these are the motion itself.
 
     Args:
         site: the sensor site.
@@ -86,14 +86,18 @@ class Projection(Described, Value):
 
     @property
     def retreat(self) -> float:
-        """How far the site can move away from objects within all joint ranges [m], relative to the robot's base."""
+        """The longest retreat of the site from objects [m].
+
+        It stays within all joint ranges, and is relative to the robot's base.
+        """
         return self.excursion[1].length
 
     def constraints(self) -> tuple[Constraint, ...]:
-        """Return the limits of the robot as constraints of a design: excursion, speed and acceleration.
+        """Return the robot's limits as constraints of a design.
 
-        The excursion is that of a retreat. Speed and acceleration hold in both directions. On a floating base all are
-        multiplied by 1 - kappa, because an encounter is described in a frame in which the base recoils.
+        The limits are excursion, speed and acceleration. The excursion is that of a retreat. Speed and acceleration
+        hold in both directions. On a floating base all are multiplied by 1 - kappa, because an encounter is described
+        in a frame in which the base recoils.
 
         Returns:
             The constraints, without those that the model does not limit.
@@ -112,9 +116,10 @@ class Projection(Described, Value):
         return tuple(Constraint(name=n, limit=share * v) for n, v in limits.items() if math.isfinite(v))
 
     def task(self, scenario: Scenario, objective: Any = None, **options: Any) -> Task:
-        """Return the design task for this robot: an encounter along the sensor axis, with the limits of the robot.
+        """Return a design task with the limits of this robot.
 
-        The task has the sensor curve of the site. `apply` says what is changed.
+        The task describes an encounter along the sensor axis. The task has the sensor curve of the site. `apply` says
+        what is changed.
 
         Args:
             scenario: the encounter, with the admittance that the controller runs.
@@ -134,11 +139,11 @@ class Projection(Described, Value):
         return self.apply(Task(scenario, self.site.sensor, objective, **options))
 
     def apply(self, task: Task) -> Task:
-        """Return a copy of a design task that includes the limits of the robot and the recoil of its base.
+        """Add the robot's limits and base recoil to a design task.
 
-        The controller moves the site relative to the base, M s'' + D s' + K s = F_p. The base recoils, so that the
-        encounter sees x = (1 - kappa) s. This is the motion of an admittance with M, D and K divided by 1 - kappa.
-        Of two constraints on one quantity, the tighter one remains.
+        The given task is not changed. The controller moves the site relative to the base, M s'' + D s' + K s = F_p. The
+        base recoils, so that the encounter sees x = (1 - kappa) s. This is the motion of an admittance with M, D and K
+        divided by 1 - kappa. Of two constraints on one quantity, the tighter one remains.
 
         Args:
             task: the task, with the admittance that the controller runs.
@@ -171,7 +176,10 @@ class Projection(Described, Value):
         return task.replace(**changes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all results of the projection as a dictionary for JSON, in SI units; None stands for no limit."""
+        """Return all results of the projection as a dictionary for JSON.
+
+        All values are in SI units. None stands for no limit.
+        """
         spans = {
             name: {"ahead": finite_or_none(span.ahead), "back": finite_or_none(span.back)}
             for name, span in (("acceleration", self.acceleration), ("speed", self.speed), ("force", self.force))
@@ -206,10 +214,10 @@ def project(
     *,
     joint_speeds: Mapping[str, Any] | None = None,
 ) -> Projection:
-    """Project a robot in a posture to the axis of a sensor: compute mass and limits for a 1-D gain design.
+    """Compute a robot's mass and limits along the axis of a sensor.
 
-    Degrees of freedom that no actuator moves form the base. They are a floating base or passive joints, and are treated
-    as free, at rest in a frame that falls with the robot.
+    They are inputs of a 1-D gain design. Degrees of freedom that no actuator moves form the base. They are a floating
+    base or passive joints, and are treated as free, at rest in a frame that falls with the robot.
 
     Args:
         model: a `mujoco.MjModel`, such as from `load_model`.
@@ -270,7 +278,9 @@ def project(
 
 
 def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, ...]:
-    """Return the warnings about posture and model for one sensor axis, without computing the whole projection.
+    """Return the warnings about posture and model for one sensor axis.
+
+    The whole projection is not computed.
 
     Args:
         model: a `mujoco.MjModel`.
@@ -294,7 +304,7 @@ def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, .
 
 
 def _at_rest(model: Model, data: Data) -> Data:
-    """Return a copy of a MuJoCo state without velocities and applied forces, after `mj_forward`."""
+    """Copy a MuJoCo state without velocities and applied forces."""
     copy = mujoco().MjData(model)
     copy.qpos[:] = data.qpos
     mujoco().mj_forward(model, copy)
@@ -302,7 +312,7 @@ def _at_rest(model: Model, data: Data) -> Data:
 
 
 def _speeds(units: Mapping[str, str], limits: Mapping[str, Any]) -> FloatArray:
-    """Return the largest speed of each driven joint, infinite for joints without a limit."""
+    """Return the largest speed of each driven joint."""
     for name in limits:
         if name not in units:
             raise InvalidInputError(f"joint_speeds: found {name!r}, expected driven joints: {', '.join(units)}")
@@ -317,7 +327,7 @@ def _speeds(units: Mapping[str, str], limits: Mapping[str, Any]) -> FloatArray:
 def posture_warnings(
     model: Model, drivetrain: Drivetrain, motion: AxisMotion, retreat: Callable[[], float], *, limited: bool
 ) -> Iterator[str]:
-    """Yield warnings about properties of posture and model that matter for a gain design.
+    """Yield warnings about a robot's posture and model for a gain design.
 
     Args:
         model: the model.
@@ -332,9 +342,9 @@ def posture_warnings(
     if motion.conditioning < POOR:
         yield caution(
             "PT501",
-            f"The posture is close to a singularity: along the axis, the drives move {motion.conditioning**-2:.0f} "
-            "times the mass of the direction with the least mass. The robot follows the prediction only up to the "
-            "acceleration that its drives allow; choose another posture if a design needs more.",
+            "The posture is close to a singularity: choose another posture if a design needs more acceleration than "
+            f"the drives allow. Along the axis, the drives move {motion.conditioning**-2:.0f} times the mass of the "
+            "direction with the least mass. The robot follows the prediction only up to this acceleration.",
         )
     rates = ((TURN, motion.turning), (SIDEWAYS, motion.sideways))
     straight = min((limit / rate for limit, rate in rates if rate > 0), default=math.inf)

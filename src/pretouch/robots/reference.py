@@ -1,4 +1,4 @@
-"""Convert the reference motions of several sensor sites to one reference motion of the driven joints."""
+"""Compute the joint motion for the reference motions of sensor sites."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class JointReference:
 
 
 class JointPath:
-    """Converts the positions of all sites along their axes to positions of the joints.
+    """Conversion of site positions along sensor axes to joint positions.
 
     The axes are those of the start; they stay fixed relative to the base. The joints move with the least kinetic energy
     and hold the other directions. The reference stops where a joint would leave its range.
@@ -115,7 +115,10 @@ class JointPath:
             self._anchors[0] = self._joints, solution, self._turn, self._direction, self._points
 
     def restart(self) -> JointPath:
-        """Return to the start of the path, and keep the points of the path that were already computed."""
+        """Return to the start of the path.
+
+        The points of the path that were already computed are kept.
+        """
         self._joints = self._inside = self.start
         self._motions, self._turn = self._first, np.zeros_like(self._first)
         self._points, self._direction = np.zeros(self._first.shape[1]), np.zeros(self._first.shape[1])
@@ -123,16 +126,22 @@ class JointPath:
 
     @property
     def holds(self) -> tuple[str, ...]:
-        """What the joints hold at each sensor site while it moves along its axis: pose, position or axis."""
+        """The directions that the joints hold at each sensor site.
+
+        Each value is "pose", "position" or "axis".
+        """
         return tuple(self._holds)
 
     def motion_of(self, site: int) -> FloatArray:
-        """Return the joint velocities per unit velocity of one site, at the last computed path point, shape (n,)."""
+        """Return the joint velocities per unit velocity of one site.
+
+        They belong to the last computed path point. The shape is (n,).
+        """
         motion: FloatArray = self._motions[:, site]
         return motion
 
     def held(self, data: Data) -> FloatArray:
-        """Return the Jacobian of all directions that the sites move along or hold, in a state of the model."""
+        """Return the Jacobian of all moved or held directions of the sites."""
         rows = []
         for drivetrain, axis, hold in zip(self._drivetrains, self._axes, self._holds, strict=True):
             turn = np.array(data.site_xmat[drivetrain.site]).reshape(3, 3)
@@ -140,7 +149,7 @@ class JointPath:
         return np.vstack(rows)
 
     def at(self, points: FloatArray, velocities: FloatArray, accelerations: FloatArray) -> JointReference:
-        """Return the reference motion of the joints that moves the sites along their own reference motion.
+        """Return the joint reference for given reference motions of the sites.
 
         Between two anchors on the path, the joint motion per motion of the sites is extrapolated linearly. The joint
         positions then have errors of the third order in the spacing of the anchors.
@@ -169,7 +178,10 @@ class JointPath:
         return JointReference(position, motions @ velocities, motions @ accelerations + turning @ velocities, obstacle)
 
     def _anchor(self, step: FloatArray) -> None:
-        """Continue the computed path by a change of the sites' positions, in steps of at most 1 mm."""
+        """Continue the computed path by a change of the sites' positions.
+
+        The steps are at most 1 mm long.
+        """
         if len(step) == 1:  # the path is a line, on which all runs have the same anchors
             for _ in range(int(abs(step[0]) / _SPACING)):
                 if not self._follow(math.copysign(_SPACING, step[0]) * np.ones(1)):
@@ -181,7 +193,11 @@ class JointPath:
                 return
 
     def _follow(self, part: FloatArray) -> bool:
-        """Compute the next point of the path by the midpoint rule, and return False if a singularity prevents it."""
+        """Compute the next path point by the midpoint rule.
+
+        Returns:
+            False if a singularity prevents the next point.
+        """
         key = round(float(self._points[0] + part[0]) / _SPACING) if len(part) == 1 else None
         anchor = self._anchors.get(key)
         if anchor is None:

@@ -1,4 +1,4 @@
-"""Draw a robot model in given configurations, with MuJoCo's off-screen renderer or as a planar drawing."""
+"""Draw a robot model with MuJoCo's renderer or as a planar drawing."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _CIRCLE: Final = np.column_stack([f(np.linspace(0, 2 * math.pi, 25)[:-1]) for f 
 
 @dataclass(frozen=True, slots=True)
 class Camera(Value):
-    """A camera that looks at a robot from the side, so that the axis of a sensor lies across the view.
+    """A camera with a side view of a robot's sensor axis.
 
     Args:
         target: the point in the middle of the view [m], shape (3,).
@@ -51,7 +51,10 @@ class Camera(Value):
 
     @property
     def frame(self) -> FloatArray:
-        """Unit vectors to the right, up and forward in the camera's view, as rows, shape (3, 3)."""
+        """The camera's right, up and forward unit vectors as rows.
+
+        The shape is (3, 3).
+        """
         azimuth, elevation = math.radians(self.azimuth), math.radians(_ELEVATION)
         forward = np.array(
             [
@@ -66,7 +69,7 @@ class Camera(Value):
 
 @dataclass(frozen=True, slots=True)
 class Silhouette(Value):
-    """The outline of one geometry of a model in the view of a camera.
+    """The outline of one geometry in the view of a camera.
 
     Args:
         outline: corners of the outline relative to the target of the camera [m], shape (n, 2).
@@ -78,7 +81,9 @@ class Silhouette(Value):
 
 
 def camera_for(model: Model, configurations: FloatArray, site: SensorSite, *, aspect: float = 4 / 3) -> Camera:
-    """Choose a camera that looks from the side at a sensor's axis, and sees everything that moves.
+    """Choose a camera with a side view of a sensor's axis.
+
+    The camera sees everything that moves.
 
     Args:
         model: the model.
@@ -121,7 +126,7 @@ def camera_for(model: Model, configurations: FloatArray, site: SensorSite, *, as
 def render_frames(
     model: Model, configurations: FloatArray, camera: Camera, *, width: int, height: int
 ) -> list[Frame] | None:
-    """Render a model with MuJoCo and OpenGL, which also works without a display.
+    """Render a model with MuJoCo and OpenGL, also without a display.
 
     Args:
         model: the model.
@@ -150,7 +155,11 @@ def render_frames(
 
 
 def _open_renderer(model: Model, height: int, width: int) -> Any:
-    """Open MuJoCo's renderer with the first kind of OpenGL that works; return None if none does."""
+    """Open MuJoCo's renderer with the first working kind of OpenGL.
+
+    Returns:
+        The renderer; None if no kind works.
+    """
     linux = sys.platform.startswith("linux")
     kinds = ("egl", "osmesa", "glfw") if linux and not os.environ.get("MUJOCO_GL") else ("",)
     for kind in kinds:
@@ -162,7 +171,10 @@ def _open_renderer(model: Model, height: int, width: int) -> Any:
 
 
 def _choose_opengl(kind: str) -> None:
-    """Make MuJoCo use another kind of OpenGL, although MuJoCo chooses the kind only once, at its import."""
+    """Make MuJoCo use another kind of OpenGL.
+
+    By itself, MuJoCo chooses the kind only once, at its import.
+    """
     os.environ["MUJOCO_GL"] = kind
     try:
         reload(import_module("mujoco.rendering.classic.gl_context"))
@@ -171,7 +183,10 @@ def _choose_opengl(kind: str) -> None:
 
 
 def _frames(renderer: Any, model: Model, configurations: FloatArray, view: Any) -> Iterator[Frame]:
-    """Yield one image for each configuration, with a light background instead of MuJoCo's black one."""
+    """Yield an image with a light background for each configuration.
+
+    MuJoCo's own background is black.
+    """
     data = mujoco().MjData(model)
     for row in configurations:
         data.qpos[:] = row
@@ -185,7 +200,9 @@ def _frames(renderer: Any, model: Model, configurations: FloatArray, view: Any) 
 
 
 def silhouettes(model: Model, configuration: FloatArray, camera: Camera) -> list[Silhouette]:
-    """Return the outlines of all geometries of a model in a parallel projection, from the farthest to the nearest.
+    """Return the outlines of all geometries in a parallel projection.
+
+    The order is from the farthest to the nearest.
 
     Args:
         model: the model.
@@ -222,7 +239,10 @@ def _color_of(model: Model, geom: int) -> tuple[float, ...]:
 
 
 def _points_of(model: Model, data: Data, geom: int, frame: FloatArray) -> FloatArray:
-    """Return points in the world frame whose convex hull is the visible outline of a geometry; none for a plane."""
+    """Return points whose convex hull is a geometry's visible outline.
+
+    The points are in the world frame. A plane has none.
+    """
     kinds, kind, size = mujoco().mjtGeom, int(model.geom_type[geom]), np.array(model.geom_size[geom])
     place, turn = np.array(data.geom_xpos[geom]), np.array(data.geom_xmat[geom]).reshape(3, 3)
     rim = np.column_stack([_CIRCLE, np.zeros(len(_CIRCLE))])

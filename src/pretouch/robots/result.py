@@ -1,4 +1,4 @@
-"""Define the results of simulated encounters of a whole robot, and compute the 1-D prediction for each sensor site."""
+"""Define results of robot simulations, and compute their 1-D predictions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ from .site_law import SiteLaw
 
 @dataclass(frozen=True, slots=True)
 class DetectedEncounter(Value):
-    """The encounter along the axis of a sensor site at the moment at which its controller first detects the object.
+    """The encounter of a sensor site at its first detection.
+
+    It is described along the sensor axis, when the controller first detects the object.
 
     Args:
         time: t [s].
@@ -48,7 +50,9 @@ class DetectedEncounter(Value):
 
 @dataclass(frozen=True, slots=True)
 class SiteContact(Value):
-    """Results of one sensor site in one run, such as contact speed and peak force; NaN for what does not happen.
+    """Contact speed, peak force and other results of one sensor site.
+
+    They belong to one run. NaN stands for what does not happen.
 
     Args:
         time: time of the first contact of the body that carries the site [s], on the axis or beside it.
@@ -86,7 +90,9 @@ _HORIZON: Final = 60.0  # s, longest predicted encounter
 
 @dataclass(frozen=True, slots=True)
 class RobotTrace(Value):
-    """Time series of one simulated run, with one row for each time step of MuJoCo.
+    """Time series of one simulated robot run.
+
+    There is one row for each time step of MuJoCo.
 
     Args:
         time: t [s], shape (n,).
@@ -107,7 +113,7 @@ class RobotTrace(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotSimulation(Described, Value):
-    """Simulated encounters of a robot, next to the 1-D prediction for each sensor site.
+    """Simulated encounters of a robot with their 1-D predictions.
 
     Args:
         sites: names of the sites.
@@ -138,21 +144,30 @@ class RobotSimulation(Described, Value):
         return len(self.contacts[0])
 
     def simulated(self, site: str, quantity: str) -> FloatArray:
-        """Return a simulated quantity of a site, such as "peak_force" (a field of `SiteContact`), for each run."""
+        """Return a simulated quantity of a site for each run.
+
+        The quantity is a field of `SiteContact`, such as "peak_force".
+        """
         return np.array([getattr(c, quantity) for c in self.contacts[self._index(site)]])
 
     def predicted(self, site: str, quantity: str) -> FloatArray:
-        """Return a predicted quantity of a site, such as "peak_force" (a field of `SiteContact`), for each run."""
+        """Return a predicted quantity of a site for each run.
+
+        The quantity is a field of `SiteContact`, such as "peak_force".
+        """
         rows = self.predictions[self._index(site)]
         return np.array([math.nan if c is None else getattr(c, quantity) for c in rows])
 
     def order(self, run: int = 0) -> tuple[str, ...]:
-        """Return the sites that touched an object in a run, in the order of their contacts."""
+        """Return the sites that touched an object, in order of contact."""
         times = [(contacts[run].time, name) for name, contacts in zip(self.sites, self.contacts, strict=True)]
         return tuple(name for time, name in sorted(times) if not math.isnan(time))
 
     def predicted_courses(self, run: int = 0) -> tuple[PredictedCourse | None, ...]:
-        """Return the predicted motion of each site in a run, from its first detection on; None without a prediction."""
+        """Return the predicted motion of each site in a run.
+
+        It begins at the first detection of the site. It is None without a prediction.
+        """
         detections = [contacts[run].detection for contacts in self.contacts]
         return tuple(
             None if detection is None else course_of(law, detection)
@@ -166,7 +181,10 @@ class RobotSimulation(Described, Value):
         return self.trace_of(run)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all contacts and predictions as a dictionary for JSON, in SI units; NaN becomes None."""
+        """Return all contacts and predictions as a dictionary for JSON.
+
+        All values are in SI units. NaN becomes None.
+        """
         return {
             "sites": {
                 name: {
@@ -198,7 +216,7 @@ def _as_dict(contact: SiteContact | None) -> dict[str, Any] | None:
 
 @dataclass(frozen=True, slots=True)
 class PredictedCourse(Value):
-    """The predicted motion of one sensor site and its distance to the object, over time.
+    """The predicted motion of one sensor site over time.
 
     Args:
         time: t [s], from the first detection to contact.
@@ -212,7 +230,10 @@ class PredictedCourse(Value):
 
 
 def course_of(law: SiteLaw, detection: DetectedEncounter) -> PredictedCourse | None:
-    """Return the predicted motion of a sensor site from its first detection on; None if it cannot be predicted."""
+    """Return the predicted motion of a sensor site after detection.
+
+    It begins at the first detection. It is None if it cannot be predicted.
+    """
     if not detection.distance > 0 or not math.isfinite(detection.distance):
         return None
     continuous: Any = law.controller.law.continuous
@@ -227,10 +248,10 @@ def course_of(law: SiteLaw, detection: DetectedEncounter) -> PredictedCourse | N
 
 
 def prediction_of(law: SiteLaw, detection: DetectedEncounter, stiffness: float | None) -> SiteContact:
-    """Predict the contact of one sensor site in continuous time, from its first detection on.
+    """Predict the contact of a sensor site after its first detection.
 
-    The admittance is that of the controller, divided by 1 - kappa on a floating base. The robot follows its reference
-    exactly.
+    The prediction is in continuous time. The admittance is that of the controller, divided by 1 - kappa on a floating
+    base. The robot follows its reference exactly.
 
     Args:
         law: the law of the site.
@@ -268,7 +289,7 @@ def prediction_of(law: SiteLaw, detection: DetectedEncounter, stiffness: float |
 
 
 def _scenario_of(law: SiteLaw, d: DetectedEncounter) -> Scenario:
-    """Return the 1-D encounter that starts when a sensor site first detects the object."""
+    """Return the 1-D encounter that starts at a site's first detection."""
     share, own = 1 - d.recoil_share, law.controller.admittance
     return Scenario(
         admittance=Admittance(mass=own.mass / share, damping=own.damping / share, stiffness=own.stiffness / share),

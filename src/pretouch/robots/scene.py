@@ -1,4 +1,7 @@
-"""Complete a robot model for one encounter: put an object in front of a sensor, and set the initial velocities."""
+"""Set up an encounter of a MuJoCo robot with an object.
+
+An object is put in front of a sensor, and the initial velocities are set.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,9 @@ _STRAIGHT: Final = 1e-9  # m/s or rad/s: rounding of the joint velocities
 
 @dataclass(frozen=True, slots=True)
 class RobotScene:
-    """A robot model with an object in front of a sensor, at the start of an encounter.
+    """A robot model at the start of an encounter with an object.
+
+    The object is in front of a sensor.
 
     Args:
         model: a `mujoco.MjModel`.
@@ -49,7 +54,9 @@ class RobotScene:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Approach:
-    """Distance, velocities and mass with which an object and a robot approach each other along a sensor axis.
+    """The initial distance and velocities of an object and a robot.
+
+    They are measured along the sensor axis.
 
     Args:
         distance: of an added ball from the site at the start [m].
@@ -65,12 +72,12 @@ class Approach:
 
 
 def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach: Approach) -> RobotScene:
-    """Return the scene of an encounter with the object on the sensor's axis, or with a ball if there is no such object.
+    """Return the scene of a robot's encounter with an object.
 
-    An object of the model that can move gets its velocity along the axis. If the object is fixed, a robot on a floating
-    base gets the opposite velocity. The ball is added if the sensor sees no object within 0.5 m, or only one that stays
-    where it is although the robot does not approach. The ball moves without gravity; with a robot on a floating base,
-    it falls.
+    Without a suitable object on the sensor's axis, a ball is added. An object of the model that can move gets its
+    velocity along the axis. If the object is fixed, a robot on a floating base gets the opposite velocity. The ball is
+    added if the sensor sees no object within 0.5 m, or only one that stays where it is although the robot does not
+    approach. The ball moves without gravity; with a robot on a floating base, it falls.
 
     Args:
         path: the file of the model.
@@ -108,7 +115,10 @@ def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach:
 
 
 def _moving(model: Model, site: int, glance: Glance) -> IntArray:
-    """Return the degrees of freedom of the object in front of a sensor; none for fixed objects and robot parts."""
+    """Return the degrees of freedom of an object ahead of a sensor.
+
+    Fixed objects and robot parts have none.
+    """
     if glance.geom < 0:
         return np.zeros(0, dtype=np.int64)
     tree, own = (int(model.body_treeid[body]) for body in (model.geom_bodyid[glance.geom], model.site_bodyid[site]))
@@ -117,7 +127,7 @@ def _moving(model: Model, site: int, glance: Glance) -> IntArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ball:
-    """A ball in front of a sensor: its position, velocity, size and mass.
+    """A ball in front of a sensor.
 
     Args:
         distance: from the site along the axis to the surface of the ball, for a ball on the axis [m].
@@ -135,7 +145,11 @@ class Ball:
 
 
 def model_with_ball(path: Path, *, gravity: bool) -> Model:
-    """Load a robot model from a file, and add a ball, which `put_ball` then places in front of a sensor."""
+    """Load a robot model from a file, and add a ball.
+
+    Returns:
+        The model, in which `put_ball` places the ball in front of a sensor.
+    """
     library = mujoco()  # without gravity, the ball flies straight
     spec = library.MjSpec.from_file(str(path))
     for key in list(spec.keys):  # they lack the positions of the ball
@@ -155,7 +169,7 @@ def model_with_ball(path: Path, *, gravity: bool) -> Model:
 
 
 def put_ball(model: Model, data: Data, site: SensorSite, ball: Ball) -> tuple[Model, Data]:
-    """Place the ball of a model in front of a sensor site, with its size, mass and velocity.
+    """Place the ball of a model in front of a sensor site.
 
     Args:
         model: the model of `model_with_ball`, which is not changed.
@@ -192,14 +206,17 @@ def put_ball(model: Model, data: Data, site: SensorSite, ball: Ball) -> tuple[Mo
 
 
 def _jacobian(model: Model, data: Data, point: FloatArray, body: int) -> FloatArray:
-    """Return the Jacobian of a body at a point: linear and angular velocity per joint velocity, shape (6, nv)."""
+    """Return the Jacobian of a body at a point.
+
+    It has the linear and angular velocity per joint velocity, shape (6, nv).
+    """
     jacobian = np.zeros((6, model.nv))
     mujoco().mj_jac(model, data, jacobian[:3], jacobian[3:], point, body)
     return jacobian
 
 
 def _velocities(jacobian: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return joint velocities that give a body a requested velocity, without a rotation if possible."""
+    """Return joint velocities that give a body a requested velocity."""
     for rows in (6, 3):
         wanted = np.concatenate([velocity, np.zeros(3)])[:rows]
         rates: FloatArray = np.linalg.lstsq(jacobian[:rows], wanted, rcond=None)[0]

@@ -1,4 +1,7 @@
-"""Compute what a proximity sensor on a robot sees, by casting rays into the scene of a MuJoCo model."""
+"""Compute what a proximity sensor sees in a MuJoCo model.
+
+Rays are cast into the scene.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ _PAST: Final = 1e-9  # m: a ray that passes a body of the robot continues as far
 
 @dataclass(frozen=True, slots=True)
 class Glance:
-    """The first object on the axis of a sensor: distance, geometry and surface normal.
+    """The first object on the axis of a sensor.
 
     Args:
         distance: from the contact surface along the axis to the first object [m]; infinite without one, negative if
@@ -43,7 +46,7 @@ class Glance:
 
 
 class Sight:
-    """The beam of one proximity sensor on a robot, as a bundle of rays.
+    """The beam of a proximity sensor as a bundle of rays.
 
     A ray that meets a surface at the angle a to its normal contributes cos(a) times the output of the curve, after
     Lambert, at the distance along the axis. The sum is normalized to a plane that faces the sensor: there, the output
@@ -95,9 +98,10 @@ class Sight:
     def _cast(
         self, data: Data, start: FloatArray, ray: FloatArray, *, passed: float, geom: Any, normal: FloatArray
     ) -> float:
-        """Return the distance [m] along a ray to the first object beyond the length `passed`; negative if none exists.
+        """Return the distance [m] along a ray to the first object.
 
-        Other bodies of the robot behind the contact surface are passed.
+        Only objects beyond the length `passed` count. The distance is negative if there is none. Other bodies of the
+        robot behind the contact surface are passed.
         """
         while True:
             beyond = start + passed * ray
@@ -107,7 +111,11 @@ class Sight:
             passed += found + _PAST
 
     def equivalent_distance(self, data: Data) -> float:
-        """Return the distance [m] at which a facing plane has the same sensor output as the scene, or infinity."""
+        """Return the distance [m] of a plane with equal sensor output.
+
+        The plane faces the sensor, and causes the same output as the scene. The distance is infinite if nothing is
+        visible.
+        """
         turn = np.array(data.site_xmat[self._index]).reshape(3, 3)
         rays, count = np.ascontiguousarray(self._rays @ turn.T), len(self._rays)
         surface = np.array(data.site_xpos[self._index])
@@ -138,7 +146,7 @@ class Sight:
         return self._invert(target, max(float(distances.min()), low), low)
 
     def _invert(self, target: float, start: float, low: float) -> float:
-        """Find the distance at which the sensor curve has a given output, by Newton's method from a nearer distance."""
+        """Find the distance at which the sensor curve has a given output."""
         distance = start
         for _ in range(_STEPS):
             error = target - float(self._curve.log_output(distance))
@@ -151,7 +159,10 @@ class Sight:
 
 
 def _beam(direction: FloatArray, half_angle: float) -> FloatArray:
-    """Return rays that represent equal parts of a conical beam, as unit vectors, shape (n, 3)."""
+    """Return rays that represent equal parts of a conical beam.
+
+    The rays are unit vectors, shape (n, 3).
+    """
     if half_angle <= 0:
         return direction[None].copy()
     first, second = np.linalg.svd(direction[None])[2][1:]

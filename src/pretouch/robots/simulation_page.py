@@ -67,7 +67,7 @@ def robot_page(result: RobotSimulation) -> Page:
 
 
 def _headline(result: RobotSimulation, order: tuple[str, ...]) -> str:
-    """Return the headline of the report: which sites touched an object, and at which speeds."""
+    """Return a headline with the sites and speeds of contacts."""
     if not order:
         return "No site touched an object."
     speeds = [format_quantity(abs(_mean(result.simulated(name, "relative_velocity"))), "m/s", 3) for name in order]
@@ -78,7 +78,10 @@ def _headline(result: RobotSimulation, order: tuple[str, ...]) -> str:
 
 
 def _figures(result: RobotSimulation, site: str) -> Iterator[tuple[str, Cell]]:
-    """Yield contact speed, peak force and excursion of the site that touches first, with their predictions."""
+    """Yield simulated and predicted results of the first contact.
+
+    They are contact speed, peak force and excursion.
+    """
     for label, quantity, unit in _KEY_FIGURES:
         simulated, predicted = (abs(_mean(f(site, quantity))) for f in (result.simulated, result.predicted))
         comparison = "" if np.isnan(predicted) else f"; predicted {format_quantity(predicted, unit, 3)}"

@@ -26,7 +26,7 @@ _ROUNDING: Final = 1e-6  # largest deviation of the length of an axis from 1, fo
 
 @dataclass(frozen=True, slots=True)
 class SensorSite(Value):
-    """A proximity sensor at a site of a MuJoCo model, with its axis and its field of view.
+    """A proximity sensor at a site of a MuJoCo model.
 
     The site marks the contact surface: the distance l is 0 if an object touches it. A sensor that is mounted deeper
     has a `Recessed` curve.
@@ -68,7 +68,7 @@ class SensorSite(Value):
 
     @property
     def direction(self) -> FloatArray:
-        """The sensor axis as a unit vector in the frame of the site."""
+        """The sensor axis as a unit vector in the site's frame."""
         if not isinstance(self.axis, str):
             return np.array(self.axis)
         index, sign = AXES[self.axis]
@@ -78,7 +78,7 @@ class SensorSite(Value):
 
 
 def _unit_vector(axis: Any) -> Any:
-    """Return an axis as a vector after checking that its length is 1."""
+    """Return an axis as a vector after checking its length."""
     vector = np.asarray(axis, dtype=np.float64) if are_numbers(axis) else np.zeros(0)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise InvalidInputError(

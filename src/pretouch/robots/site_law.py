@@ -1,4 +1,7 @@
-"""Combine a sensor site with its controller and with a model of the sensor: sampling, noise and delay."""
+"""Combine a sensor site with its controller and sensor model.
+
+The sensor model includes sampling, noise and delay.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,9 @@ from .site import SensorSite
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SiteLaw:
-    """The controller of one sensor site, with a model of the sensor: sampling, noise and delay.
+    """The controller of one sensor site, with a sensor model.
+
+    The sensor model includes sampling, noise and delay.
 
     Args:
         site: the sensor site, with its curve.
@@ -41,7 +46,10 @@ class SiteLaw:
 
     @property
     def running(self) -> Controller:
-        """The controller that the robot runs; if `one_sided` is True, a virtual damper acts during approaches only."""
+        """The controller that the robot runs.
+
+        If `one_sided` is True, a virtual damper acts during approaches only.
+        """
         law = self.controller.law
         if self.one_sided and isinstance(law, VirtualDamper) and not law.approach_only:
             return replace(self.controller, law=replace(law, approach_only=True))

@@ -1,4 +1,7 @@
-"""Simulate how a robot meets a ball in many postures and directions, as a sweep that can be resumed."""
+"""Simulate robots that meet a ball in many postures and directions.
+
+An interrupted sweep can be resumed.
+"""
 
 from __future__ import annotations
 
@@ -76,7 +79,7 @@ def sweep_robot(
     seed: int = 0,
     progress: Callable[[Progress], object] | None = None,
 ) -> Any:
-    """Simulate encounters of a whole robot with a ball, in many postures and directions.
+    """Simulate how a robot meets a ball in many postures.
 
     Each encounter is a run of `simulate_robot` with its own noise. With an output, finished blocks are stored: if the
     sweep is interrupted, the same call resumes it. One process computes on one core; a Dask cluster uses all.
@@ -144,7 +147,11 @@ class RobotPlan(Grid):
         return "simulated encounters of a robot"
 
     def evaluate(self, region: Region) -> Columns:
-        """Simulate the encounters in a part of the grid, and return their status and results as arrays."""
+        """Simulate the encounters in one part of the sweep.
+
+        Returns:
+            The status and the results of the encounters, as arrays.
+        """
         (axis,) = (a.at(part) for a, part in zip(self.axes, region, strict=True))
         columns: Columns = {name: np.full(len(axis), math.nan) for name in self.results}
         columns[STATUS] = np.full(len(axis), _STATUSES.index("refused"), dtype=np.int8)
@@ -160,7 +167,11 @@ class RobotPlan(Grid):
         return columns
 
     def simulate(self, row: Mapping[str, float]) -> tuple[SiteContact, SiteContact | None]:
-        """Simulate one encounter, and return its contact and the predicted contact, which is None without detection."""
+        """Simulate one encounter, and return its contact and its prediction.
+
+        Returns:
+            The contact and its prediction, which is None without a detection.
+        """
         posture, ball, axis = (_part(row, name) for name in ("posture", "object", "direction"))
         law = replace(self.law, site=replace(self.law.site, axis=tuple(axis.values())))
         scene = put_ball(self.model, make_data(self.model, posture), law.site, Ball(**ball))
@@ -169,7 +180,10 @@ class RobotPlan(Grid):
         return result.contacts[0][0], result.predictions[0][0]
 
     def inputs(self) -> dict[str, Any]:
-        """Return all inputs that are constant during the sweep, in SI units and in a form that JSON can represent."""
+        """Return all inputs that are constant during the sweep.
+
+        They are in SI units, and in a form that JSON can represent.
+        """
         curve: Any = self.law.site.sensor
         content = np.empty(mujoco().mj_sizeModel(self.model), dtype=np.uint8)
         mujoco().mj_saveModel(self.model, None, content)
@@ -182,7 +196,10 @@ class RobotPlan(Grid):
         }
 
     def input_attributes(self, name: str) -> dict[str, Any]:
-        """Return the unit and the name, in plain words, of an input that varies during the sweep."""
+        """Return the unit and the name of a varied input.
+
+        The name is in plain words.
+        """
         part, _, member = name.partition(".")
         unit = "1"
         if part == "posture":
@@ -193,7 +210,10 @@ class RobotPlan(Grid):
         return {"long_name": spoken(name), "units": unit}
 
     def result_attributes(self, name: str) -> dict[str, Any]:
-        """Return the metadata of a result, such as its name in plain words and its unit."""
+        """Return the metadata of a result, such as its unit.
+
+        They include a name in plain words.
+        """
         if name == STATUS:
             codes = list(range(len(_STATUSES)))
             return {"long_name": "how it ended", "flag_values": codes, "flag_meanings": " ".join(_STATUSES)}
@@ -202,7 +222,7 @@ class RobotPlan(Grid):
 
 
 def _part(row: Mapping[str, float], part: str) -> dict[str, float]:
-    """Return the inputs whose names start with a prefix such as `object.`, and remove this prefix from their names."""
+    """Select inputs by the prefix of their names."""
     return {name.removeprefix(f"{part}."): value for name, value in row.items() if name.startswith(f"{part}.")}
 
 
@@ -215,7 +235,7 @@ def _axis(
     *,
     seed: int,
 ) -> Axis:
-    """Return the sweep axis that holds the inputs of each encounter: posture, direction, ball and noise seed."""
+    """Return the sweep axis with the inputs of each encounter."""
     count = len(postures)
     joints = list(postures[0]) if count else []
     if not joints or any(set(posture) != set(joints) for posture in postures):
@@ -234,7 +254,7 @@ def _axis(
 
 
 def _balls(objects: Mapping[str, Any], count: int) -> dict[str, FloatArray]:
-    """Return size, mass, position and velocity of the balls, one value for each encounter."""
+    """Return size, mass, position and velocity of each ball."""
     unknown = next((name for name in objects if name not in _OBJECT), None)
     if unknown is not None:
         raise InvalidInputError(f"objects: found {unknown!r}, expected some of {', '.join(_OBJECT)}")
@@ -263,7 +283,7 @@ def _column(values: Any) -> FloatArray:
 
 
 def _checked_results(results: Sequence[str] | None) -> tuple[str, ...]:
-    """Check and return the names of the requested results; return a default selection if none are requested."""
+    """Check and return the names of the requested results."""
     names = _DEFAULT if results is None else (results,) if isinstance(results, str) else tuple(results)
     wrong = next((name for name in names if name not in {STATUS, *_RESULTS}), None)
     if wrong is not None:

@@ -1,4 +1,7 @@
-"""Compute an overview of a robot model: mass and limits at each site, in each posture and along each axis."""
+"""Compute the mass and limits of a robot at all sites.
+
+The overview covers all postures and axes.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,9 @@ _AXES: Final = ("+x", "+y", "+z")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProjectionRow(Value):
-    """One row in the overview of a robot model: mass and limits of a site in a posture, along one of its axes.
+    """Mass and limits of a robot at one site and posture.
+
+    They count along one axis of the site.
 
     Args:
         site: name of the site.
@@ -42,7 +47,9 @@ class ProjectionRow(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProjectionTable(Described, Value):
-    """An overview of a robot model: mass and limits of every site, in every posture, along its own axes.
+    """Mass and limits of a robot at all sites and postures.
+
+    They count along each site's own axes.
 
     Args:
         model: name of the model.
@@ -56,11 +63,17 @@ class ProjectionTable(Described, Value):
 
     @property
     def projections(self) -> tuple[tuple[ProjectionRow, Projection], ...]:
-        """The rows of the overview for which a projection exists, as pairs of row and projection."""
+        """All existing projections of the overview, with their rows.
+
+        Each pair has the row first.
+        """
         return tuple((row, row.projection) for row in self.rows if row.projection is not None)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all projections, and why others are missing, as a dictionary for JSON, in SI units."""
+        """Return all projections as a dictionary for JSON.
+
+        All values are in SI units. Reasons stand for missing projections.
+        """
         return {"model": self.model, "rows": list(map(_row_as_dict, self.rows))}
 
 
@@ -72,10 +85,10 @@ def _row_as_dict(row: ProjectionRow) -> dict[str, Any]:
 
 @check_arguments
 def project_all(model: Model) -> ProjectionTable:
-    """Project every named site of a model to its own axes x, y and z, in all postures: compute mass and limits.
+    """Compute mass and limits of a robot at every named site.
 
-    The postures are that in which the model is defined, and its keyframes. A row also covers the opposite axis, with
-    its limits ahead and back exchanged.
+    They count along the site's own axes x, y and z. The postures are that in which the model is defined, and its
+    keyframes. A row also covers the opposite axis, with its limits ahead and back exchanged.
 
     Args:
         model: a `mujoco.MjModel`, such as from `load_model`.
@@ -92,7 +105,9 @@ def project_all(model: Model) -> ProjectionTable:
     rows = tuple(_rows(model, sites))
     if all(row.projection is None for row in rows):
         reason = rows[0].reason.removeprefix("site: ")
-        raise InvalidInputError(f"site: no site of the model can be projected; reason for the first site: {reason}")
+        raise InvalidInputError(
+            f"site: mass and limits can be computed for no site of the model; reason for the first site: {reason}"
+        )
     return ProjectionTable(model=_name_of(model), rows=rows)
 
 

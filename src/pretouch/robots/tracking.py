@@ -1,4 +1,7 @@
-"""Define controllers that compute joint torques, so that a robot follows the references of its sensor sites."""
+"""Define controllers that compute joint torques from reference motions.
+
+The sensor sites of a robot then follow these motions.
+"""
 
 from __future__ import annotations
 
@@ -41,18 +44,23 @@ class JointState:
 
 
 class Tracking(ABC):
-    """Base class of controllers that make the joints of a robot follow a reference."""
+    """Base class of joint controllers that follow a reference."""
 
     __slots__ = ()
 
     @abstractmethod
     def torques(self, state: JointState) -> FloatArray:
-        """Return the torques [N m or N] with which the driven joints follow their reference, shape (n,)."""
+        """Return the torques [N m or N] of the driven joints.
+
+        With these torques, the joints follow their reference. The shape is (n,).
+        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComputedTorque(Tracking, Value):
-    """Computed-torque control: inverse dynamics of the reference motion, with feedback of position and velocity.
+    """Computed-torque control with feedback of position and velocity.
+
+    It applies the inverse dynamics of the reference motion.
 
     Args:
         bandwidth: w / (2 pi) of the feedback in every joint [Hz].
@@ -70,7 +78,10 @@ class ComputedTorque(Tracking, Value):
             raise InvalidInputError(f"model_error: found {self.model_error:g}, expected more than -1")
 
     def torques(self, state: JointState) -> FloatArray:
-        """Return the torques [N m or N] with which the driven joints follow their reference, shape (n,)."""
+        """Return the torques [N m or N] of the driven joints.
+
+        With these torques, the joints follow their reference. The shape is (n,).
+        """
         w = 2 * math.pi * self.bandwidth
         wanted = (
             state.reference_acceleration
@@ -99,7 +110,10 @@ class PositionControl(Tracking, Value):
         check_declared(self)
 
     def torques(self, state: JointState) -> FloatArray:
-        """Return the torques [N m or N] with which the driven joints follow their reference, shape (n,)."""
+        """Return the torques [N m or N] of the driven joints.
+
+        With these torques, the joints follow their reference. The shape is (n,).
+        """
         w = 2 * math.pi * self.bandwidth
         wanted = w * w * (state.reference - state.position) - 2 * self.damping_ratio * w * state.velocity
         torques: FloatArray = state.inertia @ wanted + state.load
@@ -108,10 +122,11 @@ class PositionControl(Tracking, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperationalSpace(Tracking, Value):
-    """Operational-space impedance control: springs and dampers act on the site, the null space holds the posture.
+    """Operational-space impedance control of sensor sites.
 
-    Each direction that moves or is held has the same natural frequency and damping ratio. Its stiffness is its
-    effective mass times w^2, so that directions in which the robot is heavy are stiffer.
+    Springs and dampers act on the site. The null space holds the posture. Each direction that moves or is held has the
+    same natural frequency and damping ratio. Its stiffness is its effective mass times w^2, so that directions in which
+    the robot is heavy are stiffer.
 
     Args:
         bandwidth: w / (2 pi) of the impedance [Hz].
@@ -131,7 +146,10 @@ class OperationalSpace(Tracking, Value):
             raise InvalidInputError(f"model_error: found {self.model_error:g}, expected more than -1")
 
     def torques(self, state: JointState) -> FloatArray:
-        """Return the torques [N m or N] with which the driven joints follow their reference, shape (n,)."""
+        """Return the torques [N m or N] of the driven joints.
+
+        With these torques, the joints follow their reference. The shape is (n,).
+        """
         inertia, held = state.inertia, state.held()
         inverse = np.linalg.solve(inertia, held.T)
         mobility = held @ inverse

@@ -24,7 +24,9 @@ _PAUSE: Final = 1.0  # s, at the end of each replay
 
 @check_arguments
 def view_robot(result: RobotSimulation, run: int = 0) -> None:
-    """Replay one run of a simulated robot in MuJoCo's viewer, in slow motion, until the user closes the window.
+    """Replay one simulated run in MuJoCo's viewer.
+
+    The replay is in slow motion, until the user closes the window.
 
     Args:
         result: the result of `simulate_robot`.

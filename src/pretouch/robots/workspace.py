@@ -1,4 +1,7 @@
-"""Compute mass and limits of a robot in many postures and directions, so that a sweep can test a gain in each."""
+"""Compute mass and limits of a robot in many postures.
+
+A sweep can then test a gain in each posture and direction.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,9 @@ _VARIABLES: Final[dict[str, tuple[str, Callable[[Projection], float]]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Workspace(Value):
-    """Mass and limits of a robot along the axis of a sensor, in many postures and directions.
+    """Mass and limits of a robot in many postures and directions.
+
+    They count along the axis of a sensor.
 
     Args:
         site: the sensor site; its axis is that of the first direction.
@@ -48,7 +53,7 @@ class Workspace(Value):
     omitted: int
 
     def axes(self, task: Task, **inputs: Any) -> dict[str, Mapping[str, Any]]:
-        """Return the sweep axis whose points are the postures and directions of the robot.
+        """Return the sweep axis of the robot's postures and directions.
 
         Args:
             task: the task of the sweep, whose admittance and impact are changed along the axis.
@@ -66,7 +71,7 @@ class Workspace(Value):
         return {PLACE: columns | {name.replace("_", ".", 1): value for name, value in inputs.items()}}
 
     def describe(self, dataset: Any) -> Any:
-        """Add limits and remaining excursion of the robot in each posture and direction to the dataset of a sweep.
+        """Add the robot's limits to the dataset of a sweep.
 
         Args:
             dataset: the result of a sweep over `axes`, with the result `largest_excursion`.
@@ -93,7 +98,10 @@ class Workspace(Value):
 
     @property
     def directions(self) -> FloatArray:
-        """The directions of the sensor axis in the world frame, shape (places, 3)."""
+        """Directions of the sensor axis in the world frame.
+
+        The shape is (places, 3).
+        """
         return np.array([p.axis for p in self.projections])
 
 
@@ -106,7 +114,9 @@ def project_workspace(
     *,
     joint_speeds: Mapping[str, Any] | None = None,
 ) -> Workspace:
-    """Compute mass and limits of a robot along the axis of a sensor, in many postures and directions.
+    """Compute mass and limits of a robot in many postures and directions.
+
+    They count along the axis of a sensor.
 
     Args:
         model: a `mujoco.MjModel`.
@@ -140,9 +150,9 @@ def project_workspace(
 def random_postures(
     model: Model, site: SensorSite, count: int, *, seed: int = 0, margin: float = 0.1
 ) -> tuple[dict[str, float], ...]:
-    """Return random postures of the robot that carries a sensor site, uniformly distributed within the joint ranges.
+    """Return random robot postures, uniformly distributed within the joint ranges.
 
-    Hinges without a range are drawn from a whole turn.
+    The robot is the one that carries the sensor site. Hinges without a range are drawn from a whole turn.
 
     Args:
         model: a `mujoco.MjModel`.
@@ -158,7 +168,9 @@ def random_postures(
         InvalidInputError: the margin leaves no range, or a slide joint has no range.
     """
     if not 0 <= margin < 0.5:
-        raise InvalidInputError(f"margin: found {margin:g}, expected a share of each joint range from 0 to below 0.5")
+        raise InvalidInputError(
+            f"margin: found {margin:g}, expected a share of the joint ranges, at least 0 and below 0.5"
+        )
     data = make_data(model)
     drivetrain = drivetrain_of(model, data, site_index(model, site.name))
     ranges = ranges_of(model, drivetrain)

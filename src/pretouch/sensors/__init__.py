@@ -1,4 +1,7 @@
-"""Define sensor curves, each given by two functions of the distance: log output ln xi and its slope g."""
+"""Define sensor curves over the distance.
+
+Each curve has two functions: the log output ln xi and its slope g.
+"""
 
 from .conformance import LawCheck, SensorConformance, check_sensor
 from .custom import CustomSensor

@@ -1,4 +1,7 @@
-"""Check that a sensor curve meets the assumptions of pretouch: for example, its output must not rise with distance."""
+"""Check that a sensor curve meets the assumptions of pretouch.
+
+For example, its output must not rise with distance.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ _SHARES = 1000  # an interval is halved while its error exceeds this part of the
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawCheck(Value):
-    """Result of one check of a sensor curve: the checked property, whether the curve has it, and the evidence.
+    """Result of one check of a sensor curve.
 
     Args:
         law: the law in one sentence.
@@ -43,7 +46,7 @@ class LawCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorConformance(Value):
-    """Result of `check_sensor`: one check for each property that a sensor curve must have.
+    """Result of `check_sensor` for one sensor curve.
 
     Args:
         sensor: the name of the curve.
@@ -93,7 +96,7 @@ def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance
 
 
 def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool, str]]:
-    """Yield each required property of a sensor curve with the result of its check.
+    """Yield the result of each check of a sensor curve.
 
     Stop if later checks would be meaningless.
     """
@@ -131,10 +134,11 @@ def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool
 
 
 def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
-    """Raise an error if a custom sensor curve is invalid between contact and the farthest start of an encounter.
+    """Raise an error if a custom sensor curve is invalid.
 
-    A curve is checked when it is first used, and again if an encounter starts farther away. Distances beyond the start
-    of every encounter are not checked: a motion that reaches them reports this by its status.
+    The curve must be valid between contact and the farthest start of an encounter. A curve is checked when it is first
+    used, and again if an encounter starts farther away. Distances beyond the start of every encounter are not checked:
+    a motion that reaches them reports this by its status.
 
     Args:
         sensor: the curve.
@@ -150,7 +154,7 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
     except TypeError:  # the curve cannot be hashed
         raise InvalidInputError(
             f"sensor: the class {type(innermost(sensor)).__name__} has a field that cannot be hashed, such as a "
-            "list; use a frozen dataclass whose fields are numbers, strings and tuples"
+            "list. Use a frozen dataclass whose fields are numbers, strings and tuples"
         ) from None
     low, high = sensor.valid_range
     low, high = max(low, 0.0), min(farthest, high)
@@ -166,12 +170,18 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
 
 @cache_by_curve(256)
 def _verified_reach(sensor: SensorModel) -> list[float]:  # noqa: ARG001 - the key of the cache
-    """Return a list with one element: the distance [m] up to which a curve was checked. The caller updates it."""
+    """Return the largest checked distance of a sensor curve [m].
+
+    The result is a list with one element, which the caller updates.
+    """
     return [-np.inf]
 
 
 def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Return an error message about the first required property that a sensor curve lacks, or None if it has all."""
+    """Return an error message for an invalid sensor curve.
+
+    It names the first missing property. It is None if the curve is valid.
+    """
     obstacle = _evaluation_obstacle(sensor, distance)
     if obstacle is not None:
         return (
@@ -193,22 +203,25 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
         if abs(again[i] - values[i]) > _ROUNDED * np.abs(values).max():
             return (
                 f"the function {name} returned {values[i]:g}{unit} at a distance of {distance[i]:g} m, but "
-                f"{again[i]:g}{unit} in a second call; a sensor curve must always return the same number for the "
+                f"{again[i]:g}{unit} in a second call. A sensor curve must always return the same number for the "
                 "same distance"
             )
     return _wrong_direction(sensor, distance, slope) or _contradiction(sensor, distance)
 
 
 def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> str | None:
-    """Return an error message if the slope of a sensor curve is zero, positive, or not the declared constant."""
+    """Return an error message for a wrong sensor slope.
+
+    The slope is zero, positive, or not the declared constant.
+    """
     steepest, i = float(np.abs(slope).max()), int(slope.argmax())
     if steepest == 0:
         return "found a slope of 0 1/m at every distance, which must be negative: the output is constant"
     if slope[i] > _ROUNDED * steepest:
         return (
-            f"the slope is {slope[i]:g} 1/m at a distance of {distance[i]:g} m, but must not be positive, "
-            "because the output of a sensor falls with the distance. Limit the curve to its falling part by "
-            "minimum_distance or maximum_distance, or use the class Recessed for a sensor behind the contact surface"
+            f"the slope is {slope[i]:g} 1/m at a distance of {distance[i]:g} m, but must not be positive. The output "
+            "of a sensor falls with the distance. Limit the curve to its falling part by minimum_distance or "
+            "maximum_distance. For a sensor behind the contact surface, use the class Recessed"
         )
     constant = sensor.constant_log_slope
     if constant is None:
@@ -223,7 +236,10 @@ def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArra
 
 
 def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Return an error message if the slope of a sensor curve is not the derivative of its log output, or None."""
+    """Return an error message for an inconsistent sensor slope.
+
+    The slope must be the derivative of the log output. If it is, return None.
+    """
     edges = np.unique(np.concatenate([distance, [k for k in sensor.knots if distance[0] < k < distance[-1]]]))
     left, right, limit = edges[:-1], edges[1:], 0.0
     parts: list[FloatArray] = []
@@ -245,13 +261,16 @@ def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
     width = right[i] - left[i]
     return (
         f"the average slope is {integral[i] / width:.5g} 1/m between {left[i]:.5g} m and {right[i]:.5g} m, but "
-        f"ln xi changes by {change[i] / width:.5g} 1/m there; the slope must be the derivative of ln xi within "
+        f"ln xi changes by {change[i] / width:.5g} 1/m there. The slope must be the derivative of ln xi within "
         "0.1 %"
     )
 
 
 def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the change of the log output over each interval, and the integral of the slope over each interval."""
+    """Return the change of log output over each interval.
+
+    The second result is the integral of the slope over each interval.
+    """
     if not len(left):
         return left, left
     offset, weight = np.polynomial.legendre.leggauss(8)
@@ -261,7 +280,8 @@ def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[
 
 
 def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Return, as text, the error that a sensor curve raises for valid distances, or None if it raises no error."""
+    """Evaluate a sensor curve and return its error as text."""
+    # The result is None if the curve raises no error.
     for function in (sensor.log_output, sensor.log_slope):
         for probe in (float(distance[0]), distance, distance[:16].reshape(4, 4)):
             try:
@@ -272,14 +292,17 @@ def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | Non
 
 
 def _scalar_difference(function: Callable[[Any], Any], distance: FloatArray) -> float:
-    """Return the largest relative difference between the results of a function for an array and for its elements."""
+    """Return the largest relative difference between array and scalar results."""
     some = distance[:: max(1, distance.size // 16)]
     together, alone = np.asarray(function(some)), np.array([function(float(d)) for d in some])
     return float(np.abs(together - alone).max() / (np.abs(together).max() + 1))
 
 
 def _is_value(sensor: SensorModel) -> bool:
-    """Return True if a sensor curve is a frozen dataclass with hashable fields."""
+    """Return True if a sensor curve is immutable and hashable.
+
+    It must be a frozen dataclass with hashable fields.
+    """
     parameters = vars(type(sensor)).get("__dataclass_params__")
     try:
         hash(sensor)
@@ -289,7 +312,10 @@ def _is_value(sensor: SensorModel) -> bool:
 
 
 def _slope_error(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> tuple[float, float]:
-    """Return the largest error of the slope of a sensor curve and the allowed error, both in 1/m."""
+    """Return the largest slope error of a sensor curve.
+
+    Also return the allowed error. Both are in 1/m.
+    """
     # The means of g and of the derivative of ln xi over intervals are compared.
     # Intervals that disagree are halved while there are few of them, since steep parts of g need short intervals.
     edges = np.unique(np.concatenate([distance, [k for k in sensor.knots if distance[0] < k < distance[-1]]]))

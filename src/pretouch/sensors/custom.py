@@ -1,4 +1,7 @@
-"""Define a sensor curve by two user-defined functions: the log output ln xi and its slope g."""
+"""Define a sensor curve by two user-defined functions.
+
+They compute the log output ln xi and its slope g.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +18,10 @@ from .model import SensorModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CustomSensor(SensorModel):
-    """A sensor curve defined by two Python functions: the log output ln xi(l) and its slope g(l).
+    """Sensor curve defined by two Python functions.
 
-    Each function maps an array of distances to an array of the same shape.
+    They compute the log output ln xi(l) and its slope g(l). Each function maps an array of distances to an array of the
+    same shape.
 
     `check_sensor` checks that g is the derivative of ln xi and that the curve obeys the laws of sensor curves.
 

@@ -1,4 +1,4 @@
-"""Define sensor curves that are exponential functions of first or second order in the distance."""
+"""Define exponential sensor curves of first and second order."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FEW_DIGITS: Final = 100.0  # largest accepted ratio of two terms to their diffe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FirstOrderFamily(Family):
-    """Family of first-order exponential curves, with log output at mid-range and slope as fit parameters.
+    """Family of first-order exponential sensor curves.
 
     The fit parameters are u = (ln xi(l_m), ln -c_1), where l_m is the middle of the calibration window.
     """
@@ -51,7 +51,7 @@ class _FirstOrderFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SecondOrderFamily(Family):
-    """Family of second-order exponential curves, with log output at mid-range and two slopes as fit parameters.
+    """Family of second-order exponential sensor curves.
 
     The fit parameters are u = (ln xi(l_m), ln -g at the first distance, ln of the ratio of -g at the last to the first
     distance), where l_m is the middle of the calibration window.
@@ -109,7 +109,9 @@ class _SecondOrderFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExponentialFirstOrder(SensorModel):
-    """First-order exponential sensor curve xi = a_1 exp(c_1 l), L(5), whose slope c_1 is equal at all distances l.
+    """First-order exponential sensor curve.
+
+    The output is xi = a_1 exp(c_1 l), equation L(5). The slope c_1 is equal at all distances l.
 
     Args:
         scale: a_1 > 0, in the unit of the output; it does not affect the motion.
@@ -130,7 +132,10 @@ class ExponentialFirstOrder(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope c_1 [1/m] of the sensor curve, which is equal at all distances."""
+        """The slope c_1 of the sensor curve [1/m].
+
+        It is equal at all distances.
+        """
         return self.rate
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
@@ -148,7 +153,10 @@ class ExponentialFirstOrder(SensorModel):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the scale factors for the gain that convert first-order exponential curves to one reference curve."""
+        """Return scale factors between first-order exponential curves.
+
+        They scale the gain, and convert all curves to one reference curve.
+        """
         rate = np.asarray(values.get("rate", self.rate))
         if not np.all(rate < 0):
             return None
@@ -162,10 +170,11 @@ class ExponentialFirstOrder(SensorModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExponentialSecondOrder(SensorModel):
-    """Second-order exponential sensor curve xi = a_2 exp(b_2 l^2 + c_2 l), equation L(6), with the distance l.
+    """Second-order exponential sensor curve.
 
-    With b_2 > 0 the output has its minimum at the turning point l = -c_2 / (2 b_2). Beyond the turning point, the
-    modeled virtual force would have the wrong sign, so the valid range ends at the turning point.
+    The output is xi = a_2 exp(b_2 l^2 + c_2 l), equation L(6), with the distance l. With b_2 > 0 the output has its
+    minimum at the turning point l = -c_2 / (2 b_2). Beyond the turning point, the modeled virtual force would have the
+    wrong sign, so the valid range ends at the turning point.
 
     Args:
         scale: a_2 > 0, in the unit of the output; it does not affect the motion.
@@ -193,17 +202,23 @@ class ExponentialSecondOrder(SensorModel):
         if not low < high:
             raise InvalidInputError(
                 f"minimum_distance: found {self.minimum_distance:g} m, expected less than {self.turning_point:g} "
-                "m, which is the turning point of the curve; beyond this distance, the output rises with the distance"
+                "m, which is the turning point of the curve. Beyond this distance, the output rises with the distance"
             )
 
     @property
     def turning_point(self) -> float:
-        """The distance [m] at which the sensor slope is zero, or infinity if the curvature b_2 is not positive."""
+        """The distance with zero sensor slope [m].
+
+        It is infinite if the curvature b_2 is not positive.
+        """
         return -self.rate / (2 * self.curvature) if self.curvature > 0 else math.inf
 
     @property
     def valid_range(self) -> tuple[float, float]:
-        """The smallest and the largest valid distance [m] of the sensor curve, which ends where its slope is zero."""
+        """The smallest and largest valid distance of the curve [m].
+
+        The range ends where the sensor slope is zero.
+        """
         low = self.minimum_distance
         if self.curvature < 0:  # the turning point is at l < 0, and the slope is negative beyond it
             low = max(low, -self.rate / (2 * self.curvature))
@@ -211,7 +226,10 @@ class ExponentialSecondOrder(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope c_2 [1/m] of the sensor curve if its curvature b_2 is 0, otherwise None."""
+        """The constant slope c_2 of the sensor curve [1/m].
+
+        It is None unless the curvature b_2 is 0.
+        """
         return self.rate if self.curvature == 0 else None
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
@@ -239,7 +257,10 @@ class ExponentialSecondOrder(SensorModel):
         recess: FloatArray,
         distance: Any,
     ) -> CurveSimilarity | None:
-        """Return the scale factors that convert second-order exponential curves to one reference curve."""
+        """Return scale factors between second-order exponential curves.
+
+        They convert all curves to one reference curve.
+        """
         # The slope g = c + 2 b (l + recess) = 2 b (l - l*) is scaled by lengths s = L* / l*.
         if self.curvature == 0:
             return None

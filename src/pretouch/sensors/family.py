@@ -22,7 +22,9 @@ _WIDE: Final = 30.0  # bound of the logarithm of a parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Family(ABC):
-    """Base class of families of sensor curves, with parameters that suit a numerical fit.
+    """Base class of families of sensor curves.
+
+    The parameters of a family suit a numerical fit.
 
     Args:
         curve: the class of the curve.
@@ -42,7 +44,7 @@ class Family(ABC):
 
     @classmethod
     def at_large(cls, curve: Any, first: float, last: float) -> Self:
-        """Create this family of sensor curves with the widest bounds of the fit parameters."""
+        """Create the curve family with the widest parameter bounds."""
         return cls(curve=curve, first=first, last=last)
 
     @property
@@ -57,7 +59,7 @@ class Family(ABC):
 
     @property
     def size(self) -> int:
-        """The number of parameters in a fit of this family of sensor curves."""
+        """The number of fit parameters of the curve family."""
         return len(self.parameter_names)
 
     @property
@@ -72,7 +74,10 @@ class Family(ABC):
 
     @abstractmethod
     def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
-        """Return initial fit parameters for given log output, slope and curvature in the middle of the range."""
+        """Return initial parameters for a curve fit.
+
+        Log output, slope and curvature are given in the middle of the range.
+        """
 
     @property
     @abstractmethod
@@ -81,42 +86,66 @@ class Family(ABC):
 
     @abstractmethod
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return the log outputs ln xi of several sensor curves at several distances [m]."""
+        """Return the log outputs of several sensor curves.
+
+        They are ln xi at several distances [m].
+        """
         # Parameters of shape (..., p) and distances of shape (n,) give the shape (..., n).
 
     @abstractmethod
     def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return the slopes g [1/m] of several sensor curves at several distances [m]."""
+        """Return the slopes of several sensor curves [1/m].
+
+        They are g at several distances [m].
+        """
         # The shape is that of `log_output`.
 
     @abstractmethod
     def coordinates(self, u: FloatArray) -> FloatArray:
-        """Transform fit parameters to numbers that are always finite, for example to logarithms."""
+        """Transform fit parameters to numbers that are always finite.
+
+        Examples are logarithms.
+        """
         # Each is a monotonic function of one of the curve's own parameters.
 
     @abstractmethod
     def parameters(self, coordinates: FloatArray) -> FloatArray:
-        """Convert transformed fit parameters to the curve's own parameters in SI units, which may be infinite."""
+        """Convert transformed fit parameters to curve parameters.
+
+        Curve parameters are in SI units, and may be infinite.
+        """
 
     def written(self, u: FloatArray) -> FloatArray:
         """Convert fit parameters to the sensor curve's own parameters in SI units."""
         return self.parameters(self.coordinates(u))
 
     def sensor(self, u: FloatArray, low: float, high: float) -> Any:
-        """Return the sensor curve with given fit parameters and a valid range between two distances [m]."""
+        """Return the sensor curve with given fit parameters.
+
+        It is valid between two distances [m].
+        """
         parameters = dict(zip(self.parameter_names, map(float, self.written(u)), strict=True))
         return self.curve(**parameters, minimum_distance=low, maximum_distance=high)
 
     def easing(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of the fit parameters with which the sensor slope does not steepen with distance."""
+        """Return parameter bounds against a steepening slope.
+
+        Within these bounds, the sensor slope does not steepen with distance.
+        """
         return low, high
 
     def prior(self, u: FloatArray) -> FloatArray:
-        """Return the cost that prior knowledge adds to the fit of each curve, in units of a squared residual."""
+        """Return the fit cost from prior knowledge.
+
+        Each curve has one cost, in units of a squared residual.
+        """
         return np.zeros(len(u))
 
     def runs_away(self, ends: Any) -> bool:  # noqa: ARG002 - for subclasses
-        """Return True if several fit parameters can grow together without limit within their confidence intervals."""
+        """Return True if fit parameters can grow without limit.
+
+        Then several parameters can grow together within their confidence intervals.
+        """
         return False
 
     def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
@@ -127,15 +156,19 @@ class Family(ABC):
         return ()
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
-        """Return remarks on the fitted parameters, for example that a parameter reached its bound."""
+        """Return remarks on the fitted parameters.
+
+        For example, a parameter reached its bound.
+        """
         return ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainFamily(Family):
-    """Family of sensor curves for any class with a method `fit_start`; the curves are evaluated one at a time.
+    """Curve family for any class with a method `fit_start`.
 
-    u = (ln xi(l_m), the other parameters; those with a prescribed sign as logarithms of their magnitudes).
+    The curves are evaluated one at a time. u = (ln xi(l_m), the other parameters; those with a prescribed sign as
+    logarithms of their magnitudes).
     """
 
     quick: ClassVar[bool] = False
@@ -146,18 +179,27 @@ class PlainFamily(Family):
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """The bounds of the fit parameters, wide for parameters of prescribed sign and infinite for all others."""
+        """The bounds of the fit parameters.
+
+        They are wide for parameters of prescribed sign, and infinite for all others.
+        """
         ends = np.array([np.inf, *(np.inf if sign == "any" else _WIDE for sign in self._signs)])
         return -ends, ends
 
     def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
-        """Return the start parameters that the sensor curve defines by its method `fit_start`."""
+        """Return the start parameters of the sensor curve.
+
+        The curve defines them by its method `fit_start`.
+        """
         start = self.curve.fit_start(slope, curvature, self.middle)
         pairs = zip(self.parameter_names[1:], self._signs, strict=True)
         return np.array([log_middle, *(_encoded(float(start[name]), sign) for name, sign in pairs)])
 
     def _curve(self, u: FloatArray) -> Any:
-        """Return the sensor curve with scale 1 for given fit parameters, or None if the parameters are invalid."""
+        """Return the sensor curve with given fit parameters.
+
+        Its scale is 1. Return None if the parameters are invalid.
+        """
         values = [_decoded(float(v), sign) for v, sign in zip(u[1:], self._signs, strict=True)]
         try:
             parameters = dict(zip(self.parameter_names, [1.0, *values], strict=True))
@@ -178,15 +220,21 @@ class PlainFamily(Family):
         return result.reshape(*u.shape[:-1], len(places))
 
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return the log outputs ln xi of several sensor curves, evaluated one curve at a time."""
+        """Return the log outputs of several sensor curves.
+
+        The curves are evaluated one at a time.
+        """
         return self._rows(u, distance, "log_output")
 
     def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return the slopes g [1/m] of several sensor curves, evaluated one curve at a time."""
+        """Return the slopes of several sensor curves [1/m].
+
+        The curves are evaluated one at a time.
+        """
         return self._rows(u, distance, "log_slope")
 
     def coordinates(self, u: FloatArray) -> FloatArray:
-        """Replace the first fit parameter by the logarithm of the curve's scale, and keep the other fit parameters."""
+        """Replace the first fit parameter by the logarithmic scale."""
         curve = self._curve(u)
         level = 0.0 if curve is None else float(curve.log_output(self.middle))
         return np.array([u[0] - level, *u[1:]])

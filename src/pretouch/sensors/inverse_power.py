@@ -29,7 +29,7 @@ _POINT_SOURCE: Final = 2.0  # the exponent of a point light source
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _InversePowerFamily(Family):
-    """Family of inverse power curves, with log output at mid-range, slope and inverse exponent as fit parameters.
+    """Family of inverse power sensor curves.
 
     The fit parameters are u = (ln xi(l_m), ln r_1, kappa) with r_1 = -1 / g at the first distance and kappa = 1 / n;
     l_m is the middle of the calibration window.
@@ -44,7 +44,10 @@ class _InversePowerFamily(Family):
 
     @property
     def kappa_min(self) -> float:
-        """The smallest inverse exponent 1 / n in a fit; a smaller value would give nearly an exponential curve."""
+        """The smallest inverse exponent 1 / n in a fit.
+
+        A smaller value would give nearly an exponential curve.
+        """
         return self.kappa_floor or next(
             (1 / n for n in (200, 100, 50) if n * abs(math.log(n * self.span)) < 500), 1 / 20
         )
@@ -93,15 +96,19 @@ class _InversePowerFamily(Family):
         return cls(curve=curve, first=first, last=last, kappa_max=_HEAVIEST_KAPPA, kappa_floor=_EXPONENTIAL_KAPPA)
 
     def prior(self, u: FloatArray) -> FloatArray:
-        """Return an extra fit cost for exponents n below 2, because light of a small source decays at least as 1 / l^2.
+        """Return an extra fit cost for small exponents.
 
-        Clear evidence outweighs it: n = 1 costs 1.1, and no exponent costs more than 3.8, the square of the half width
-        of a 95 % interval in standard deviations.
+        Exponents n below 2 have this cost, because light of a small source decays at least as 1 / l^2. Clear evidence
+        outweighs it: n = 1 costs 1.1, and no exponent costs more than 3.8, the square of the half width of a 95 %
+        interval in standard deviations.
         """
         return np.asarray(np.minimum((np.maximum(np.log(2 * u[:, 2]), 0.0) / _FLAT_TAIL) ** 2, 3.8))
 
     def runs_away(self, ends: Any) -> bool:
-        """Return True if the readings allow an inverse exponent 1 / n of zero, so that n has no upper limit."""
+        """Return True if the exponent n has no upper limit.
+
+        Then the readings allow an inverse exponent 1 / n of zero.
+        """
         low, _, reached, _ = ends[2]
         return bool(not reached or low <= math.log(1.05 * float(self.bounds[0][2])))
 
@@ -110,10 +117,9 @@ class _InversePowerFamily(Family):
             return ()
         at, low = format_quantity(self.middle, "m"), parameters["exponent"].low
         return (
-            "The readings determine only the slope of the curve in the middle of the usable range, n / "
-            f"(l_0 + {at}) = {-slope.value:.4g} 1/m. The exponent n is above {low:.3g} and has no upper "
-            "limit, because n and the distance offset l_0 can grow together. An exponential curve fits "
-            "equally well.",
+            f"The readings determine only the slope in the middle of the usable range, n / (l_0 + {at}) = "
+            f"{-slope.value:.4g} 1/m. The exponent n is above {low:.3g} and has no upper limit. The exponent n and the "
+            "distance offset l_0 can grow together. An exponential curve fits equally well.",
         )
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
@@ -129,7 +135,9 @@ class _InversePowerFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InversePower(SensorModel):
-    """Inverse power sensor curve, equation L(3): the output is xi = scale / (l + l_0)^n at the distance l.
+    """Inverse power sensor curve.
+
+    The output at the distance l is xi = scale / (l + l_0)^n, equation L(3).
 
     Args:
         scale: alpha beta psi > 0, in the unit of the output times m^n; it does not affect the motion.
@@ -180,7 +188,10 @@ class InversePower(SensorModel):
         recess: FloatArray,
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the scale factors for length and gain that convert inverse power curves to one reference curve."""
+        """Return scale factors between inverse power curves.
+
+        They scale length and gain, and convert all curves to one reference curve.
+        """
         # For g = -n / (l + l_0), lengths scale with s = L_0 / l_0, and the gain with s n / N.
         offset = np.asarray(values.get("distance_offset", self.distance_offset)) + recess
         exponent = np.asarray(values.get("exponent", self.exponent))

@@ -34,9 +34,10 @@ _CHUNK: Final = 1024  # arguments per call, to limit memory, since each needs ab
 def mittag_leffler(
     order: float | FloatArray, argument: FloatArray, *, accuracy: float = 1e-13
 ) -> tuple[FloatArray, FloatArray]:
-    """Evaluate the Mittag-Leffler function E_alpha(z) and its derivative for z <= 0 and 0 < alpha <= 1.
+    """Evaluate the Mittag-Leffler function E_alpha(z) and its derivative.
 
-    With the default accuracy, the relative error is about 1e-13.
+    The function is evaluated for z <= 0 and 0 < alpha <= 1. With the default accuracy, the relative error is about
+    1e-13.
 
     Args:
         order: alpha, in (0, 1]; or one order for each row of the arguments, shape (b,).
@@ -82,7 +83,8 @@ def mittag_leffler(
 
 
 def _on_parabola(order: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Evaluate the Mittag-Leffler function and its derivative by an inverse Laplace transform along a parabola."""
+    """Evaluate the Mittag-Leffler function by an inverse Laplace transform."""
+    # The integration path is a parabola. The derivative is also evaluated.
     # The sum inverts s^(alpha-1) / (s^alpha - z) at time one, and its derivative by z.
     # Orders have the shape (b, 1, 1), arguments (b, n). Half of the nodes suffice; the others are complex conjugates.
     step, mu = 3.0 / _NODES, math.pi * _NODES / 12
@@ -99,7 +101,8 @@ def _on_parabola(order: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _on_line(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Evaluate the Mittag-Leffler function and its derivative by an integral that stays accurate for small results."""
+    """Evaluate small values of the Mittag-Leffler function accurately."""
+    # The function and its derivative are computed from an integral.
     # E_alpha(-x) = sin(delta) / (pi alpha) int exp(-(x e^v)^(1/alpha)) / (2 (cosh v - cos delta)) dv.
     # This is the transform on its branch cut at r = (x e^v)^(1/alpha), with delta = pi (1 - alpha). All terms are
     # positive, so the sum keeps its relative accuracy for any small E. The trapezoidal rule at half-integers has an
@@ -120,7 +123,7 @@ def _on_line(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _MittagLefflerFamily(Family):
-    """Family of Mittag-Leffler curves, with log output at mid-range, rate and order as fit parameters.
+    """Family of Mittag-Leffler sensor curves.
 
     The fit parameters are u = (ln xi(l_m), ln -c, alpha), where l_m is the middle of the calibration window.
     """
@@ -139,7 +142,10 @@ class _MittagLefflerFamily(Family):
         return np.array([log_middle, math.log(-slope * (1 + bend)), 1 / (1 + 0.2 * bend)])
 
     def _relative(self, u: FloatArray, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the logarithm of the Mittag-Leffler function, and the derivative of this logarithm."""
+        """Return the logarithm of the Mittag-Leffler function.
+
+        Also return the derivative of this logarithm.
+        """
         argument = -np.exp(u[..., 1, None]) * distance
         order = np.minimum(u[..., 2], 1.0).ravel()
         value, derivative = mittag_leffler(order, argument, accuracy=_ACCURACY)
@@ -170,16 +176,17 @@ class _MittagLefflerFamily(Family):
         if order.high < 1:
             return ()
         return (
-            f"The fitted order does not differ significantly from 1 (95 % interval from {order.low:.3g} to 1), "
-            "and a curve of order 1 is a first-order exponential curve.",
+            f"The fitted order does not differ significantly from 1 (95 % interval from {order.low:.3g} to 1). "
+            "A curve of order 1 is a first-order exponential curve.",
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MittagLeffler(SensorModel):
-    """Mittag-Leffler sensor curve xi = a E_alpha(c l), a generalization of the exponential curve of equation L(5).
+    """Sensor curve given by the Mittag-Leffler function.
 
-    For alpha < 1 the curve decays algebraically.
+    The output is xi = a E_alpha(c l), a generalization of the exponential curve of equation L(5). For alpha < 1 the
+    curve decays algebraically.
 
     Args:
         scale: a > 0, in the unit of the output; it does not affect the motion.
@@ -210,7 +217,10 @@ class MittagLeffler(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope c [1/m] of the sensor curve if its order alpha is 1, otherwise None."""
+        """The constant slope c of the sensor curve [1/m].
+
+        It is None unless the order alpha is 1.
+        """
         return self.rate if self.order == 1 else None
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:

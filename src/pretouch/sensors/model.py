@@ -35,7 +35,7 @@ def parameter(
     of_output: str | None = None,
     largest: float = math.inf,
 ) -> Any:
-    """Declare a dataclass field as a parameter of a sensor curve, with symbol, unit, sign and example.
+    """Declare a dataclass field as a sensor curve parameter.
 
     Args:
         symbol: symbol of the parameter in the literature.
@@ -56,11 +56,12 @@ def parameter(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)  # subclasses define their own comparison
 class SensorModel(ABC):
-    """Base class of sensor curves, which compute the log output ln xi and its slope g for the virtual force L(2).
+    """Base class of sensor curves.
 
-    The virtual force is F_p = D_p xi'/xi = D_p g(l) l', so force, motion and design need only these two functions. A
-    new curve is a frozen dataclass that inherits from this class and defines `_log_output` and `_log_slope`.
-    `check_sensor` then checks that it obeys the laws of sensor curves.
+    A curve computes the log output ln xi and its slope g for the virtual force L(2). The virtual force is F_p = D_p
+    xi'/xi = D_p g(l) l', so force, motion and design need only these two functions. A new curve is a frozen dataclass
+    that inherits from this class and defines `_log_output` and `_log_slope`. `check_sensor` then checks that it obeys
+    the laws of sensor curves.
 
     Args:
         minimum_distance: smallest distance l at which the curve is valid [m].
@@ -91,20 +92,29 @@ class SensorModel(ABC):
 
     @abstractmethod
     def _log_output(self, distance: FloatArray) -> FloatArray:
-        """Return the log output ln xi at distances that were checked to be valid."""
+        """Return the log output ln xi at valid distances.
+
+        The caller has checked the distances.
+        """
 
     @abstractmethod
     def _log_slope(self, distance: FloatArray) -> FloatArray:
-        """Return the sensor slope g = d ln xi / dl [1/m] at distances that were checked to be valid."""
+        """Return the sensor slope g [1/m] at valid distances.
+
+        The slope is g = d ln xi / dl. The caller has checked the distances.
+        """
 
     @property
     def valid_range(self) -> tuple[float, float]:
-        """The smallest and the largest distance [m] at which the sensor curve is valid."""
+        """The smallest and largest valid distance of the curve [m]."""
         return self.minimum_distance, self.maximum_distance
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """The distances [m] at which a derivative of the log output with respect to distance is discontinuous."""
+        """The distances where a derivative of the log output jumps [m].
+
+        The derivative is with respect to the distance.
+        """
         low, high = self.valid_range
         return tuple(sorted(k for k in self._knots() if low < k < high))
 
@@ -113,12 +123,18 @@ class SensorModel(ABC):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope g [1/m] of the sensor curve if it is equal at all distances, otherwise None."""
+        """The constant slope g of the sensor curve [1/m].
+
+        It is None if the slope depends on the distance.
+        """
         return None
 
     @classmethod
     def _declared(cls) -> list[Field[Any]]:
-        """Return those dataclass fields that are parameters of the sensor curve, with the scale first."""
+        """Return the dataclass fields of the curve parameters.
+
+        The scale comes first.
+        """
         return [f for f in fields(cls) if "unit" in f.metadata]
 
     @property
@@ -128,21 +144,32 @@ class SensorModel(ABC):
 
     @property
     def bare(self) -> tuple[SensorModel, float]:
-        """The sensor curve without recess, and the recess [m]: how far the sensor is behind the contact surface."""
+        """The sensor curve without recess, and the recess [m].
+
+        The recess is how far the sensor is behind the contact surface.
+        """
         return self, 0.0
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """The SI units of the sensor curve's parameters by name, with an empty text for a dimensionless parameter."""
+        """The SI units of the sensor curve's parameters.
+
+        They are given by parameter name. The unit of a dimensionless parameter is an empty text.
+        """
         return {f.name: f.metadata["unit"] for f in self._declared()}
 
     def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
-        """Return a copy of the sensor curve in which some parameters have new values in SI units."""
+        """Return a copy of the sensor curve with new parameters.
+
+        The values are in SI units. Other parameters do not change.
+        """
         return replace(self, **values)
 
     @classmethod
     def fit_start(cls, slope: float, curvature: float, middle: float) -> Mapping[str, float] | None:  # noqa: ARG003
-        """Return initial values for fitting the parameters of this curve, except its scale factor.
+        """Return initial parameters for fitting this sensor curve.
+
+        The scale factor is not included.
 
         Args:
             slope: g in the middle of the window [1/m].
@@ -160,7 +187,10 @@ class SensorModel(ABC):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the scale factors for length and gain that convert similar curves to one reference curve, or None.
+        """Return scale factors between similar sensor curves.
+
+        They scale length and gain, and convert the curves to one reference curve. They are None if there are no such
+        factors.
 
         Args:
             values: arrays of the parameters that differ.
@@ -175,27 +205,42 @@ class SensorModel(ABC):
         return dict(plain(content))
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:  # noqa: ARG002 - for subclasses
-        """Return the exact derivative of the curve with respect to a parameter; None if it has no exact derivative."""
+        """Return the exact derivative of the sensor curve by a parameter.
+
+        The result is None if the curve has no exact derivative.
+        """
         return None
 
     @final
     def log_output(self, distance: ArrayLike) -> Any:
-        """Return the log output ln xi(l) at valid distances l [m], as a float for a single distance."""
+        """Return the log output ln xi(l) at valid distances [m].
+
+        The result is a float for a single distance.
+        """
         return self._like(distance, self._log_output(self._checked(distance)))
 
     @final
     def log_slope(self, distance: ArrayLike) -> Any:
-        """Return the slope g(l) = d ln xi / dl [1/m] at valid distances l [m], as a float for a single distance."""
+        """Return the slope g(l) [1/m] at valid distances [m].
+
+        The slope is g(l) = d ln xi / dl. The result is a float for a single distance.
+        """
         return self._like(distance, self._log_slope(self._checked(distance)))
 
     @final
     def output(self, distance: ArrayLike) -> Any:
-        """Return the sensor output xi(l), in the unit of the calibration, at valid distances l [m]."""
+        """Return the sensor output xi(l) at valid distances [m].
+
+        The output is in the unit of the calibration.
+        """
         return self._like(distance, np.exp(self._log_output(self._checked(distance))))
 
     @final
     def contains(self, distance: ArrayLike) -> BoolArray:
-        """Return True where a distance l [m] lies inside the valid range of the sensor curve."""
+        """Return True where the sensor curve is valid.
+
+        The distances l are in m.
+        """
         low, high = self.valid_range
         values = _distances(distance)
         return np.asarray((values >= low) & (values <= high))
@@ -223,7 +268,8 @@ class SensorModel(ABC):
 
 
 def _distances(distance: ArrayLike) -> FloatArray:
-    """Convert distances [m] to a float array, and raise an error for values that are not numbers."""
+    """Convert distances [m] to a float array."""
+    # Values that are not numbers are an error.
     values = np.asarray(distance)
     if values.dtype.kind == "f" or are_numbers(distance):
         return np.asarray(values, dtype=np.float64)
@@ -233,7 +279,7 @@ def _distances(distance: ArrayLike) -> FloatArray:
 
 
 def _check_domain(value: float, name: str, metadata: Mapping[str, Any]) -> None:
-    """Check that the value of a curve parameter has the declared sign and magnitude."""
+    """Check the sign and magnitude of a curve parameter."""
     sign, (_, largest) = metadata["sign"], metadata["domain"]
     if (sign != "positive" or value > 0) and (sign != "negative" or value < 0) and value <= largest:
         return
@@ -243,7 +289,8 @@ def _check_domain(value: float, name: str, metadata: Mapping[str, Any]) -> None:
 
 
 def _number(value: Any, name: str, unit: str) -> float:
-    """Check that a value is a single finite number, and return the number as a float."""
+    """Check that a value is a single finite number."""
+    # Return the number as a float.
     number = finite(value, name, unit)
     if not isinstance(number, float):
         raise InvalidInputError(f"{name}: found an array of shape {np.shape(number)}, expected a single number")
@@ -258,7 +305,8 @@ def _limit(value: Any, name: str) -> float:
 def cache_by_curve(
     size: int,
 ) -> Callable[[Callable[Concatenate[SensorModel, P], R]], Callable[Concatenate[SensorModel, P], R]]:
-    """Cache the results of a function that has a sensor curve as its first argument, up to `size` results."""
+    """Cache a function of a sensor curve."""
+    # The curve is the first argument. At most `size` results are cached.
     # Equal curves share their results. Curves are compared by their fields only, so results of a curve with further
     # attributes are not cached.
 
@@ -275,7 +323,10 @@ def cache_by_curve(
 
 
 def _has_only_fields(sensor: SensorModel) -> bool:
-    """Return True if a sensor curve has no attributes besides those that its dataclass fields determine."""
+    """Return True if dataclass fields determine a sensor curve.
+
+    Such a curve has no other attributes.
+    """
     attributes = getattr(sensor, "__dict__", None)
     if attributes:
         others = attributes.keys() - {f.name for f in fields(sensor)}
@@ -286,7 +337,10 @@ def _has_only_fields(sensor: SensorModel) -> bool:
 
 
 def is_built_in(sensor: SensorModel) -> bool:
-    """Return True if a sensor curve comes from pretouch and calls no user-defined functions."""
+    """Return True if a sensor curve is part of pretouch.
+
+    A curve with user-defined functions does not count.
+    """
     cls: Any = type(sensor)
     cached: bool | None = cls.__dict__.get("_built_in")
     if cached is not None:
@@ -299,7 +353,10 @@ def is_built_in(sensor: SensorModel) -> bool:
 
 
 def innermost(sensor: SensorModel) -> SensorModel:
-    """Return the sensor curve inside a recessed sensor, or the given curve if it is not recessed."""
+    """Return the sensor curve inside a recessed sensor.
+
+    Any other curve is returned unchanged.
+    """
     while isinstance(inner := getattr(sensor, "sensor", None), SensorModel):
         sensor = inner
     return sensor

@@ -20,10 +20,11 @@ _ROUNDING: Final = 1e-12  # relative; a recess equal to the start of the curve m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recessed(SensorModel):
-    """Sensor curve of a sensor that is mounted behind the robot's contact surface, at a distance called recess.
+    """Curve of a sensor mounted behind the contact surface.
 
-    The output of reflective sensors peaks or saturates in the near field. A sensor that is recessed behind the contact
-    surface by the start of its usable window works only in the falling part of its curve.
+    The recess is the distance of the sensor behind the robot's contact surface. The output of reflective sensors peaks
+    or saturates in the near field. A sensor that is recessed behind the contact surface by the start of its usable
+    window works only in the falling part of its curve.
 
     Args:
         sensor: the curve as a function of the distance from the sensor's own zero.
@@ -57,23 +58,32 @@ class Recessed(SensorModel):
         if not self.maximum_distance > 0:
             raise InvalidInputError(
                 f"recess: a recess of {recess:g} m is too large, because the {self.sensor.name} curve ends at "
-                f"{high:g} m and no distance in front of the contact surface remains; choose a smaller recess"
+                f"{high:g} m. So no distance in front of the contact surface remains; choose a smaller recess"
             )
         SensorModel.__post_init__(self)
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The parameters of the sensor curve and the recess by name, in SI units."""
+        """The parameters of the sensor curve and the recess.
+
+        They are given by name, in SI units.
+        """
         return {**self.sensor.parameters, "recess": self.recess}
 
     @property
     def bare(self) -> tuple[SensorModel, float]:
-        """The sensor curve without recess, and the recess [m]: how far the sensor is behind the contact surface."""
+        """The sensor curve without recess, and the recess [m].
+
+        The recess is how far the sensor is behind the contact surface.
+        """
         return self.sensor, self.recess
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """The SI units of the sensor curve's parameters and of the recess, by name."""
+        """The SI units of the curve parameters and recess.
+
+        They are given by parameter name.
+        """
         return {**self.sensor.parameter_units, "recess": "m"}
 
     def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
@@ -90,7 +100,10 @@ class Recessed(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope [1/m] of the inner sensor curve if it is equal at all distances, otherwise None."""
+        """The constant slope of the inner sensor curve [1/m].
+
+        It is None if the slope depends on the distance.
+        """
         return self.sensor.constant_log_slope
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
@@ -113,16 +126,18 @@ class Recessed(SensorModel):
         return np.asarray(self.sensor.log_slope(self._sensor_distance(distance)))
 
     def _sensor_distance(self, distance: FloatArray) -> FloatArray:
-        """Return the distances from the sensor [m] for given distances from the contact surface.
+        """Return sensor distances for distances from the contact surface.
 
-        They are limited to the valid range because sums are rounded.
+        Both are in m. The sensor distances are limited to the valid range because sums are rounded.
         """
         low, high = self.sensor.valid_range
         return np.clip(distance + self.recess, low, high)
 
 
 def recess_in_words(nearest: float) -> str:
-    """Return as text the recess with which contact lies at the sensor's nearest usable distance, rounded up to 1 um.
+    """Return the smallest suitable recess as text.
+
+    With this recess, contact lies at the sensor's nearest usable distance. It is rounded up to 1 um.
 
     Examples:
         >>> recess_in_words(0.0075), recess_in_words(0.0123441)

@@ -16,7 +16,9 @@ _HOME: Final = "pretouch."
 
 
 def sensor_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, type[SensorModel]]:
-    """Return all classes of sensor curves that scenario files and fits can select by name.
+    """Return all named classes of sensor curves.
+
+    Scenario files and fits select these classes by name.
 
     Args:
         fitted: return only curves that can be fitted to a calibration.
@@ -52,9 +54,10 @@ CURVE_KINDS: Final = Extensions(
 
 
 def find_curve(name: str) -> type[SensorModel] | None:
-    """Return the class of sensor curves with a given name, or None if no class has this name.
+    """Return the sensor curve class with a given name.
 
-    Built-in classes, classes of the calling program and those of installed packages are searched.
+    It is None if no class has this name. Built-in classes, classes of the calling program and those of installed
+    packages are searched.
     """
     curve: type[SensorModel] | None = sensor_curves(foreign=True).get(name) or CURVE_KINDS.find(name)
     return curve
@@ -68,6 +71,6 @@ def _subclasses(cls: type[SensorModel]) -> Iterator[type[SensorModel]]:
 
 
 def _is_fitted(curve: type[SensorModel]) -> bool:
-    """Return True if a class of sensor curves can be fitted to readings."""
+    """Return True if a curve class can be fitted to readings."""
     has_start = any("fit_start" in vars(cls) for cls in curve.__mro__ if cls is not SensorModel)
     return has_start or curve.family is not SensorModel.family

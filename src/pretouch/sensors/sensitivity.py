@@ -1,4 +1,7 @@
-"""Describe how a sensor curve changes with its parameters, and which changes only scale the curve."""
+"""Describe how a sensor curve changes with its parameters.
+
+Some changes only scale the curve.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +17,10 @@ from pretouch._core.numbers import FloatArray, chebyshev_basis, chebyshev_extrem
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CurveSimilarity:
-    """Scale factors for length and gain that convert sensor curves of one class to one reference curve.
+    """Scale factors between similar sensor curves.
 
-    With scaled lengths X = s x, the equation of motion keeps its form if the force does. Lengths are multiplied by
-    `length` = s and the gain by `gain`.
+    They convert sensor curves of one class to one reference curve. With scaled lengths X = s x, the equation of motion
+    keeps its form if the force does. Lengths are multiplied by `length` = s and the gain by `gain`.
 
     Args:
         curve: the reference curve.
@@ -41,9 +44,10 @@ _ROUNDING: Final = 1e-15  # relative rounding error of slopes; smaller differenc
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CurveSensitivity:
-    """Derivative of the log output ln xi of a sensor curve with respect to one of its parameters.
+    """Sensitivity of the log output to one curve parameter.
 
-    Up to a constant, the derivative equals output * ln xi + shift * g + stretch * l * g.
+    The sensitivity is the derivative of ln xi with respect to the parameter. Up to a constant, the derivative equals
+    output * ln xi + shift * g + stretch * l * g.
 
     The three terms act like a change of the gain, of the recess, and of the unit of length. Derivatives by these
     quantities therefore yield the derivative by the parameter. If the three terms do not describe the change, or only
@@ -65,7 +69,7 @@ class CurveSensitivity:
 
 
 def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
-    """Differentiate a sensor curve with respect to the parameter of the given name."""
+    """Differentiate a sensor curve with respect to one parameter."""
     # If the class of the curve does not define the derivative, dg/d(parameter) is computed from the polynomial through
     # eleven curves with the parameter within 5 % of its value. If values on one side are invalid, the other side is
     # used. The relative error is about 1e-11 if g is computed to rounding.
@@ -78,14 +82,17 @@ def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
 
 
 def _describes_own_curve(cls: type) -> bool:
-    """Return True if a class defines the parameter derivatives itself and does not inherit them."""
+    """Return True if a class defines its own parameter derivatives.
+
+    Inherited derivatives do not count.
+    """
     # A subclass that overrides `_log_slope` but not `_sensitivity_to` has a curve that the latter does not describe.
     first = {name: next(c for c in cls.__mro__ if name in vars(c)) for name in ("_sensitivity_to", "_log_slope")}
     return issubclass(first["_sensitivity_to"], first["_log_slope"])
 
 
 def _by_differences(sensor: Any, name: str) -> SlopeSensitivity:
-    """Differentiate the slope of a sensor curve numerically with respect to one parameter."""
+    """Differentiate the sensor slope numerically."""
     value = float(getattr(sensor, name))
     half = _WINDOW * abs(value) or 1e-3
     error: InvalidInputError | None = None

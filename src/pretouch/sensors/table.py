@@ -18,10 +18,11 @@ from .model import SensorModel, _limit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table(SensorModel):
-    """Sensor curve through measured points, whose log output is interpolated by a monotone piecewise cubic.
+    """Sensor curve through measured points.
 
-    The interpolant (Fritsch and Butland 1984, SciPy's `PchipInterpolator`) has a continuous slope g, and falls with the
-    distance like the table. The curve is valid between the first and the last distance of the table.
+    The log output is interpolated by a monotone piecewise cubic. The interpolant (Fritsch and Butland 1984, SciPy's
+    `PchipInterpolator`) has a continuous slope g, and falls with the distance like the table. The curve is valid
+    between the first and the last distance of the table.
 
     Args:
         distances: l of the points [m], at least two, strictly increasing.
@@ -91,9 +92,10 @@ def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> An
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PiecewiseCubic(SensorModel):
-    """Sensor curve through given points, whose log output is a cubic polynomial between neighboring points.
+    """Piecewise cubic sensor curve through given points.
 
-    The slopes at both ends of each interval are arguments as well.
+    The log output is a cubic polynomial between neighboring points. The slopes at both ends of each interval are
+    arguments as well.
 
     The slope may jump at a point, and ln xi may rise with the distance: neither is checked. The curve is valid between
     its first and its last distance.
@@ -126,7 +128,7 @@ class PiecewiseCubic(SensorModel):
         if len(levels) != len(distances) or slopes.shape != (len(distances) - 1, 2) or (np.diff(distances) <= 0).any():
             raise InvalidInputError(
                 f"distances: found {len(distances)} distances, {len(levels)} log_outputs, and slopes of the "
-                f"shape {slopes.shape}; a table needs strictly increasing distances, one log_output per "
+                f"shape {slopes.shape}. A table needs strictly increasing distances, one log_output per "
                 "distance, and two slopes per interval"
             )
         object.__setattr__(self, "distances", tuple(distances.tolist()))
@@ -140,7 +142,10 @@ class PiecewiseCubic(SensorModel):
         return self.distances
 
     def coefficients(self) -> FloatArray:
-        """Return the four polynomial coefficients of the log output for each interval between points."""
+        """Return the polynomial coefficients of the log output.
+
+        There are four coefficients for each interval between points.
+        """
         # In ln xi = sum c_k z^k, z is l minus the middle of the interval [m]. The result has the shape (N - 1, 4).
         width = np.diff(self.distances)
         (near, far), slopes = np.array([self.log_outputs[:-1], self.log_outputs[1:]]), np.array(self.slopes)

@@ -1,4 +1,4 @@
-"""Simulate the sampled control loop of sensor, controller and robot, and compute its stability limits."""
+"""Simulate the sampled control loop, and compute its stability limits."""
 
 from .chain import LoopTiming, SensorChain, chain_of_fit, timing_of
 from .closed_loop import ClosedLoop

@@ -28,7 +28,9 @@ _LONGEST_BEAT: Final = 102  # readings: by Dirichlet's theorem, a beat of at mos
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorChain:
-    """Model of a sensor with exposure, offset, noise, clipping, quantization, dropouts and delay, in this order.
+    """Model of a sensor with sampling, noise and delay.
+
+    The steps are exposure, offset, noise, clipping, quantization, dropouts and delay, in this order.
 
     The k-th exposure starts at phase + k / rate, shifted by its jitter, and the output is averaged over it. The sensor
     deviates from its curve by the misfit h: its output has the logarithm ln xi + h(l). Here h is a smooth random
@@ -94,8 +96,8 @@ class SensorChain:
         check_declared(self)
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
-                f"exposure: found {self.exposure:g} s, which is longer than the period of {self.period:g} s "
-                f"at a sensor rate of {self.rate:g} Hz; expected at most one period"
+                f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s "
+                f"at a sensor rate of {self.rate:g} Hz"
             )
         if self.random_phase and self.phase:
             raise InvalidInputError(
@@ -135,11 +137,14 @@ class SensorChain:
 
     @property
     def latency(self) -> float:
-        """The sensor latency: time from the middle of an exposure until its reading is available [s]."""
+        """The latency of the sensor [s].
+
+        It is the time from the middle of an exposure until its reading is available.
+        """
         return self.exposure / 2 + self.delay
 
     def numbers(self) -> tuple[float, ...]:
-        """Return the parameters of the sensor chain in the order that the compiled simulation expects."""
+        """Return the parameters of the sensor for the compiled simulation."""
         # The structure is pretouch_chain in native/core/pretouch.h; booleans are 0 or 1.
         return (
             *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
@@ -149,7 +154,10 @@ class SensorChain:
         )
 
     def rows(self) -> Iterator[Row]:
-        """Yield table rows with the parameters of the sensor, without optional parameters that are zero."""
+        """Yield table rows with the parameters of the sensor.
+
+        Optional parameters that are zero are omitted.
+        """
         yield "readings", f"{format_quantity(self.rate, 'Hz')}, one every {format_quantity(self.period, 's')}"
         start = f"after {format_quantity(self.phase, 's')} in every run"
         yield "first exposure", "at a random time within the period, in each run" if self.random_phase else start
@@ -180,7 +188,9 @@ class SensorChain:
 
 @check_arguments
 def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: float = 0.0) -> SensorChain:
-    """Return a sensor chain with the noise, curve error, offset, resolution and saturation level of a calibration.
+    """Return a sensor model from the fit of a calibration.
+
+    Noise, curve error, offset, resolution and saturation level are those of the calibration.
 
     Args:
         fit: a fit by `fit_sensor` or `rank_models`; its noise is that of a single reading.
@@ -209,7 +219,9 @@ def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTiming:
-    """Timing of a sampled control loop: rate of the sensor readings, and delay and duration of the virtual force.
+    """Timing of a sampled control loop.
+
+    It has the rate of the readings, and the delay and duration of the virtual force.
 
     Args:
         rate: readings per second 1/T > 0 [Hz].
@@ -244,8 +256,8 @@ class LoopTiming:
         object.__setattr__(self, "sections", _sections(self.sections))
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
-                f"exposure: found {self.exposure:g} s, which is longer than the period of {self.period:g} s "
-                f"at a sensor rate of {self.rate:g} Hz; expected at most one period"
+                f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s "
+                f"at a sensor rate of {self.rate:g} Hz"
             )
         if self.delay_range > self.delay * (1 + 1e-9):
             raise InvalidInputError(
@@ -255,7 +267,7 @@ class LoopTiming:
         if shortest < self.exposure / 2 * (1 - 1e-9):
             raise InvalidInputError(
                 f"delay: found a shortest delay of {shortest:g} s, expected at least half of the exposure of "
-                f"{self.exposure:g} s, because the delay counts from the middle of the exposure"
+                f"{self.exposure:g} s. The delay counts from the middle of the exposure"
             )
 
     @property
@@ -265,12 +277,18 @@ class LoopTiming:
 
     @property
     def holding(self) -> float:
-        """The time [s] for which the controller applies a virtual force computed from two successive readings."""
+        """The time [s] for which one virtual force acts.
+
+        The controller computes the force from two successive readings.
+        """
         return self.period if self.hold is None else self.hold
 
     @property
     def filters(self) -> tuple[tuple[float, ...], ...]:
-        """All digital filters that process the readings one after the other; the smoothing filter is the last one."""
+        """All digital filters of the readings, in order.
+
+        The smoothing filter is the last one.
+        """
         if self.smoothing == 0:
             return tuple(self.sections)
         kept = math.exp(-self.holding / self.smoothing)
@@ -279,7 +297,7 @@ class LoopTiming:
 
 @check_arguments
 def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool = False) -> LoopTiming:
-    """Compute the timing of a sampled control loop from its sensor chain and its controller.
+    """Compute the timing of a sampled control loop.
 
     A new reading waits for the next step of the controller. If the ratio of both rates is an integer, this wait is the
     same for all readings of a run. It follows from the chain's phase; with a random phase it is any time up to a
@@ -328,7 +346,10 @@ def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool =
 
 
 def _waits(chain: SensorChain, period: float) -> tuple[float, float]:
-    """Return the longest and the shortest time [s] that a finished reading waits for the next controller step."""
+    """Return the longest and shortest wait [s] of a finished reading.
+
+    The reading waits for the next controller step.
+    """
     step = min(period, chain.period)  # a newer reading replaces one that still waits
     ratio = max(chain.period, period) / step
     deviation = abs(ratio - round(ratio))

@@ -1,4 +1,4 @@
-"""Combine sensor, controller, robot and contact model into a sampled control loop that can be simulated."""
+"""Combine sensor, controller, robot and contact into a simulated control loop."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _TOLERANCE: Final = 1e-6  # relative change of the drag at which this iteration 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoop:
-    """The model of a sampled control loop: sensor chain, controller, robot and contact force.
+    """A sampled control loop of sensor, controller, robot and contact.
 
     Called with a scenario, a sensor and gains, it solves encounters like `find_contact`. So `design_gain` and
     `design_robust_gain` accept it as the argument `evaluate`. With the law and the chain of the example of `simulate`,
@@ -88,7 +88,7 @@ class ClosedLoop:
         whole(self.first_run, "first_run", 0, 2**62)
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike) -> ContactResult:
-        """Simulate encounters of robot and object with the sampled control loop, each until contact.
+        """Simulate encounters with the sampled control loop until contact.
 
         The i-th encounter of the scenario has the noise of run `first_run` + i, the same with every gain.
 
@@ -105,7 +105,7 @@ class ClosedLoop:
         return self._until_contact(scenario, (sensor,), gain)
 
     def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> ContactResult:
-        """Simulate encounters of robot and object until contact, each of them with its own sensor curve."""
+        """Simulate encounters until contact, each with its own sensor curve."""
         return self._until_contact(scenario, tuple(sensors), gain, each=True)
 
     def _until_contact(
@@ -126,19 +126,22 @@ class ClosedLoop:
 
     @property
     def continuous(self) -> ContinuousLaw | None:
-        """The continuous-time law that the controller approximates; None if the controller has no such law."""
+        """The continuous-time law that the controller approximates.
+
+        It is None if the controller has no such law.
+        """
         own = getattr(getattr(self.law, "law", self.law), "continuous", None)
         return None if own is None else continuous_law(own)
 
     def after(self, runs: int) -> ClosedLoop:
-        """Return a copy of the loop that skips the random noise of a given number of earlier runs."""
+        """Return a loop that skips the random noise of earlier runs."""
         # The noise of the first encounter is shifted by `runs`.
         return replace(self, first_run=self.first_run + runs)
 
     def run(
         self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike, *, runs: int | None = None
     ) -> SimulationResult:
-        """Simulate encounters of robot and object with the sampled control loop, each with one gain.
+        """Simulate encounters with the sampled control loop, each with one gain.
 
         Args:
             scenario: the encounter, or an array of them.
@@ -152,11 +155,17 @@ class ClosedLoop:
         return result_of(self.encounters(scenario, (sensor,), gain, runs))
 
     def run_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> SimulationResult:
-        """Simulate encounters of robot and object, contact included, each of them with its own sensor curve."""
+        """Simulate whole encounters, each with its own sensor curve.
+
+        Returns:
+            The result, contact included.
+        """
         return result_of(self.encounters(scenario, tuple(sensors), gain, None, each=True))
 
     def stability_limit(self, scenario: Scenario, sensor: SensorModel, value: float | None = None) -> GainLimit:
-        """Find the strongest gain with which the loop is stable at every distance between start and contact.
+        """Find the strongest gain with a stable loop at every distance.
+
+        The distances lie between start and contact.
 
         Args:
             scenario: the encounter.
@@ -192,7 +201,14 @@ class ClosedLoop:
     def stable_bounds(
         self, bounds: tuple[float, float], scenario: Scenario, sensor: SensorModel, margin: float
     ) -> tuple[float, float]:
-        """Narrow the bounds of the gain to gains with a required gain margin; raise an error if no such gain exists."""
+        """Narrow the bounds to gains with a required gain margin.
+
+        Returns:
+            The narrowed bounds.
+
+        Raises:
+            InvalidInputError: no gain within the bounds has the required gain margin.
+        """
         strongest = 0.0
         for _ in range(
             _ROUNDS
@@ -207,10 +223,10 @@ class ClosedLoop:
         if not low < high:
             interval, most = f"{bounds[0]:g} to {bounds[1]:g} {n.unit}", f"{strongest:.4g} {n.unit}"
             raise InvalidInputError(
-                f"stability_margin: at a sensor rate of {self.chain.rate:g} Hz, no {n.name} within the bounds of "
-                f"[gain] has the required gain margin of {margin:g}. The bounds are {interval}, and the strongest "
-                f"{n.name} with this margin is {most}. Choose a smaller margin, a weaker {n.name}, a faster sensor or "
-                "a larger virtual mass"
+                f"stability_margin: no {n.name} within the bounds of [gain] has the required gain margin of "
+                f"{margin:g}. At a sensor rate of {self.chain.rate:g} Hz, the strongest {n.name} with this margin is "
+                f"{most}, but the bounds are {interval}. Choose a smaller margin, a weaker {n.name}, a faster sensor "
+                "or a larger virtual mass"
             )
         return low, high
 
@@ -223,7 +239,14 @@ class ClosedLoop:
         *,
         each: bool = False,
     ) -> Loop:
-        """Combine the control loop with an array of encounters, which share one sensor curve or have one each."""
+        """Combine the control loop with an array of encounters.
+
+        Returns:
+            The inputs of the simulation. The encounters share one sensor curve, or have one each.
+
+        Raises:
+            InvalidInputError: the shape of the gains does not match that of the encounters.
+        """
         # If `gain` is None, the law keeps its own gain.
         law = self.continuous
         gains = np.asarray(0.0 if gain is None else finite(gain, "gain", "" if law is None else law.number.unit))
@@ -261,12 +284,15 @@ class ClosedLoop:
         )
 
     def _laws(self, gains: FloatArray) -> tuple[tuple[SampledLaw, ...], IntArray]:
-        """Return a controller for every distinct gain, and the index of the controller that belongs to each gain."""
+        """Return a controller for every distinct gain.
+
+        The second result assigns a controller to each gain by its index.
+        """
         distinct, law_of = np.unique(gains, return_inverse=True)
         return tuple(self.law.with_value(float(g)) for g in distinct), law_of.reshape(gains.shape)
 
     def _check_admittance(self, scenario: Scenario) -> None:
-        """Raise an error if the admittance of the encounter differs from the admittance of the controller."""
+        """Raise an error if encounter and controller have different admittances."""
         admittance = getattr(self.law, "admittance", None)
         for name in _ADMITTANCE:
             in_scenario, in_law = getattr(scenario.admittance, name), getattr(admittance, name, None)
@@ -299,7 +325,7 @@ def loop_section(loop: ClosedLoop, *first: Row) -> PageSection:
 
 
 def loop_sentences(loop: ClosedLoop) -> Iterator[str]:
-    """Yield one sentence for each component of a sampled control loop, such as the sensor and the robot."""
+    """Yield one sentence for each component of a control loop."""
     yield (
         f"Sensor: {_joined(loop.chain.rows())}; the noise has a normal distribution and is independent between "
         "readings."
@@ -316,7 +342,7 @@ def _joined(rows: Iterable[Row]) -> str:
 
 
 def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
-    """Yield table rows with the seed of the noise and the duration of the simulated runs."""
+    """Yield table rows with noise seed and duration of the runs."""
     yield "seed of the noise", str(loop.seed)
     yield "longest time until contact", Measured(loop.horizon, "s")
     if loop.contact is not None:
@@ -324,14 +350,20 @@ def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
 
 
 def law_rows(law: SampledLaw) -> Iterable[Row]:
-    """Return table rows with the parameters of a controller; for a user-defined law, only its name and period."""
+    """Return table rows with the parameters of a controller.
+
+    For a user-defined law, they have only its name and period.
+    """
     if isinstance(law, Controller):
         return law.rows()
     return ("law", type(law).__name__), ("period", Measured(law.period, "s"))
 
 
 def contact_rows(contact: ContactModel | None) -> Iterator[Row]:
-    """Yield table rows with the parameters of the contact force; if none is modeled, one row that says so."""
+    """Yield table rows with the parameters of the contact force.
+
+    Without a contact model, one row says so.
+    """
     if contact is None:
         yield "contact", "no contact force: a run ends at contact"
     else:

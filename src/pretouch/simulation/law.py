@@ -26,12 +26,16 @@ class SampledLaw(Protocol):
         """The Python function or compiled function that computes one controller step."""
 
     def parameters(self) -> Any:
-        """Return the parameters of the control law; for a compiled step, as a NumPy array or a ctypes structure."""
+        """Return the parameters of the control law.
+
+        For a compiled step, they are a NumPy array or a ctypes structure.
+        """
 
     def start(self, *, position: float, velocity: float) -> Any:
-        """Return the controller's initial state for a position [m] and a velocity [m/s] relative to the reference.
+        """Return the controller's initial state for a position and a velocity.
 
-        For a compiled step, the state is a NumPy array or a ctypes structure, which is copied for each run.
+        Position [m] and velocity [m/s] are relative to the reference. For a compiled step, the state is a NumPy array
+        or a ctypes structure, which is copied for each run.
         """
 
 
@@ -40,4 +44,7 @@ class TunableLaw(SampledLaw, Protocol):
     """Interface of a sampled controller with an adjustable gain, such as `pretouch.control.Controller`."""
 
     def with_value(self, value: float) -> SampledLaw:
-        """Return the same control law with another gain, such as D_p of a virtual damper [N s]."""
+        """Return the same control law with another gain.
+
+        For a virtual damper, the gain is D_p [N s].
+        """

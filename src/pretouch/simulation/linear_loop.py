@@ -1,4 +1,6 @@
-"""Linearize the sampled control loop at one distance, and find the smallest damping that makes it unstable.
+"""Find the smallest damping that makes a sampled loop unstable.
+
+The loop is linearized at one distance.
 
 Near a distance l, ln xi changes by g dx. The force of two readings is -(d / h) (y_k - y_k-1), where d = D_p g is the
 equivalent damping of the virtual force and h the time for which it acts. All other parts are linear and time-invariant,
@@ -42,9 +44,10 @@ _DENSE: Final = 300  # periods of delay up to which all eigenvalues are computed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearLoop:
-    """The linearized open control loop as a discrete-time system; its time step is the sensor period.
+    """The linearized open control loop as a discrete-time system.
 
-    The loop is opened at the damping d. The period lasts from the start of one exposure to the next.
+    Its time step is the sensor period. The loop is opened at the damping d. The period lasts from the start of one
+    exposure to the next.
 
     Args:
         timing: the timing of the loop.
@@ -65,9 +68,10 @@ class LinearLoop:
     modes: _Complex
 
     def response(self, angle: _Complex | FloatArray) -> _Complex:
-        """Return the open-loop transfer function P(z) [m/(N s)] from virtual force to rate of change of the readings.
+        """Return the open-loop transfer function P(z) [m/(N s)].
 
-        The rate is the difference of two successive readings over their period. P is evaluated at z = exp(i omega T).
+        P leads from the virtual force to the rate of change of the readings. The rate is the difference of two
+        successive readings over their period. P is evaluated at z = exp(i omega T).
 
         The angles omega T, shape (k,), are real in (0, pi] on the unit circle and complex elsewhere. If
         1 + d P(z) = 0, z is an eigenvalue of the closed loop.
@@ -84,9 +88,10 @@ class LinearLoop:
         return np.asarray(difference * out / self.timing.holding, dtype=np.complex128)
 
     def closed(self, damping: float) -> FloatArray:
-        """Return the state transition matrix of the closed loop over one sensor period, with a damping d [N s/m].
+        """Return the closed loop's state transition matrix over one sensor period.
 
-        The state consists of the plant's state, the forces that still act, the last filtered reading and filter states.
+        The virtual damping is d [N s/m]. The state consists of the plant's state, the forces that still act, the last
+        filtered reading and filter states.
         """
         n, later = len(self.reading), np.zeros((self.lag, len(self.reading) + 1))
         effects = np.vstack([later, np.column_stack([self.pushes, self.feedthrough])])
@@ -95,7 +100,10 @@ class LinearLoop:
 
     @property
     def remembered(self) -> int:
-        """The number of sensor periods after a reading until the force that it caused has no more effect."""
+        """The number of sensor periods in which a force has effects.
+
+        The count starts at the reading that caused the force.
+        """
         return self.lag + len(self.feedthrough)
 
     def _advance(self, state: FloatArray, damping: float, pushes: FloatArray, feedthrough: FloatArray) -> FloatArray:
@@ -113,7 +121,11 @@ class LinearLoop:
 
 
 def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing: LoopTiming) -> LinearLoop:
-    """Discretize the open control loop of a linear robot exactly; the time step is the sensor period."""
+    """Discretize the open control loop of a linear robot exactly.
+
+    Returns:
+        The loop, whose time step is the sensor period.
+    """
     # The plant is x' = A x + B F with the output C x; B and C have the shape (n,).
     n, exposure, period = len(push), timing.exposure, timing.period
     block = np.zeros((n + 2, n + 2))  # the state, the integral of the reading, a constant force
@@ -148,9 +160,12 @@ def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing
 
 
 def _exponentials(matrices: FloatArray) -> FloatArray:
-    """Return the exponentials of k matrices of size n by n, computed with a Taylor series, scaling and squaring.
+    """Compute matrix exponentials with a Taylor series, scaling and squaring.
 
     exp(A) - 1 is squared, so that small entries stay accurate. SciPy's function takes longer, also to load.
+
+    Returns:
+        The exponentials of the k matrices.
     """
     norm = np.abs(matrices).sum(axis=1).max(axis=1)
     halvings = np.ceil(np.log2(np.maximum(norm, 1.0))).astype(int)
@@ -166,7 +181,9 @@ def _exponentials(matrices: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossover:
-    """The virtual damping and the frequency at which an eigenvalue of the sampled loop crosses the unit circle.
+    """The damping and frequency at the stability limit of a loop.
+
+    There, an eigenvalue of the sampled loop crosses the unit circle.
 
     Args:
         angle: omega T of the oscillation.
@@ -180,7 +197,11 @@ class Crossover:
 
 
 def first_crossover(loop: LinearLoop) -> Crossover | None:
-    """Find the smallest virtual damping that makes the loop unstable; None if the loop is stable with any damping."""
+    """Find the smallest virtual damping that makes the loop unstable.
+
+    Returns:
+        The crossover; None if the loop is stable with any damping.
+    """
     fastest = float(np.abs(loop.modes).max())
     for mode in loop.modes[loop.modes.real > _UNDAMPED * fastest]:
         return Crossover(angle=_aliased_angle(mode), damping=0.0, growth=float(mode.real))
@@ -198,7 +219,11 @@ def first_crossover(loop: LinearLoop) -> Crossover | None:
 
 
 def worst_crossover(system: _Plant, timing: LoopTiming) -> tuple[LinearLoop, Crossover | None]:
-    """Find the loop delay with the smallest stability limit; return the loop with this delay and the limit."""
+    """Find the loop delay with the smallest stability limit.
+
+    Returns:
+        The loop with this delay, and its stability limit.
+    """
     # The worst delay is nearly always the longest. Near a weakly damped mode, the limit has minima over the delay.
     tried: dict[float, tuple[LinearLoop, Crossover | None]] = {}
 
@@ -223,9 +248,9 @@ def _damping(candidate: tuple[LinearLoop, Crossover | None]) -> float:
 
 
 def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, near: float) -> float:
-    """Return the spectral radius of the closed loop with a virtual damping d [N s/m].
+    """Return the spectral radius of the closed loop.
 
-    The eigenvalue 1 of a `free` position is excluded.
+    The virtual damping is d [N s/m]. The eigenvalue 1 of a `free` position is excluded.
 
     If forces act for more than 300 periods after their readings, the matrix is too large. Then it is the modulus of the
     eigenvalue near the crossover at the angle `near`, or NaN without a crossover.
@@ -239,14 +264,17 @@ def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, near: float
 
 
 def _aliased_angle(mode: complex) -> float:
-    """Return the angle omega T in [0, pi] at which an oscillation appears after sampling (aliasing)."""
+    """Return the aliased angle omega T of an oscillation after sampling.
+
+    It is between 0 and pi.
+    """
     return abs(math.remainder(mode.imag, 2 * math.pi))
 
 
 def _growth_of_mode(loop: LinearLoop, pole: float) -> float:
-    """Return the growth rate ln |z| of a mode that is undamped in open loop, for a very small virtual damping.
+    """Return the growth rate ln |z| of an undamped mode.
 
-    The damping moves the eigenvalue by 1e-6.
+    The mode is undamped in open loop. The virtual damping is very small. The damping moves the eigenvalue by 1e-6.
 
     With z = z_0 exp(i e) and Q(e) = (exp(i e) - 1) P(z), which is finite at z_0, 1 + d P = 0 is exp(i e) = 1 - d Q(e).
     """
@@ -265,7 +293,7 @@ def _growth_of_mode(loop: LinearLoop, pole: float) -> float:
 
 
 def _modulus_near(loop: LinearLoop, angle: float, damping: float) -> float:
-    """Compute the magnitude of the closed-loop eigenvalue near the unit circle with Newton's method."""
+    """Compute the modulus of a closed-loop eigenvalue near the unit circle."""
     at, step = complex(angle), 1e-6 * angle
     with np.errstate(all="ignore"):  # where two eigenvalues meet, Newton's method may diverge
         for _ in range(5):
@@ -275,7 +303,11 @@ def _modulus_near(loop: LinearLoop, angle: float, damping: float) -> float:
 
 
 def _crossover_angles(loop: LinearLoop, angle: FloatArray, response: _Complex, poles: list[float]) -> list[float]:
-    """Return the angles omega T at which the imaginary part of the open-loop frequency response rises through zero."""
+    """Find the rising zeros of the frequency response's imaginary part.
+
+    Returns:
+        The zeros of the open loop's response, as angles omega T.
+    """
     # Only the angles of the smallest dampings are complete.
     rising = (
         _sign_changes(response)
@@ -296,9 +328,13 @@ def _crossover_angles(loop: LinearLoop, angle: FloatArray, response: _Complex, p
 
 
 def _sample_response(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Complex]:
-    """Return samples of the open-loop frequency response, so dense that the phase changes little between two samples.
+    """Sample the open-loop frequency response densely.
 
-    Angles at which P is too small for the smallest damping are not refined.
+    The phase changes little between two samples. Angles at which P is too small for the smallest damping are not
+    refined.
+
+    Returns:
+        Angles and responses.
     """
     lowest = _LOWEST / (1 + loop.remembered)
     ends = np.array([math.pi * (1 - _NEAR)])
@@ -326,12 +362,12 @@ def _sample_response(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, 
 
 
 def _sign_changes(response: _Complex) -> BoolArray:
-    """Return True for each interval between two samples in which the imaginary part of the response changes sign."""
+    """Mark the sample intervals with a sign change of the imaginary part."""
     return np.asarray(np.signbit(response.imag[1:]) != np.signbit(response.imag[:-1]))
 
 
 def _is_relevant(response: _Complex) -> BoolArray:
-    """Return True for each frequency interval whose response may be large enough to set the stability limit."""
+    """Mark the frequency intervals that may set the stability limit."""
     size = np.abs(response)
     crossing = _sign_changes(response) & (response.real[1:] < 0) & (response.real[:-1] < 0)
     largest = np.minimum(size[1:], size[:-1])[crossing].max(initial=0.0)
@@ -339,7 +375,7 @@ def _is_relevant(response: _Complex) -> BoolArray:
 
 
 def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
-    """Return True for each frequency interval that contains an undamped mode of the open loop."""
+    """Mark the frequency intervals with an undamped open-loop mode."""
     # There, P changes its sign without a crossover.
     contains = np.zeros(len(angle) - 1, dtype=bool)
     for pole in poles:
@@ -350,7 +386,13 @@ def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
 def zero_between(
     function: Callable[[float], float], first: tuple[float, float], second: tuple[float, float], tolerance: float
 ) -> float:
-    """Find a zero of a function, or a jump across zero, between two points where its signs differ."""
+    """Find a zero or a jump across zero between two points.
+
+    The function has different signs at the two points.
+
+    Returns:
+        The position of the zero or jump.
+    """
     # Chandrupatla's method: inverse quadratic interpolation, or bisection if it is unreliable (T. R. Chandrupatla,
     # Advances in Engineering Software 28 (1997) 145). SciPy's brentq would take 0.1 s to load.
     (b, at_b), (a, at_a), part = first, second, 0.5

@@ -1,4 +1,4 @@
-"""Simulate encounters of robot and object with the sampled loop of sensor, controller, robot and contact."""
+"""Simulate encounters of robot and object with a sampled control loop."""
 
 from __future__ import annotations
 
@@ -29,11 +29,12 @@ def simulate(
     horizon: float = HORIZON,
     follow_time: float = FOLLOW,
 ) -> SimulationResult:
-    """Simulate the sampled control loop, in which the controller turns sensor readings into a motion of the robot.
+    """Simulate encounters of robot and object with a sampled control loop.
 
-    Obstacle, plant and reference start as in the scenario; its admittance is ignored, because the law has its own.
-    Contact is the first zero of the distance. Within a step the distance is a cubic through both ends. A smallest
-    distance that cannot be distinguished from zero (within 1e-12 of the terms it is computed from) is a contact.
+    The controller turns sensor readings into a motion of the robot. Obstacle, plant and reference start as in the
+    scenario; its admittance is ignored, because the law has its own. Contact is the first zero of the distance. Within
+    a step the distance is a cubic through both ends. A smallest distance that cannot be distinguished from zero (within
+    1e-12 of the terms it is computed from) is a contact.
 
     Args:
         scenario: the encounter, or an array of them.

@@ -123,9 +123,9 @@ class _Loop(Structure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loop(Value):
-    """All inputs of a set of simulated runs, from which each run can be repeated exactly.
+    """All inputs of a set of simulated runs.
 
-    `shape` is the shape of the array of runs.
+    Each run can be repeated exactly from these inputs. `shape` is the shape of the array of runs.
 
     Each run has one of the `sensors`, one of the `laws` (which share a period and a step), and the noise of the run
     with the index in `noise_of`.
@@ -149,7 +149,9 @@ class Loop(Value):
 def run_loop(
     loop: Loop, which: IntArray, rows: int = 0, *, touches: int = TOUCHES, course_rows: int = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Simulate selected encounters in compiled code, on all processor cores if the control law is compiled.
+    """Simulate selected encounters in compiled code.
+
+    If the control law is compiled, the simulation uses all processor cores.
 
     Args:
         loop: the loop.
@@ -189,21 +191,25 @@ def run_loop(
 
 
 def waiting_readings(chain: SensorChain, period: float) -> FloatArray:
-    """Allocate memory for all sensor readings that may wait at the same time for delivery to the controller."""
+    """Allocate memory for the sensor readings that wait for delivery.
+
+    Returns:
+        Memory for all readings that may wait at the same time.
+    """
     # The number of rows is a power of two.
     waiting = int((chain.delay + _JITTERS * chain.jitter + chain.exposure + period) * chain.rate) + 8
     return np.empty((1 << (waiting - 1).bit_length(), _READING))
 
 
 def chain_structure(chain: SensorChain) -> ctypes.Structure:
-    """Return the parameters of a sensor as a C structure for the compiled simulation."""
+    """Return the parameters of a sensor as a C structure."""
     return _Chain(*chain.numbers())
 
 
 def curve_structure(sensor: SensorModel, farthest: float) -> tuple[ctypes.Structure, FloatArray]:
-    """Return the C structure of a sensor curve, and its table, which must stay in memory as long as the structure.
+    """Return a sensor curve as a C structure with a table.
 
-    Beyond `farthest` [m], the output is 0.
+    The table must stay in memory as long as the structure. Beyond `farthest` [m], the output is 0.
     """
     low, high = sensor.valid_range
     table, start, step = _curve_table(sensor, farthest + low)
@@ -211,7 +217,7 @@ def curve_structure(sensor: SensorModel, farthest: float) -> tuple[ctypes.Struct
 
 
 def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> tuple[_Loop, _PythonStep | None]:
-    """Copy the inputs of selected encounters to the data structures of the compiled simulation."""
+    """Copy the inputs of selected encounters for the compiled simulation."""
     # The structure contains the output arrays of `run_loop`.
     scenes, period = _columns(loop, _scene_of(loop.scenario))[which], loop.laws[0].period
     course = loop.scenario.obstacle.course
@@ -247,7 +253,7 @@ def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> 
 
 
 def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, _PythonStep | None]:
-    """Copy parameters and initial states of the control laws to the structures of the compiled simulation."""
+    """Copy the control laws for the compiled simulation."""
     used_laws, law_of = np.unique(loop.law_of.ravel()[which], return_inverse=True)
     starts = np.column_stack([used_laws[law_of.ravel()], scenes[:, (0, 1)] - scenes[:, (5, 6)]])
     distinct, start_of = np.unique(starts, axis=0, return_inverse=True)
@@ -277,7 +283,7 @@ def _scene_of(s: Scenario) -> tuple[Any, ...]:
 
 
 def _columns(loop: Loop, columns: Sequence[Any]) -> FloatArray:
-    """Combine inputs into one matrix with a row for each simulated run and a column for each input."""
+    """Combine inputs into one matrix with a row for each run."""
     rows = np.empty((*loop.shape, len(columns)))
     for i, column in enumerate(columns):
         rows[..., i] = column
@@ -285,7 +291,7 @@ def _columns(loop: Loop, columns: Sequence[Any]) -> FloatArray:
 
 
 def _curves(loop: Loop, indices: IntArray) -> list[tuple[FloatArray, float, float, float]]:
-    """Tabulate each sensor curve of the simulated runs, up to the largest distance that may occur."""
+    """Tabulate each sensor curve of the simulated runs."""
     sensor_of, distance = loop.sensor_of.ravel(), np.broadcast_to(loop.scenario.distance, loop.shape).ravel()
     curves = []
     for index in indices:
@@ -299,7 +305,9 @@ def _curves(loop: Loop, indices: IntArray) -> list[tuple[FloatArray, float, floa
 
 @cache_by_curve(1024)  # the number of sensor samples of a robust design on a loop, or of a verdict
 def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
-    """Tabulate the log sensor output so densely that cubic interpolation has an error of 1e-12.
+    """Tabulate the log sensor output for cubic interpolation.
+
+    The table is so dense that the interpolation error is 1e-12.
 
     Returns:
         Values of ln xi and its slopes times the step, shape (n, 2); the first distance and the step [m].
@@ -319,7 +327,7 @@ def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, f
 
 
 class _PythonStep:
-    """Adapter through which the compiled simulation calls a control law that is written in Python.
+    """Adapter between the compiled simulation and a Python control law.
 
     It holds parameters and states; the compiled loop has their indices.
     """
@@ -358,7 +366,7 @@ def _to_sample(raw: RawSample) -> Sample:
 
 
 def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -> FloatArray:
-    """Copy parameters or states of control laws to a matrix for the compiled simulation."""
+    """Copy parameters or states of control laws to a matrix."""
     # For a Python step, the matrix has indices. Rows are aligned to 8 bytes.
     if python_step is not None:
         return np.arange(len(parts), dtype=np.float64)[:, None]
@@ -377,6 +385,9 @@ def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -
 
 
 def contact_step(contact: tuple[float, ...], inverse_mass: float, speed: float) -> float:
-    """Return the integration step during contact [s], which is 1/50 of the time scale of the contact."""
+    """Return the integration step during contact [s].
+
+    It is 1/50 of the time scale of the contact.
+    """
     # `inverse_mass` is 1 / reduced mass [1/kg], and `speed` the initial speed.
     return float(_contact_step(byref(_Contact(*contact)), inverse_mass, speed))

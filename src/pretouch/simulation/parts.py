@@ -16,7 +16,7 @@ from .chain import SensorChain
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorPart:
-    """A commercial sensor, with a model of its readings that is based on its data sheet.
+    """A commercial sensor with a model based on its data sheet.
 
     The chain is a starting point: a calibration determines the noise better.
 
@@ -70,7 +70,10 @@ _counts: Final = partial(SensorChain, delay=_READ, lowest=0.0, highest=65535.0, 
 
 
 def _ranging(rate: float) -> SensorChain:
-    """Return the model of a time-of-flight sensor that measures continuously at a given rate [Hz]."""
+    """Return the model of a time-of-flight sensor with continuous measurement.
+
+    It measures at a given rate [Hz].
+    """
     return SensorChain(
         rate=rate,
         exposure=1 / rate,

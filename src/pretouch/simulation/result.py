@@ -1,4 +1,4 @@
-"""Define the results of a simulation, and limit the number and duration of its runs."""
+"""Define simulation results, and limit the number and duration of runs."""
 
 from __future__ import annotations
 
@@ -43,7 +43,14 @@ _MOST_BUFFERED: Final = 1_000_000  # most undelivered readings
 
 
 def check_loop(loop: Loop) -> Loop:
-    """Check the inputs of a simulation and return them; raise an error if a run would have too many steps."""
+    """Check the inputs of a simulation and return them.
+
+    Returns:
+        The checked inputs.
+
+    Raises:
+        InvalidInputError: an input is invalid, or a run would have too many steps.
+    """
     checked_numbers(loop.plant, loop.plant.coefficients(), COEFFICIENTS)
     if loop.contact is not None:
         checked_numbers(loop.contact, loop.contact.numbers(), CONTACT_NUMBERS)
@@ -63,17 +70,23 @@ def check_loop(loop: Loop) -> Loop:
 
 
 def refuse_too_many_runs(count: int) -> None:
-    """Raise an error if a simulation has too many runs, before memory is allocated for the runs."""
+    """Raise an error if a simulation has too many runs.
+
+    The check comes before memory is allocated for the runs.
+
+    Raises:
+        InvalidInputError: there are too many runs.
+    """
     if count > MOST_RUNS:
         size = 8 * count * (len(RESULT_COLUMNS) + TOUCHES * len(CONTACT_COLUMNS))
         raise InvalidInputError(
             f"runs: found {count:,} runs, which would need {size / 1e9:,.0f} GB of memory, expected at most "
-            f"{MOST_RUNS:,} runs; for more runs, call the function again with another seed"
+            f"{MOST_RUNS:,} runs. For more runs, call the function again with another seed"
         )
 
 
 def _refuse_endless_runs(loop: Loop) -> None:
-    """Raise an error if a single run would have too many controller steps or sensor readings."""
+    """Raise an error if a single run would be too long."""
     period, chain = loop.laws[0].period, loop.chain
     _refuse(loop.horizon, period, "loop horizon", f"a controller with a period of {_time(period)}")
     _refuse(loop.horizon, 1 / chain.rate, "loop horizon", f"a sensor with {chain.rate:g} readings per second")
@@ -89,7 +102,7 @@ def _refuse_endless_runs(loop: Loop) -> None:
     if waiting * chain.rate > _MOST_BUFFERED:
         raise InvalidInputError(
             f"chain delay: up to {waiting * chain.rate:.3g} sensor readings would wait for delivery, but at most "
-            f"{_MOST_BUFFERED:,} are allowed; reduce the delay, exposure or jitter of the sensor, or its rate of "
+            f"{_MOST_BUFFERED:,} are allowed. Reduce the delay, exposure or jitter of the sensor, or its rate of "
             f"{chain.rate:g} readings per second"
         )
 
@@ -97,8 +110,8 @@ def _refuse_endless_runs(loop: Loop) -> None:
 def _refuse(span: float, step: float, name: str, what: str) -> None:
     if not span / step <= _MOST_STEPS:
         raise InvalidInputError(
-            f"{name}: found a simulated time of {_time(span)}, which takes {span / step:.3g} steps of {what}; "
-            f"expected a time of at most {_time(_MOST_STEPS * step)}, which takes {_MOST_STEPS:,} steps; reduce "
+            f"{name}: found a simulated time of {_time(span)}, which takes {span / step:.3g} steps of {what}. "
+            f"Expected a time of at most {_time(_MOST_STEPS * step)}, which takes {_MOST_STEPS:,} steps. Reduce "
             "this time to the longest possible duration of an encounter"
         )
 
@@ -108,14 +121,17 @@ def _time(seconds: float) -> str:
 
 
 def whole(value: Any, name: str, least: int, most: int) -> int:
-    """Return an integer after checking that the integer lies in the allowed range."""
+    """Return an integer after checking its range."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
         raise InvalidInputError(f"{name}: found {value!r}, expected a whole number from {least} to {most}")
     return int(value)
 
 
 def runs_of(value: Any) -> int:
-    """Return a number of runs after checking that the number is a positive integer and not too large."""
+    """Return a number of runs after checking its range.
+
+    It must be a positive integer and not too large.
+    """
     refuse_too_many_runs(runs := whole(value, "runs", 1, 2**63))
     return runs
 
@@ -170,7 +186,9 @@ class LoopTrace(Value):
 
 @dataclass(frozen=True, repr=False)
 class SimulationResult(Value):
-    """Result of `simulate`: single numbers for one run, or arrays of the same shape for an array of runs.
+    """Result of `simulate` for one run or an array of runs.
+
+    For an array of runs, all quantities are arrays of its shape.
 
     Args:
         columns: the quantities by name, each of the shape of the runs.
@@ -230,7 +248,9 @@ class SimulationResult(Value):
         return np.asarray(self.columns["status"] == ContactStatus.CONTACT)
 
     def trace(self, index: int | tuple[int, ...] = ()) -> LoopTrace:
-        """Simulate one run of an array again, with the same noise, and record its time series.
+        """Simulate one run again, and record its time series.
+
+        The run has the same noise as before.
 
         Args:
             index: index of the run in the array.

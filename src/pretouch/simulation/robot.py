@@ -1,4 +1,4 @@
-"""Model how the robot follows its commanded motion, and the contact force between robot and obstacle."""
+"""Model the robot's motion and its contact force with an obstacle."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ Row = tuple[str, Cell]
 
 
 class PlantModel(ABC):
-    """Model of a robot that follows the position commanded by the admittance and yields to a contact force.
+    """Model of a robot that follows the admittance's commanded position.
 
-    The equation of motion is m x'' = f - friction(x') - F_contact, where f follows k (x_v - x) + d_v x_v' - d_x x' +
-    m_f x_v'' at the servo's rate. A user-defined plant implements `coefficients`. A robot with more states, such as
-    flexible joints, is a `LinearPlant` or a `StateSpacePlant`.
+    The robot yields to a contact force. The equation of motion is m x'' = f - friction(x') - F_contact, where f follows
+    k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the servo's rate. A user-defined plant implements `coefficients`. A
+    robot with more states, such as flexible joints, is a `LinearPlant` or a `StateSpacePlant`.
     """
 
     __slots__ = ()
@@ -51,16 +51,25 @@ class PlantModel(ABC):
     """Its name in a scenario file."""
 
     def system(self) -> Any:
-        """Return the state-space model of a linear robot; None for a robot that `coefficients` describes completely."""
+        """Return the state-space model of a linear robot.
+
+        It is None for a robot that `coefficients` describes completely.
+        """
         return None
 
     @abstractmethod
     def coefficients(self) -> tuple[float, ...]:
-        """Return mass, stiffness, damping, friction and force-controller bandwidth of the robot, in SI units."""
+        """Return the coefficients of the robot model in SI units.
+
+        They include mass, stiffness, damping, friction and the rate of the force controller.
+        """
         # The order is m, k, d_v, d_x, m_f, rate of the servo (0: no lag), Coulomb friction, friction speed.
 
     def rows(self) -> Iterator[Row]:
-        """Yield table rows with the parameters of the robot; by default, all values that `coefficients` returns."""
+        """Yield table rows with the parameters of the robot.
+
+        By default, they are all values that `coefficients` returns.
+        """
         yield "robot", type(self).__name__
         for (label, unit), value in zip(_WORDS.values(), self.coefficients(), strict=True):
             yield label, Measured(value, unit)
@@ -78,7 +87,10 @@ class IdealPlant(PlantModel):
     kind: ClassVar[str] = "ideal"
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return mass, stiffness, damping, friction and force-controller bandwidth of the robot, in SI units."""
+        """Return the coefficients of the robot model in SI units.
+
+        They include mass, stiffness, damping, friction and the rate of the force controller.
+        """
         return (0.0,) * len(COEFFICIENTS)
 
     def rows(self) -> Iterator[Row]:
@@ -88,7 +100,7 @@ class IdealPlant(PlantModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImpedancePlant(PlantModel):
-    """An impedance-controlled robot with mass, friction and a force controller of finite bandwidth.
+    """An impedance-controlled robot with mass, friction and a force controller.
 
     Args:
         mass: the *physical* reflected mass at the contact point m > 0 [kg], not the virtual mass M_a.
@@ -122,13 +134,19 @@ class ImpedancePlant(PlantModel):
         frequency = math.sqrt(self.stiffness / self.mass)
         if frequency > _FASTEST:
             raise InvalidInputError(
-                f"stiffness: found {self.stiffness:g} N/m for a mass of {self.mass:g} kg, which gives a natural "
-                f"frequency of {frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s; check the units of "
+                f"stiffness: found {self.stiffness:g} N/m for a mass of {self.mass:g} kg. The natural "
+                f"frequency is {frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s. Check the units of "
                 "stiffness and mass"
             )
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return mass, stiffness, damping, friction and force-controller bandwidth of the robot, in SI units."""
+        """Return the coefficients of the robot model in SI units.
+
+        They include mass, stiffness, damping, friction and the rate of the force controller.
+
+        Raises:
+            InvalidInputError: viscous friction is combined with a finite bandwidth.
+        """
         rate = 0.0 if math.isinf(self.bandwidth) else 2 * math.pi * self.bandwidth
         own_damping = self.damping + (self.viscous_friction if rate == 0 else 0.0)
         ahead = self.mass if self.feedforward else 0.0
@@ -183,7 +201,10 @@ class PositionPlant(PlantModel):
             )
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return mass, stiffness, damping, friction and force-controller bandwidth of the robot, in SI units."""
+        """Return the coefficients of the robot model in SI units.
+
+        They include mass, stiffness, damping, friction and the rate of the force controller.
+        """
         omega = 2 * math.pi * self.bandwidth
         return (self.mass, self.mass * omega**2, 0.0, 2 * self.damping_ratio * omega * self.mass, 0.0, 0.0, 0.0, 1.0)
 
@@ -204,7 +225,7 @@ PLANT_KINDS: Final = Extensions(
 
 
 def checked_numbers(model: object, values: tuple[float, ...], names: tuple[str, ...]) -> tuple[float, ...]:
-    """Return the parameters of a robot model or contact model after checking that they are finite numbers."""
+    """Return model parameters after checking that they are finite numbers."""
     if len(values) != len(names) or not all(map(math.isfinite, values)):
         raise InvalidInputError(
             f"{type(model).__name__}: found {values}, expected {len(names)} finite numbers: {', '.join(names)}"
@@ -213,7 +234,9 @@ def checked_numbers(model: object, values: tuple[float, ...], names: tuple[str, 
 
 
 def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the linear system from virtual force to robot position: admittance and robot without Coulomb friction.
+    """Return the linear system from virtual force to robot position.
+
+    It includes the admittance and the robot, without Coulomb friction.
 
     Returns:
         A, B and C of s' = A s + B F_p, x = C s. The state s has the virtual position and velocity, then position,
@@ -253,7 +276,10 @@ def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray,
 
 
 def plant_step(plant: PlantModel, period: float) -> float:
-    """Return the integration step of a robot model [s], which divides the controller period into equal parts."""
+    """Return the integration step of a robot model [s].
+
+    It divides the controller period into equal parts.
+    """
     mass, stiffness, _, own_damping, _, servo, coulomb, friction_speed = plant.coefficients()
     if mass == 0:
         return period
@@ -268,9 +294,9 @@ def plant_step(plant: PlantModel, period: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactModel(ABC):
-    """Model of the normal contact force, which depends on the penetration depth and its rate of change.
+    """Model of the normal contact force.
 
-    The force is F(d, d') >= 0 with the depth d = -l.
+    The force depends on the penetration depth and its rate of change. The force is F(d, d') >= 0 with the depth d = -l.
 
     Args:
         obstacle_mass: mass of the obstacle [kg]; infinite if it is driven and does not yield. A finite mass has the
@@ -287,17 +313,23 @@ class ContactModel(ABC):
 
     @abstractmethod
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
+        """Return stiffness, damping and other coefficients of the contact force.
+
+        The others are the exponent, whether damping grows with depth, and the inverse mass of the obstacle.
+        """
         # The fourth number says whether damping grows with depth.
 
     def rows(self) -> Iterator[Row]:
-        """Yield table rows with the parameters of the contact force and of the obstacle."""
+        """Yield table rows with parameters of contact force and obstacle."""
         yield from self.force_rows()
         driven = math.isinf(self.obstacle_mass)
         yield "obstacle", "driven: it does not yield" if driven else f"of {format_quantity(self.obstacle_mass, 'kg')}"
 
     def force_rows(self) -> Iterator[Row]:
-        """Yield table rows with the parameters of the contact force; by default, stiffness, exponent and damping."""
+        """Yield table rows with the parameters of the contact force.
+
+        By default, they are stiffness, exponent and damping.
+        """
         stiffness, damping, exponent, grows, _ = self.numbers()
         yield "contact", type(self).__name__
         yield "stiffness", Measured(stiffness, "N/m^n")
@@ -307,9 +339,9 @@ class ContactModel(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HuntCrossley(ContactModel):
-    """Contact force with damping that grows with the penetration depth, after Hunt and Crossley.
+    """Contact force with depth-dependent damping after Hunt and Crossley.
 
-    The force F = k d^n (1 + a d') starts and ends at 0.
+    The damping grows with the penetration depth. The force F = k d^n (1 + a d') starts and ends at 0.
 
     After K. H. Hunt, F. R. E. Crossley, "Coefficient of restitution interpreted as damping in vibroimpact", J. Appl.
     Mech. 42 (1975) 440-445, where a = 3/2 alpha and the restitution is e = 1 - alpha v for slow impacts. For any speed
@@ -338,7 +370,10 @@ class HuntCrossley(ContactModel):
             raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1")
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
+        """Return stiffness, damping and other coefficients of the contact force.
+
+        The others are the exponent, whether damping grows with depth, and the inverse mass of the obstacle.
+        """
         return self.stiffness, self.dissipation * self.stiffness, self.exponent, True, 1 / self.obstacle_mass
 
     def force_rows(self) -> Iterator[Row]:
@@ -374,7 +409,10 @@ class SpringDamper(ContactModel):
     damping: float = quantity("N*s/m", 0.0, sign="nonnegative")
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
+        """Return stiffness, damping and other coefficients of the contact force.
+
+        The others are the exponent, whether damping grows with depth, and the inverse mass of the obstacle.
+        """
         return self.stiffness, self.damping, 1.0, False, 1 / self.obstacle_mass
 
     def force_rows(self) -> Iterator[Row]:

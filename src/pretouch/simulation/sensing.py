@@ -22,7 +22,9 @@ _deliver: Final = kernel("sensor_deliver", POINTER, DOUBLE, POINTER, POINTER, re
 
 
 class SensorRun:
-    """One simulated run of a sensor, which converts distances to readings in the same way as `simulate`.
+    """One simulated run of a sensor.
+
+    The sensor converts distances to readings in the same way as `simulate`.
 
     Args:
         chain: the sensor chain.
@@ -79,9 +81,16 @@ class SensorRun:
         return self._values[1].value
 
     def look(self, distance: float) -> None:
-        """Give the sensor the distance [m] to the object at the time that `next` returns."""
+        """Pass the distance [m] at the next sampling instant to the sensor.
+
+        `next` returns this instant.
+        """
         _look(self._place, distance)
 
     def deliver(self, time: float) -> bool:
-        """Deliver the newest reading available at a given time [s]; return True if it was not delivered before."""
+        """Deliver the newest reading available at a given time [s].
+
+        Returns:
+            True if this reading was not delivered before.
+        """
         return bool(_deliver(self._place, time, byref(self._values[0]), byref(self._values[1])))

@@ -1,4 +1,7 @@
-"""Compute the highest approach speed at which a control loop with a virtual drag is stable and reacts in time."""
+"""Compute the highest approach speed with a virtual drag.
+
+Up to this speed, the control loop is stable and reacts in time.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,9 @@ _LAG: Final = 0.25  # allowed motion within the lag, in detection distances; a d
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedLimit(Value):
-    """Two limits of the approach speed with a virtual drag: one for a stable loop, one for a timely reaction.
+    """Two limits of the approach speed with a virtual drag.
+
+    Below one limit, the loop is stable. Below the other, it reacts in time.
 
     Args:
         stable: the approach speed v above which 2 phi g^2 |l'| exceeds the largest stable damping at some distance
@@ -37,7 +42,10 @@ class SpeedLimit(Value):
 
     @property
     def speed(self) -> float:
-        """The highest approach speed [m/s] at which the loop is stable and also reacts in time."""
+        """The highest approach speed [m/s] below both limits.
+
+        Up to this speed, the loop is stable and reacts in time.
+        """
         return min(self.stable, self.timely)
 
 
@@ -51,7 +59,9 @@ def speed_limit(
     detection_distance: float,
     plant: PlantModel | None = None,
 ) -> SpeedLimit:
-    """Find the highest approach speeds at which a loop with virtual drag is stable, and at which it reacts in time.
+    """Find the highest approach speeds of a loop with virtual drag.
+
+    Up to one speed, the loop is stable. Up to the other, it reacts in time.
 
     Args:
         sensor: the sensor curve.

@@ -1,4 +1,7 @@
-"""Compute the strongest stable gain of a sampled control loop, and the lowest sensor rate that a gain needs."""
+"""Compute the strongest stable gain and the lowest sensor rate.
+
+The gain is that of a sampled control loop. The rate is the lowest that a gain needs.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +59,10 @@ class DampingLimit(Value):
 
     @property
     def is_certified(self) -> bool:
-        """True if the eigenvalues confirm a stable loop just below the limit and an unstable loop just above it."""
+        """True if eigenvalues confirm the stability limit.
+
+        The loop must be stable just below the limit, and unstable just above it.
+        """
         if self.damping == 0:
             return self.radius_above > 1
         return self.radius_below < 1 < self.radius_above or math.isinf(self.damping)
@@ -64,7 +70,9 @@ class DampingLimit(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainLimit(Value):
-    """The strongest gain with which the sampled control loop is stable, for each distance to the object.
+    """The strongest stable gain at each distance to the object.
+
+    Up to this gain, the sampled control loop is stable.
 
     Args:
         distance: l [m], shape (n,).
@@ -81,16 +89,19 @@ class GainLimit(Value):
 
     @property
     def strongest(self) -> float:
-        """The strongest gain, such as D_p [N s], with which the loop is stable at every distance."""
+        """The strongest gain with a stable loop at every distance.
+
+        For a damper, it is D_p [N s].
+        """
         return float(self.gain[np.abs(self.gain).argmin()])
 
     @property
     def critical_distance(self) -> float:
-        """The distance [m] at which the loop first becomes unstable as the gain is made stronger."""
+        """The distance [m] at which a stronger gain first causes instability."""
         return float(self.distance[np.abs(self.gain).argmin()])
 
     def allowed(self, margin: float = 2.0) -> float:
-        """Return the largest magnitude of the gain that still has the required gain margin.
+        """Return the largest gain magnitude with the required gain margin.
 
         It is the limit for a `Constraint(name="gain")`.
 
@@ -109,20 +120,29 @@ class GainLimit(Value):
         return abs(self.strongest) / margin
 
     def bounds(self, *, margin: float = 2.0, weakest: float = -1e-3) -> tuple[float, float]:
-        """Return bounds that contain only gains with the required gain margin; raise an error if no gain has it."""
+        """Return bounds for gains with the required gain margin.
+
+        All gains between the bounds have this margin.
+
+        Raises:
+            InvalidInputError: no gain has the margin.
+        """
         n, unit = self.law.number, pretty_unit(self.law.number.unit)
         strongest = n.sign * self.allowed(margin)
         if not 0 < n.sign * finite(weakest, "weakest", n.unit) < n.sign * strongest:
             found, most = f"{weakest:g} {unit}", f"{strongest:g} {unit}"
             raise InvalidInputError(
                 f"weakest: found {found}, expected a value between 0 and {most}, which is the strongest {n.name} with "
-                f"the required gain margin; a faster sensor allows a stronger {n.name}"
+                f"the required gain margin. A faster sensor allows a stronger {n.name}"
             )
         return min(strongest, weakest), max(strongest, weakest)
 
 
 def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
-    """Return equally spaced distances [m] from contact to the start, within the usable range of the sensor."""
+    """Return equally spaced distances [m] from contact to the start.
+
+    They lie within the usable range of the sensor.
+    """
     low, high = sensor.valid_range
     first = max(low, 0.0)
     return np.linspace(first, max(min(farthest, high), first), _PLACES)
@@ -131,7 +151,10 @@ def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
 def passage(
     law: ContinuousLaw, scenario: Scenario, sensor: SensorModel, value: float, farthest: float
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Return the distances [m] of an encounter, and the relative velocities if the law's damping depends on them."""
+    """Return the distances [m] and relative velocities of an encounter.
+
+    The velocities are None unless the law's damping depends on them.
+    """
     if law.degree == 1:
         return passed_distances(sensor, farthest), None
     motion = law.motion(scenario, sensor, value)
@@ -140,11 +163,12 @@ def passage(
 
 @check_arguments
 def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantModel | None = None) -> DampingLimit:
-    """Find the largest virtual damping d [N s/m] with which the sampled loop of admittance and robot is stable.
+    """Find the largest stable virtual damping of the sampled loop.
 
-    The linear loop is discretized exactly. Its eigenvalues reach the unit circle where 1 + d P(z) = 0 with P real and
-    negative. The phase crossover of P with the smallest d is the limit, and the eigenvalues of the closed loop below
-    and above it prove it. If the loop has an undamped oscillation without force, a weak force must damp it.
+    The damping is d [N s/m]. The loop consists of admittance and robot. The linear loop is discretized exactly. Its
+    eigenvalues reach the unit circle where 1 + d P(z) = 0 with P real and negative. The phase crossover of P with the
+    smallest d is the limit, and the eigenvalues of the closed loop below and above it prove it. If the loop has an
+    undamped oscillation without force, a weak force must damp it.
 
     Args:
         admittance: one virtual admittance.
@@ -195,11 +219,12 @@ def gain_limit(
     law: ContinuousLaw = DAMPER,
     relative_velocity: ArrayLike | None = None,
 ) -> GainLimit:
-    """Find, for each distance of an encounter, the strongest gain with which the linearized loop is stable.
+    """Find the strongest stable gain at each distance of an encounter.
 
-    By default it is the gain D_p of the admittance L(1) with the virtual force L(2). For any law with a force
-    proportional to its gain, it is the largest damping over the damping of the gain 1. An active drag suspends spring
-    and damping of the admittance, so its loop is that of the virtual mass alone.
+    Up to this gain, the linearized loop is stable. By default it is the gain D_p of the admittance L(1) with the
+    virtual force L(2). For any law with a force proportional to its gain, it is the largest damping over the damping of
+    the gain 1. An active drag suspends spring and damping of the admittance, so its loop is that of the virtual mass
+    alone.
 
     Args:
         sensor: the sensor curve.
@@ -231,7 +256,7 @@ def gain_limit(
 def _linearize(
     law: ContinuousLaw, sensor: SensorModel, admittance: Admittance, distance: ArrayLike, relative_velocity: Any
 ) -> tuple[FloatArray, FloatArray, Admittance]:
-    """Return the distances [m], the virtual damping at each distance for a gain of 1, and the active admittance."""
+    """Return distances, virtual damping and admittance for the linearization."""
     # A law with unknown damping is refused.
     distances = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
     slope = np.abs(np.asarray(sensor.log_slope(distances)))
@@ -266,11 +291,12 @@ def lowest_rate(
     law: ContinuousLaw = DAMPER,
     relative_velocity: ArrayLike | None = None,
 ) -> Any:
-    """Find the sensor rate above which the loop with a given gain is stable at every rate and every distance.
+    """Find the lowest sensor rate for a stable loop.
 
-    The limit on the gain does not always grow with the rate: it has local minima. A gain near a minimum is unstable
-    between two rates, and stable again below the lower one; the result is the upper one. So the lowest rate jumps when
-    a change of the gain, a delay, an exposure or a mass lets the gain pass such a minimum.
+    At every higher rate, the loop with the given gain is stable at every distance. The limit on the gain does not
+    always grow with the rate: it has local minima. A gain near a minimum is unstable between two rates, and stable
+    again below the lower one; the result is the upper one. So the lowest rate jumps when a change of the gain, a delay,
+    an exposure or a mass lets the gain pass such a minimum.
 
     Args:
         sensor: the sensor curve.
@@ -333,9 +359,12 @@ def lowest_rate(
 
 
 def _last_change(spare: Callable[[float], float], top: float) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Return the interval in which a function changes its sign at the highest argument below `top`.
+    """Find the last sign change of a function below a bound.
 
     If a minimum between three points of the scan may be negative, it is searched for.
+
+    Returns:
+        The interval at the highest argument below `top` in which the sign changes.
     """
     step = math.log(10) / _PER_DECADE
     above, at = (math.inf, math.inf), (top, spare(top))

@@ -24,10 +24,11 @@ _ERROR: Final = 1e-9  # largest relative rounding of a condition on the matrices
 
 @dataclass(frozen=True, kw_only=True)
 class StateSpace:
-    """A linear robot w' = A w + B u, x = C w, with states w, position x, and commanded motion and force as inputs u.
+    """A linear robot in state-space form.
 
-    The inputs are u = (x_v, x_v', x_v'', F): x_v is the position of the virtual object that the robot follows, and F a
-    force on the contact surface in the direction of x. x is the position of the contact surface. All numbers are SI.
+    Its equations are w' = A w + B u and x = C w, with the states w. The inputs are u = (x_v, x_v', x_v'', F): x_v is
+    the position of the virtual object that the robot follows, and F a force on the contact surface in the direction of
+    x. x is the position of the contact surface. All numbers are SI.
 
     Args:
         states: the names of the n states.
@@ -61,12 +62,12 @@ class StateSpace:
         if (jumps > _ERROR * np.abs(self.arrays[1]).max() * np.abs(self.arrays[2]).max()).any():
             raise InvalidInputError(
                 f"b: the input {_INPUTS[int(jumps.argmax())]} changes the robot's velocity directly, but may change "
-                "only its acceleration (C B = 0); add the lag of the drive to the model"
+                "only its acceleration (C B = 0). Add the lag of the drive to the model"
             )
         if not self.inverse_mass > 0:
             raise InvalidInputError(
                 f"b: a force of 1 N on the contact surface causes an acceleration of {self.inverse_mass:g} "
-                "m/s^2, but the acceleration must be positive (C A B_F = 1 / mass)"
+                "m/s^2. The acceleration must be positive (C A B_F = 1 / mass)"
             )
         _ = self.steady  # refuses a robot that does not follow
 
@@ -77,13 +78,16 @@ class StateSpace:
 
     @property
     def inverse_mass(self) -> float:
-        """The inverse [1/kg] of the mass that a sudden contact force accelerates at first."""
+        """The inverse mass [1/kg] that a sudden contact force first accelerates."""
         a, b, c = self.arrays
         return float(c @ a @ b[:, 3])
 
     @cached_property
     def steady(self) -> FloatArray:
-        """Two steady states, shape (n, 2): at rest at x = 1 m, and moving at 1 m/s through x = 0."""
+        """Two steady states: at rest and at constant velocity.
+
+        The robot is at rest at x = 1 m, or moves at 1 m/s through x = 0. The shape is (n, 2).
+        """
         a, b, c = self.arrays
         rest = _solved(a, c, -b[:, 0], 1.0, "a virtual object at rest")
         moving = _solved(a, c, rest - b[:, 1], None, "a virtual object of constant velocity")
@@ -91,7 +95,10 @@ class StateSpace:
 
     @cached_property
     def basis(self) -> FloatArray:
-        """Matrix of shape (n, n) that converts the states to position, velocity and n - 2 remaining states."""
+        """Matrix that converts the states to position, velocity and remaining states.
+
+        The shape is (n, n), with n - 2 remaining states.
+        """
         a, _, c = self.arrays
         first = np.array([c, c @ a])
         hidden = np.linalg.svd(first)[2][2:]
@@ -108,7 +115,7 @@ def _as_tuple(matrix: FloatArray) -> Any:
 
 
 def _solved(a: FloatArray, c: FloatArray, right: FloatArray, output: float | None, what: str) -> FloatArray:
-    """Solve the linear system A w = right for the states w; raise an error if the robot cannot follow its input."""
+    """Solve the linear system A w = right for the states w."""
     rows = a if output is None else np.vstack([a, c])
     values = right if output is None else np.append(right, output)
     scale = np.abs(rows).max(axis=1, initial=0.0)
@@ -123,7 +130,7 @@ def _solved(a: FloatArray, c: FloatArray, right: FloatArray, output: float | Non
 
 
 def native_rows(system: StateSpace) -> tuple[FloatArray, FloatArray]:
-    """Return the matrices of the state space in the form that the compiled simulation expects."""
+    """Return the matrices of the state space for the compiled simulation."""
     a, b, _ = system.arrays
     basis = system.basis
     back = np.linalg.inv(basis)
@@ -132,7 +139,10 @@ def native_rows(system: StateSpace) -> tuple[FloatArray, FloatArray]:
 
 
 class LinearPlant(PlantModel):
-    """A linear robot in state-space form; a user-defined robot implements the method `system`."""
+    """Base class of linear robots in state-space form.
+
+    A user-defined robot implements the method `system`.
+    """
 
     __slots__ = ()
 
@@ -141,12 +151,15 @@ class LinearPlant(PlantModel):
         """Return the state-space model of the robot."""
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return coefficients that contain only the mass [kg]; the state-space model describes the rest."""
+        """Return coefficients that contain only the mass [kg].
+
+        The state-space model describes the rest.
+        """
         numbers = dict.fromkeys(COEFFICIENTS, 0.0) | {"mass": 1 / self.system().inverse_mass, "friction_speed": 1.0}
         return tuple(numbers.values())
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
-        """Yield table rows with the states, the mass and the eigenvalues of the robot."""
+        """Yield table rows with states, mass and eigenvalues of the robot."""
         system = self.system()
         yield "robot", f"{type(self).__name__}: a linear state space"
         yield "states", ", ".join(system.states)

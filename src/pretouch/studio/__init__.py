@@ -1,5 +1,5 @@
-"""Serve the studio, a page in the browser on which users choose a gain by dragging it with the mouse.
+"""Serve the studio, a browser page for choosing a gain.
 
-The browser itself computes motions, optimal gains and limits, with the compiled core as WebAssembly. The server fits
-calibrations, simulates, verifies and exports.
+Users drag the gain with the mouse. The browser itself computes motions, optimal gains and limits, with the compiled
+core as WebAssembly. The server fits calibrations, simulates, verifies and exports.
 """

@@ -1,4 +1,7 @@
-"""Answer requests of the studio page: read scenarios, fit curves, sample uncertain encounters, simulate runs."""
+"""Answer requests of the studio page.
+
+The requests read scenarios, fit curves, sample uncertain encounters and simulate runs.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,9 @@ _MOST: Final = 4000  # readings that are drawn
 
 
 def describe_scenario(files: OpenedFiles, text: str) -> dict[str, Any]:
-    """Read a scenario file, and return its values as texts with units, and all data that the page cannot compute.
+    """Read a scenario file for the studio page.
+
+    The values are texts with units.
 
     Args:
         files: the opened files.
@@ -61,7 +66,10 @@ def describe_scenario(files: OpenedFiles, text: str) -> dict[str, Any]:
 
 
 def ratio_of_drag(task: Task) -> str:
-    """Return contact speed divided by approach speed, for the virtual drag with the effect that the task requires."""
+    """Return contact speed divided by approach speed for a virtual drag.
+
+    The drag has the effect that the task requires.
+    """
     from pretouch.design import design_drag  # noqa: PLC0415
 
     contact = design_drag(task).result.contact
@@ -69,7 +77,10 @@ def ratio_of_drag(task: Task) -> str:
 
 
 def texts_of(document: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield the values of a scenario that the page shows, as texts or lists of texts."""
+    """Yield the scenario values for the page as texts.
+
+    Some values are lists of texts.
+    """
     for section in SECTIONS:
         for key, value in document.get(section, {}).items():
             if isinstance(value, list) and not any(isinstance(part, dict) for part in value):
@@ -79,7 +90,10 @@ def texts_of(document: dict[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _fixed(task: Task, document: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Return the parts of a scenario that only Python can compute, and notes on the parts that the page ignores."""
+    """Return the parts of a scenario that only Python can compute.
+
+    Notes describe the parts that the page ignores.
+    """
     from pretouch.design.problem import GainProblem  # noqa: PLC0415
     from pretouch.design.search import GainAxis  # noqa: PLC0415
     from pretouch.design.search.compiled import limit_rows, supported_terms  # noqa: PLC0415
@@ -108,12 +122,20 @@ def _fixed(task: Task, document: dict[str, Any]) -> tuple[dict[str, Any], list[s
 
 
 def change_scenario(text: str, changes: dict[str, Any]) -> dict[str, Any]:
-    """Return the text of a scenario file in which some keys have new values; comments are preserved."""
+    """Change keys in the text of a scenario file.
+
+    Returns:
+        The changed text; comments are preserved.
+    """
     return {"text": change_text(text, changes)}
 
 
 def read_readings(files: OpenedFiles, name: str) -> dict[str, Any]:
-    """Return the readings of an uploaded calibration file, and the sensor curve that fits their usable range best."""
+    """Read an uploaded calibration file, and fit the best sensor curve.
+
+    Returns:
+        The readings and the curve, which is fitted in their usable range.
+    """
     from pretouch.calibration import read_calibration  # noqa: PLC0415 - SciPy, only when needed
 
     calibration = read_calibration(files.file(name))
@@ -128,7 +150,11 @@ def read_readings(files: OpenedFiles, name: str) -> dict[str, Any]:
 
 
 def fit_readings(files: OpenedFiles, name: str, window: tuple[float, float] | None) -> dict[str, Any]:
-    """Fit the best sensor curve to the readings in a window of distances [m], or by default in the usable range."""
+    """Fit the best sensor curve to readings within a distance window.
+
+    Returns:
+        The fitted curve. Without a window [m], it is fitted in the usable range.
+    """
     from pretouch.calibration import rank_models, read_calibration  # noqa: PLC0415
 
     calibration = read_calibration(files.file(name))
@@ -141,7 +167,7 @@ def fit_readings(files: OpenedFiles, name: str, window: tuple[float, float] | No
 
 
 def _cut(calibration: Calibration, near: float, far: float) -> Calibration:
-    """Return the calibration readings between two distances [m], and all readings without an object."""
+    """Return the calibration readings between two distances [m]."""
     from pretouch.calibration import Calibration as Readings  # noqa: PLC0415
 
     inside = (calibration.distances >= near - 1e-12) & (calibration.distances <= far + 1e-12)
@@ -159,7 +185,10 @@ def _cut(calibration: Calibration, near: float, far: float) -> Calibration:
 
 
 def _fit_as_dict(fit: SensorFit, verdict: str) -> dict[str, Any]:
-    """Return the data of a sensor fit that the page draws, and the scenario keys that describe the fitted curve."""
+    """Return a sensor fit as a dictionary for the page.
+
+    It has the data of the drawing and the scenario keys of the fitted curve.
+    """
     sensor, window = fit.sensor, fit.window
     drawn = np.linspace(window.l_min, window.l_max, _POINTS)
     fields = {f"sensor.{name}": text for name, text in parameters_of(sensor).items()}
@@ -188,7 +217,7 @@ def parameters_of(sensor: SensorModel) -> dict[str, str]:
 
 
 def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:
-    """Solve many encounters with random values of the uncertain inputs, all with one gain.
+    """Solve encounters with random values of uncertain inputs for one gain.
 
     Returns:
         Contact speed [m/s] and largest excursion [m] of each encounter, and the share of encounters that meets each
@@ -223,7 +252,14 @@ def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:
 
 
 def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | None = None) -> dict[str, Any]:
-    """Simulate one encounter with sampled controller and sensor noise, and return the motion until contact."""
+    """Simulate one encounter with a sampled controller and sensor noise.
+
+    Returns:
+        The motion until contact.
+
+    Raises:
+        InvalidInputError: the scenario does not describe the sampled loop.
+    """
     from dataclasses import replace  # noqa: PLC0415
 
     from pretouch.config import load_scenario  # noqa: PLC0415
@@ -254,5 +290,8 @@ def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | 
 
 
 def message_of(error: PretouchError, folder: Path) -> str:
-    """Return the message of an error for the page, without the name of the temporary folder."""
+    """Return the message of an error for the page.
+
+    The name of the temporary folder is removed.
+    """
     return str(error).replace(f"{folder}/", "").replace("upload-", "")

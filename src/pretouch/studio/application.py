@@ -1,8 +1,9 @@
-"""Define the web application of the studio, which serves the page and answers its requests.
+"""Define the web application of the studio.
 
-The application serves one user on one machine. Every request must have the token, which is new at each start, and the
-host 127.0.0.1 or localhost. If a request has an origin, it must be this server. Therefore no other web page can use the
-application, not even under a domain name that resolves to 127.0.0.1.
+The application serves the page and answers its requests. The application serves one user on one machine. Every request
+must have the token, which is new at each start, and the host 127.0.0.1 or localhost. If a request has an origin, it
+must be this server. Therefore no other web page can use the application, not even under a domain name that resolves to
+127.0.0.1.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ class Application:
         self.files.close()
 
     def _check(self, request: Any, token: str) -> None:
-        """Raise an error for a request with a foreign host or origin, or without the valid token."""
+        """Refuse requests from foreign hosts or origins, or without the token."""
         host = request.headers.get("host", "")
         if host not in self._hosts:
             raise _RefusedRequestError(421, "host: this server answers only as 127.0.0.1 or localhost")
@@ -212,7 +213,11 @@ class _Asked:
         self._values = values
 
     def of(self, name: str, kind: type) -> Any:
-        """Return an argument of the request, or raise an error if its type is wrong; an integer counts as float."""
+        """Return an argument of the request after checking its type.
+
+        Raises:
+            InvalidInputError: the type is wrong; an integer counts as float.
+        """
         value = self._values.get(name)
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
@@ -227,17 +232,29 @@ class _Asked:
 
     @property
     def gain(self) -> float | None:
-        """The gain or drag in the request; None for the one in the scenario, or else for the designed one."""
+        """The gain or drag in the request.
+
+        None stands for the one in the scenario, or else for the designed one.
+        """
         return None if self._values.get("gain") is None else float(self.of("gain", float))
 
     @property
     def seed(self) -> int | None:
-        """The seed of the simulated noise; None for the seed in the scenario."""
+        """The seed of the simulated noise.
+
+        None stands for the seed in the scenario.
+        """
         return None if self._values.get("seed") is None else int(self.of("seed", int))
 
     @property
     def window(self) -> tuple[float, float] | None:
-        """The two distances [m] between which a curve is fitted; None for the usable range that pretouch finds."""
+        """The two distances [m] between which a curve is fitted.
+
+        None stands for the usable range that pretouch finds.
+
+        Raises:
+            InvalidInputError: the argument does not consist of two numbers.
+        """
         if self._values.get("window") is None:
             return None
         ends = self.of("window", list)

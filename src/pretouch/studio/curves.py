@@ -18,9 +18,10 @@ _PROBES: Final = 257
 
 
 def describe_curve(sensor: SensorModel, distance: float) -> dict[str, Any]:
-    """Describe a sensor curve as a JSON object, in the form that `sensorCurve` of page/core.js reads.
+    """Describe a sensor curve as a JSON object for the page.
 
-    The page computes some curves from their parameters. Piecewise polynomials describe all other curves.
+    The function `sensorCurve` of page/core.js reads this object. The page computes some curves from their parameters.
+    Piecewise polynomials describe all other curves.
 
     Args:
         sensor: the curve, which must be valid down to contact.

@@ -47,13 +47,16 @@ class Job:
     result: dict[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return state, progress, files and result of the job as a JSON object for the page."""
+        """Return the job's state and result as a JSON object.
+
+        The object includes progress and files.
+        """
         files = {name: (self.folder / name).exists() for name in ("report.html", "export.zip")}
         return {"verb": self.verb, "state": self.state, "progress": self.progress, "files": files, **self.result}
 
 
 class Jobs:
-    """All computations that a running studio has started.
+    """All computations that the running studio has started.
 
     Args:
         folder: a folder for the files of the jobs.
@@ -102,7 +105,7 @@ class Jobs:
         return name
 
     def _listen(self, job: Job) -> None:
-        """Read the messages of the process of a job until the process ends."""
+        """Read the messages of a job until its process ends."""
         try:
             while True:
                 kind, content = job.receiver.recv()
@@ -146,7 +149,10 @@ def _end(process: Any) -> None:
 
 
 def _run(verb: str, file: str, gain: float | None, folder: str, sender: Connection) -> None:
-    """Run the computation of a job in its process, and send progress and result."""
+    """Run a job's computation in its own process.
+
+    Send progress and result.
+    """
     from pretouch._core.progress import listening  # noqa: PLC0415 - in the new process
 
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -160,7 +166,7 @@ def _run(verb: str, file: str, gain: float | None, folder: str, sender: Connecti
 
 
 def _compute(verb: str, file: Path, gain: float | None, folder: Path, sender: Connection) -> dict[str, Any]:
-    """Return the result of a computation, and write its report or its exported files."""
+    """Compute a result, and write its report or exported files."""
     from pretouch.config import load_scenario  # noqa: PLC0415
 
     task = load_scenario(file)
@@ -188,7 +194,11 @@ def _compute(verb: str, file: Path, gain: float | None, folder: Path, sender: Co
 
 
 def _sweep(task: Any, sender: Connection) -> dict[str, Any]:
-    """Compute contacts or optimal gains for object velocities from 0.25 to 2 times the velocity in the scenario."""
+    """Compute contacts or optimal gains for many object velocities.
+
+    Returns:
+        The result for velocities of 0.25 to 2 times the velocity in the scenario.
+    """
     import numpy as np  # noqa: PLC0415
 
     from pretouch.sweeps import sweep  # noqa: PLC0415
@@ -212,7 +222,7 @@ def _sweep(task: Any, sender: Connection) -> dict[str, Any]:
 
 
 def _export(task: Any, folder: Path) -> dict[str, Any]:
-    """Verify the control law, write it as C source code, and pack the files into a ZIP archive."""
+    """Verify a control law, and export its C code as ZIP."""
     from datetime import UTC, datetime  # noqa: PLC0415
 
     from pretouch.export import export_law  # noqa: PLC0415

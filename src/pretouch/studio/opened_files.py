@@ -1,4 +1,4 @@
-"""Manage the files that the user has opened in the studio, and refuse access to all other files."""
+"""Restrict the studio to files that the user has opened."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ _EFFECTS: Final = frozenset({"ratio", "excursion", "acceleration", "contact_spee
 
 
 class OpenedFiles:
-    """The files that a running studio may read, and its folder of temporary files.
+    """The files that a running studio may read.
+
+    It also has a folder of temporary files.
 
     The page sends the text of a scenario and no paths. A scenario may name only files that the opened scenario file
     names, and uploaded files.
@@ -49,7 +51,7 @@ class OpenedFiles:
         self._folder.cleanup()
 
     def _allow_files(self, text: str, folder: Path) -> None:
-        """Allow access to the files whose names are in the scenario file of the user."""
+        """Allow access to the files named in the user's scenario."""
         try:
             document = tomllib.loads(text)
         except tomllib.TOMLDecodeError:
@@ -58,7 +60,7 @@ class OpenedFiles:
             self._files[name] = folder / name
 
     def add_file(self, name: str, content: bytes) -> str:
-        """Store an uploaded file, and return its name for use in a scenario."""
+        """Store an uploaded file, and return its name for scenarios."""
         plain = re.sub(r"[^\w.-]", "_", Path(name.replace("\\", "/")).name).lstrip(".") or "calibration.csv"
         path = self.folder / f"upload-{plain}"
         path.write_bytes(content)
@@ -66,20 +68,24 @@ class OpenedFiles:
         return plain
 
     def file(self, name: str) -> Path:
-        """Return the path of an uploaded file, or of a file that the opened scenario file names.
+        """Return the path of an uploaded or opened file.
+
+        Opened files are those that the opened scenario file names.
 
         Raises:
             InvalidInputError: the name is of another file.
         """
         if name not in self._files:
             raise InvalidInputError(
-                f"file: the scenario names the file {name!r}, which has not been opened in the studio; upload the "
+                f"file: the scenario names the file {name!r}, which has not been opened in the studio. Upload the "
                 "file, or start the studio with this scenario file"
             )
         return self._files[name]
 
     def write_scenario(self, text: str) -> Path:
-        """Write a scenario to a temporary file, with the full path of each opened file instead of its name.
+        """Write a scenario to a temporary file.
+
+        The full path of each opened file replaces its name.
 
         Returns:
             The path of the temporary file.
@@ -100,7 +106,9 @@ class OpenedFiles:
         return path
 
     def save(self, text: str) -> str:
-        """Write a text to the scenario file with which the studio was started.
+        """Write a text to the opened scenario file.
+
+        The studio was started with this file.
 
         Returns:
             The name of the file.
@@ -121,7 +129,10 @@ class OpenedFiles:
 
 
 def _names(document: Any) -> Iterator[tuple[str, str, str]]:
-    """Yield section, key and file name for every key of a scenario that names a file."""
+    """Yield the files that a scenario names.
+
+    Each item is section, key and file name.
+    """
     for section, key in _FILE_KEYS:
         table = document.get(section)
         name = table.get(key) if isinstance(table, dict) else None
@@ -130,7 +141,10 @@ def _names(document: Any) -> Iterator[tuple[str, str, str]]:
 
 
 def _is_reading(value: str) -> bool:
-    """Return True if the value of the key `no_object` is a reading and not the name of a file."""
+    """Return True if the value of `no_object` is a reading.
+
+    Otherwise, it is the name of a file.
+    """
     from pretouch.config.sensor import read_output  # noqa: PLC0415 - only for a file with this key
 
     try:
@@ -141,9 +155,10 @@ def _is_reading(value: str) -> bool:
 
 
 def change_text(text: str, changes: dict[str, Any]) -> str:
-    """Change some keys of a scenario file, and keep everything else as it is, including comments.
+    """Change some keys of a scenario file.
 
-    If an input of the encounter has a distribution in [uncertainty], the distribution moves with its value.
+    Everything else stays as it is, including comments. If an input of the encounter has a distribution in
+    [uncertainty], the distribution moves with its value.
 
     Args:
         text: the scenario file (TOML).
@@ -178,7 +193,10 @@ def change_text(text: str, changes: dict[str, Any]) -> str:
 
 
 def _move_distribution(distribution: Any, before: Any, after: Any, name: str) -> None:
-    """Shift the distribution of an uncertain input by the change of its nominal value, in place."""
+    """Shift an input's distribution by the change of its nominal value.
+
+    The distribution is changed in place.
+    """
     unit = SCENARIO_INPUTS[name]
     read = partial(to_si, unit=unit, name=name, bare_text=True)
     try:
@@ -192,7 +210,7 @@ def _move_distribution(distribution: Any, before: Any, after: Any, name: str) ->
 
 
 def _like(before: Any, value: Any) -> Any:
-    """Convert a value to a TOML item with the comment of the old value; a text without a unit becomes a number."""
+    """Convert a value to a TOML item with the old comment."""
     tomlkit = require("tomlkit", extra="studio")
     if isinstance(value, list):
         item = tomlkit.array()

@@ -1,4 +1,6 @@
-"""Bundle the interactive page into one HTML document, and the code of the live figures into one script.
+"""Bundle the studio page into one HTML document.
+
+The code of the live figures becomes one script.
 
 A browser does not load JavaScript modules into a document that is opened from a file, so this code joins the modules to
 one script. Each module imports by name from modules before it, and no two modules define the same name. Therefore it is
@@ -45,7 +47,9 @@ _POLICY: Final = (
 def page_text(
     server: Mapping[str, Any] | None = None, *, scenario: Mapping[str, Any] | None = None, nonce: str | None = None
 ) -> str:
-    """Return the page as one HTML document, which makes no request to any address except its own server.
+    """Return the studio page as one HTML document.
+
+    The document makes requests to its own server only.
 
     Args:
         server: the data with which the page connects to its server, such as the token; None for a page without server.
@@ -74,9 +78,10 @@ def page_text(
 
 
 def figures_text() -> str:
-    """Return a script that mounts all live figures of a document, for example `<div data-pretouch-figure="gain">`.
+    """Return a script that mounts all live figures of a document.
 
-    The script is not a JavaScript module, so that it works in documents that are opened from a file.
+    A figure is an element such as `<div data-pretouch-figure="gain">`. The script is not a JavaScript module, so that
+    it works in documents that are opened from a file.
 
     Returns:
         The script.
@@ -91,14 +96,18 @@ def figures_text() -> str:
 
 
 def _joined(names: Sequence[str], run: str) -> str:
-    """Join JavaScript modules to one script, and append statements that run at the end."""
+    """Join JavaScript modules to one script.
+
+    Returns:
+        The script, with the statements `run` at its end.
+    """
     modules = [(_FOLDER / f"{name}.js").read_text(encoding="utf-8") for name in names]
     bare = "\n".join(_EXPORT.sub("", _IMPORT.sub("", text)) for text in modules)
     return f'"use strict";\n(() => {{\n{_tight(bare)}\n{run}\n}})();'
 
 
 def _tight(text: str) -> str:
-    """Remove indentation and comments that fill whole lines, to make the script smaller."""
+    """Remove indentation and full-line comments from a script."""
     lines = [
         line.strip() for line in re.sub(r"^\s*/\*\*.*?\*/\n", "", text, flags=re.MULTILINE | re.DOTALL).split("\n")
     ]
@@ -118,7 +127,10 @@ def _page_style() -> str:
 
 
 def _figure_style() -> str:
-    """Return the CSS of live figures in other documents, with colors for light and dark themes, such as Furo's."""
+    """Return the CSS of live figures in other documents.
+
+    Its colors suit light and dark themes, such as Furo's.
+    """
     light, dark = _colors()
     own = ".pretouch-figure"
     return "\n".join(
@@ -133,7 +145,10 @@ def _figure_style() -> str:
 
 
 def _colors() -> list[str]:
-    """Return the CSS declarations of the colors, first for light and then for dark pages."""
+    """Return the CSS colors for light and dark pages.
+
+    The colors for light pages are first.
+    """
     found = re.findall(r"\{ (.*?) \}", _read("colors.css"), flags=re.DOTALL)
     return [re.sub(r"\s+", " ", part) for part in found]
 
@@ -148,7 +163,7 @@ def _escaped(text: str) -> str:
 
 @lru_cache(maxsize=1)
 def _data() -> dict[str, Any]:
-    """Return the data of the page: its compiled core, packed with gzip and base64, and the table of units."""
+    """Return the page's compiled core and table of units."""
     try:
         content = CORE.read_bytes()
     except FileNotFoundError:

@@ -22,7 +22,7 @@ _KINDS: Final = {"excursion", "time"}
 
 
 def scenario_of_page(file: Path) -> dict[str, Any]:
-    """Read a scenario file, and return its values for a page that runs without a server.
+    """Read a scenario file for a page without a server.
 
     A calibrated sensor gets the parameters of its fitted curve, because the page cannot fit.
 
@@ -88,7 +88,10 @@ def _obstacles(task: Task, document: dict[str, Any]) -> Iterator[str]:
 
 
 def _fitted_curve(task: Task) -> dict[str, Any]:
-    """Return the fields of a fitted curve, with distances from the contact surface."""
+    """Return the fields of a fitted curve.
+
+    Distances count from the contact surface.
+    """
     curve, recess = task.sensor.bare
     fields = {"sensor.model": curve.name} | {f"sensor.{name}": text for name, text in parameters_of(curve).items()}
     if recess:

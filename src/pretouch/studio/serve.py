@@ -26,7 +26,7 @@ def serve_studio(
     open_browser: bool = True,
     announce: Callable[[str], object] = print,
 ) -> None:
-    """Serve the studio on 127.0.0.1 until the user or the system ends the process.
+    """Serve the studio on 127.0.0.1 until the process ends.
 
     Args:
         file: a scenario file (TOML); None to start with the example of the letter.
@@ -60,7 +60,7 @@ def serve_studio(
 
 
 def _listener(port: int) -> Any:
-    """Return a socket that listens on 127.0.0.1, so that no other machine can connect."""
+    """Return a socket that listens on 127.0.0.1 only."""
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

@@ -1,4 +1,7 @@
-"""Solve encounters or find optimal gains on a grid of input values, in parallel; interrupted runs can be resumed."""
+"""Solve encounters or optimize gains on a grid of inputs.
+
+The computation is parallel, and interrupted runs can be resumed.
+"""
 
 from .axes import Axes, Axis
 from .executors import Progress

@@ -1,4 +1,7 @@
-"""Define the axes of a parameter sweep: the inputs that vary, and their values."""
+"""Define the axes of a parameter sweep.
+
+An axis consists of the inputs that vary, and their values.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +52,7 @@ _IMPACT_UNITS: Final = {
 
 
 def with_input(task: Task, name: str, value: float) -> Task:
-    """Return a copy of the task with a new value of one input, such as a sensor parameter or a limit."""
+    """Return a copy of the task with one changed input."""
     part, _, rest = name.partition(".")
     if part == "sensor":
         return replace(task, sensor=sensor_with(task.sensor, {rest: value}))
@@ -75,7 +78,9 @@ Axes: TypeAlias = Mapping[str, ArrayLike | Mapping[str, ArrayLike]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis(Value):
-    """One axis of a sweep grid: the values of one input, or the values of several inputs that change together.
+    """One axis of a sweep grid, with one or several inputs.
+
+    Several inputs on one axis change together.
 
     Args:
         name: name of the dimension: an input, or a custom name such as `sample`.
@@ -92,7 +97,10 @@ class Axis(Value):
 
     @property
     def looped(self) -> bool:
-        """True if each value of this sweep axis needs a separate call of the solver, as for sensor parameters."""
+        """True if each axis value needs a separate solver call.
+
+        An example is an axis with a sensor parameter.
+        """
         return any(name not in ENCOUNTER_INPUTS for name in self.columns)
 
     def at(self, which: slice | FloatArray | Any) -> Axis:
@@ -101,7 +109,14 @@ class Axis(Value):
 
 
 def make_axes(axes: Axes, task: Task) -> tuple[Axis, ...]:
-    """Check and return the axes of a sweep; raise an error for unknown inputs or missing values."""
+    """Check and return the axes of a sweep.
+
+    Returns:
+        The axes.
+
+    Raises:
+        InvalidInputError: an input is unknown, or values are missing or invalid.
+    """
     if not axes:
         raise InvalidInputError(
             'axes: found none, expected input names and values, such as {"obstacle.velocity": [-0.3, -0.2]}'
@@ -146,7 +161,8 @@ def _values(name: str, values: Any, units: Mapping[str, str]) -> FloatArray:
 
 
 def _unit(name: str, units: Mapping[str, str], option: str) -> str:
-    """Return the unit of an input; if the input is unknown, raise an error that suggests similar names."""
+    """Return the unit of a sweep input."""
+    # For an unknown input, the error suggests similar names.
     if name not in units:
         similar = [key for key in units if key.rpartition(".")[2] == name]
         near = sorted(similar, key=lambda n: not n.startswith("obstacle.")) or get_close_matches(name, units, n=1)
@@ -156,7 +172,7 @@ def _unit(name: str, units: Mapping[str, str], option: str) -> str:
 
 
 def read_axis(text: str, units: Mapping[str, str]) -> tuple[str, FloatArray]:
-    """Parse a sweep axis from a command line argument, which contains the name of an input and its values.
+    """Parse a sweep axis from a command line argument.
 
     Args:
         text: `NAME=START:STOP:COUNT`, `NAME=START:STOP:COUNT:log` or `NAME=VALUE,VALUE,...`; values with units, or bare

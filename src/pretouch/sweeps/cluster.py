@@ -1,4 +1,7 @@
-"""Distribute a sweep over Dask workers, which write their results to a Zarr folder."""
+"""Distribute a sweep over Dask workers.
+
+The workers write their results to a Zarr folder.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +50,10 @@ def connected(dask: Any) -> Iterator[Any]:
 
 
 def worker_count(client: Any) -> int:
-    """Return the number of threads of a Dask cluster; at least 1, even if no worker is connected yet."""
+    """Return the number of threads of a Dask cluster.
+
+    The number is at least 1, even if no worker is connected yet.
+    """
     return max(1, int(sum(client.nthreads().values())))
 
 
@@ -82,7 +88,8 @@ def _open(path: str, plan: Grid) -> ZarrStore:
 
 
 def _run(store: ZarrStore, block: int) -> BlockRecord:
-    """Compute a block of encounters on a Dask worker, unless another worker has finished the block."""
+    """Compute a block of encounters on a Dask worker."""
+    # A block that another worker has finished is skipped.
     _check_folder(store.path)  # without shared storage, zarr would create a new folder here
     if store.finished()[block]:
         return BlockRecord(encounters=store.size(block), repeated=True)

@@ -1,4 +1,7 @@
-"""Create the dataset with the results of a sweep, and write or open it as a NetCDF file."""
+"""Create, write and open the dataset of a sweep.
+
+The file format is NetCDF.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,10 @@ _PACKAGES: Final = ("pretouch", "numpy", "scipy")
 
 
 def attributes_of(plan: Grid) -> dict[str, Any]:
-    """Return the metadata of a sweep: all its inputs, the software versions and the random seed."""
+    """Return the metadata of a sweep.
+
+    These are all inputs, the software versions and the random seed.
+    """
     # The seed is -1 if there is none.
     versions = {package: version(package) for package in _PACKAGES}
     inputs = _inputs_of(plan)
@@ -44,14 +50,14 @@ def attributes_of(plan: Grid) -> dict[str, Any]:
 
 
 def _inputs_of(plan: Grid) -> dict[str, Any]:
-    """Return all inputs of a sweep in SI units, in a form that JSON can represent."""
+    """Return all inputs of a sweep in SI units for JSON."""
     # Columns of values are represented by their ends and a hash.
     axes = {axis.name: {name: _column(values) for name, values in axis.columns.items()} for axis in plan.axes}
     return {**plan.inputs(), "axes": axes, "results": plan.results, "chunk": plan.chunk}
 
 
 def differing_parts(attributes: dict[str, Any], plan: Grid) -> str:
-    """Return the names of the inputs in which a stored dataset differs from a planned sweep."""
+    """Return the names of inputs that differ from the stored sweep."""
     # If all inputs are equal, the result is "seed or version of pretouch".
     try:
         stored = json.loads(attributes["inputs"])
@@ -71,7 +77,11 @@ def _digest(value: dict[str, Any]) -> str:
 
 
 def make_dataset(plan: Grid, columns: Mapping[str, Any]) -> xr.Dataset:
-    """Create an xarray dataset with the axes of a sweep and with its results, if there are results."""
+    """Create an xarray dataset with axes and results of a sweep.
+
+    Returns:
+        The dataset; without results, it contains only the axes.
+    """
     xarray = require("xarray")
     coords: dict[str, Any] = {}
     for axis in plan.axes:
@@ -87,7 +97,9 @@ _ENGINE = "h5netcdf"
 
 
 def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
-    """Write a dataset to a NetCDF file while keeping only one variable in memory at a time.
+    """Write a dataset to a NetCDF file.
+
+    Only one variable at a time is in memory.
 
     Raises:
         OutputExistsError: the file exists and `overwrite` is false.
@@ -120,10 +132,10 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
 
 
 class _DeferringFile(io.RawIOBase):
-    """File that remembers its first write error; the method `check` raises this error later.
+    """File that remembers its first write error.
 
-    After a write error, the file ignores later writes. Without this class, HDF5 crashes the process if it cannot write
-    its buffers when it closes a file.
+    The method `check` raises this error later. After a write error, the file ignores later writes. Without this class,
+    HDF5 crashes the process if it cannot write its buffers when it closes a file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -132,7 +144,10 @@ class _DeferringFile(io.RawIOBase):
         self._failure: OSError | None = None
 
     def check(self) -> None:
-        """Wait until all data are on the disk; raise the first write error if an error has occurred."""
+        """Wait until all data are on the disk.
+
+        If a write error has occurred, the first one is raised.
+        """
         if self._failure is None:
             os.fsync(self._file.fileno())
         else:
@@ -154,7 +169,11 @@ class _DeferringFile(io.RawIOBase):
         return self._file.seek(offset, whence)
 
     def readinto(self, buffer: Any, /) -> int | None:
-        """Read bytes into a buffer; after a write error, missing data are read as zeros."""
+        """Read bytes from the file into a buffer.
+
+        Returns:
+            The number of bytes; after a write error, missing data are read as zeros.
+        """
         count = self._file.readinto(buffer)
         if self._failure is not None:
             view = memoryview(buffer).cast("B")
@@ -188,7 +207,11 @@ class _DeferringFile(io.RawIOBase):
 
 
 def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
-    """Open a NetCDF file of a sweep without loading its data; return None if pretouch did not write the file."""
+    """Open a NetCDF file of a sweep without loading its data.
+
+    Returns:
+        The dataset; None if pretouch did not write the file.
+    """
     xarray = require("xarray")
     require(_ENGINE)
     try:
@@ -205,7 +228,10 @@ def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
 
 
 def is_intact(dataset: xr.Dataset, plan: Grid) -> bool:
-    """Return True if a dataset is readable, belongs to the planned sweep and contains only valid statuses."""
+    """Return True if a stored sweep dataset is intact.
+
+    It must be readable, belong to the planned sweep and contain only valid statuses.
+    """
     try:
         codes = dataset[STATUS].values
         shapes = {dataset[name].shape for name in (STATUS, *plan.results)}

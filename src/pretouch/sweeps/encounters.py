@@ -1,4 +1,7 @@
-"""Solve all encounters of a sweep grid with few solver calls, which accept arrays of inputs."""
+"""Solve all encounters of a sweep with few solver calls.
+
+The solver accepts arrays of inputs.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,11 @@ from .results import ALWAYS, DESIGN_CODES, OF_DESIGNS, STATUS, read
 
 
 def solve_encounters(task: Task, axes: Sequence[Axis], names: Sequence[str]) -> Columns:
-    """Solve all encounters of a sweep grid; most results are NaN for encounters without contact or optimal gain."""
+    """Solve all encounters of a sweep grid.
+
+    Returns:
+        The results; most are NaN for encounters without contact or optimal gain.
+    """
     # Each array has the shape of the grid.
     shape = tuple(map(len, axes))
     looped = [k for k, axis in enumerate(axes) if axis.looped]
@@ -39,7 +46,10 @@ def solve_encounters(task: Task, axes: Sequence[Axis], names: Sequence[str]) -> 
 
 
 def _values(task: Task, axes: Sequence[Axis]) -> Columns:
-    """Return the inputs of the encounters as arrays, with one dimension for each axis of the sweep."""
+    """Return the inputs of all encounters as arrays.
+
+    Each axis of the sweep is one dimension.
+    """
     values: Columns = {"obstacle.position": np.full((1,) * len(axes), task.scenario.obstacle.position)}
     for k, axis in enumerate(axes):
         shape = tuple(-1 if i == k else 1 for i in range(len(axes)))
@@ -48,7 +58,7 @@ def _values(task: Task, axes: Sequence[Axis]) -> Columns:
 
 
 def _columns(task: Task, names: Sequence[str], values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Compute contacts or optimal gains for arrays of inputs in one call of the solver."""
+    """Compute contacts or optimal gains in one call of the solver."""
     scenario = scenario_with(task.scenario, {name: value for name, value in values.items() if name != "gain"})
     options: dict[str, Any] = {"method": task.method, "horizon": task.horizon}
     if task.objective is None:
@@ -75,7 +85,10 @@ def _columns(task: Task, names: Sequence[str], values: Mapping[str, NDArray[Any]
 
 
 def task_at(task: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
-    """Set the inputs of a task that the solver does not accept as arrays to their values at one grid point."""
+    """Return the task at one point of the sweep grid.
+
+    Only inputs that the solver does not accept as arrays are changed.
+    """
     for axis, i in zip(axes, index, strict=True):
         for name, values in axis.columns.items():
             if name not in ENCOUNTER_INPUTS:

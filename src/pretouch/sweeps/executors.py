@@ -1,4 +1,7 @@
-"""Compute one block (a part) of a sweep, and measure the progress of the sweep."""
+"""Compute one block of a sweep, and measure the sweep's progress.
+
+A block is a part of the encounters.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ _TRIAL: Final = 32  # a chunk is 32 times as large as the trial that measures th
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlockRecord:
-    """Number of encounters in a block of a sweep, and the time for computing and writing this block.
+    """Size and computing time of one block of a sweep.
 
     Args:
         encounters: number of encounters.
@@ -36,7 +39,7 @@ class BlockRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress(Value):
-    """Progress of a sweep: the number of finished encounters and the elapsed time.
+    """Number of finished encounters and elapsed time of a sweep.
 
     Args:
         finished: number of encounters that are stored, including those of earlier runs.
@@ -56,14 +59,17 @@ class Progress(Value):
 
     @property
     def remaining(self) -> float:
-        """Estimated remaining time [s] at the average speed of this run; NaN before any encounter is computed."""
+        """Estimated remaining time of the sweep [s].
+
+        It assumes the average speed of this run, and is NaN before any encounter is computed.
+        """
         return (self.total - self.finished) * self.seconds / self.computed if self.computed else float("nan")
 
 
 def chunks_per_block(plan: Grid, *, workers: int = 1) -> int:
-    """Choose how many chunks of the sweep grid are computed as one block, based on the duration of a trial run.
+    """Choose how many chunks of the sweep form one block.
 
-    The results of the sweep do not depend on this number.
+    The choice is based on the duration of a trial run. The results of the sweep do not depend on this number.
 
     Args:
         plan: the sweep. The trial also detects mistakes in the sweep before the work begins.
@@ -86,7 +92,11 @@ def chunks_per_block(plan: Grid, *, workers: int = 1) -> int:
 
 
 def run_block(plan: Grid, store: Store, block: int) -> BlockRecord:
-    """Compute and store a block of encounters; each chunk is computed while the previous one is being written."""
+    """Compute and store a block of encounters.
+
+    Returns:
+        Size and computing time of the block. Each chunk is computed while the previous one is being written.
+    """
     computing = writing = 0.0
 
     def write(region: Region, columns: Columns) -> float:

@@ -1,4 +1,7 @@
-"""Define the grid of a sweep, which is computed and stored in chunks."""
+"""Define the grid of a sweep.
+
+The grid is computed and stored in chunks.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ Columns: TypeAlias = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grid(ABC):
-    """Abstract base class of a sweep: a grid of encounters, and the names of the results to compute.
+    """Abstract base class of a sweep over a grid of encounters.
 
     Args:
         axes: the axes, in the order of the dimensions.
@@ -38,23 +41,33 @@ class Grid(ABC):
     @property
     @abstractmethod
     def subject(self) -> str:
-        """Word for the computed results in the title of a sweep, such as `contacts`."""
+        """Word for the computed results in titles, such as `contacts`."""
 
     @abstractmethod
     def evaluate(self, region: Region) -> Columns:
-        """Compute all encounters in a part of the sweep grid, and return arrays of status and results."""
+        """Compute all encounters in a part of the sweep grid.
+
+        Returns:
+            Arrays of status and results.
+        """
 
     @abstractmethod
     def inputs(self) -> dict[str, Any]:
-        """Return the values of all inputs that the sweep does not vary, in SI units and in a form for JSON."""
+        """Return the inputs that the sweep does not vary.
+
+        The values are in SI units and suitable for JSON.
+        """
 
     @abstractmethod
     def input_attributes(self, name: str) -> dict[str, Any]:
-        """Return name and unit of an input that the sweep varies, as metadata for the dataset."""
+        """Return name and unit of a varied input as metadata."""
 
     @abstractmethod
     def result_attributes(self, name: str) -> dict[str, Any]:
-        """Return the metadata of a computed quantity for the dataset, such as its long name and its unit."""
+        """Return the metadata of a computed quantity for the dataset.
+
+        They include its long name and its unit.
+        """
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -73,7 +86,10 @@ class Grid(ABC):
 
     @property
     def chunk_grid(self) -> tuple[int, ...]:
-        """Number of chunks along each axis of the sweep grid; one call computes one chunk."""
+        """Number of chunks along each axis of the sweep grid.
+
+        One call computes one chunk.
+        """
         return tuple(-(-n // c) for n, c in zip(self.shape, self.chunk, strict=True))
 
     @property
@@ -82,13 +98,16 @@ class Grid(ABC):
         return math.prod(self.chunk_grid)
 
     def region(self, index: int) -> Region:
-        """Return the part of the sweep grid that the chunk with a given index contains."""
+        """Return the part of the sweep grid in one chunk."""
         # Chunks are numbered along the last dimension first.
         dimensions = zip(np.unravel_index(index, self.chunk_grid), self.chunk, self.shape, strict=True)
         return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in dimensions)
 
     def thinned(self, most: int) -> Self:
-        """Return a small trial sweep with a few evenly spaced values of each axis."""
+        """Return a small trial sweep with few values per axis.
+
+        The values are evenly spaced.
+        """
         # The trial has one chunk with at most `most` encounters.
         axes: list[tuple[int, Axis]] = []
         remaining = most

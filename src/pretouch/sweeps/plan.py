@@ -1,4 +1,7 @@
-"""Plan a sweep: check the inputs, and divide the grid of inputs into chunks."""
+"""Check the inputs of a sweep and divide its grid.
+
+The grid of inputs is divided into chunks.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,7 @@ _CHUNK_OF_DRAG: Final = 1 << 15  # contacts under a drag take 20 us each
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan(Grid):
-    """A planned sweep: a task, the inputs of the task that vary, and the results to compute.
+    """A planned sweep with its task, varied inputs and results.
 
     Args:
         task: the task with the values of all inputs that are not on an axis.
@@ -51,39 +54,59 @@ class Plan(Grid):
 
     @property
     def designs(self) -> bool:
-        """True if the sweep designs gains; False if the sweep computes contacts for given gains."""
+        """True if the sweep designs gains.
+
+        Otherwise the sweep computes contacts for given gains.
+        """
         return self.task.objective is not None
 
     @property
     def subject(self) -> str:
-        """Word for the computed results in the title of a sweep, such as `contacts`."""
+        """Word for the computed results in titles, such as `contacts`."""
         return "optimal gains" if self.designs else "contacts"
 
     def evaluate(self, region: Region) -> Columns:
-        """Compute all encounters in a part of the sweep grid, and return arrays of status and results."""
+        """Compute all encounters in a part of the sweep grid.
+
+        Returns:
+            Arrays of status and results.
+        """
         return solve_encounters(
             self.task, [axis.at(part) for axis, part in zip(self.axes, region, strict=True)], self.results
         )
 
     def inputs(self) -> dict[str, Any]:
-        """Return the values of all inputs that the sweep does not vary, in SI units and in a form for JSON."""
+        """Return the inputs that the sweep does not vary.
+
+        The values are in SI units and suitable for JSON.
+        """
         return inputs_of_task(self.task)
 
     def input_attributes(self, name: str) -> dict[str, Any]:
-        """Return name and unit of an input that the sweep varies, as metadata for the dataset."""
+        """Return name and unit of a varied input as metadata."""
         number = self.task.law.number
         words = number.label if name == "gain" and self.task.law != DAMPER else spoken(name)
         return {"long_name": words, "units": inputs_of(self.task)[name] or "1"}
 
     def result_attributes(self, name: str) -> dict[str, Any]:
-        """Return the metadata of a computed quantity for the dataset, such as its long name and its unit."""
+        """Return the metadata of a computed quantity for the dataset.
+
+        They include its long name and its unit.
+        """
         return result_attributes(name, designs=self.designs, law=self.task.law)
 
 
 def make_plan(
     task: Task, axes: Axes, *, results: Sequence[str] | None, seed: int | None = None, chunk_size: int | None = None
 ) -> Plan:
-    """Check the arguments of a sweep, and divide its grid of encounters into chunks of limited size."""
+    """Check the arguments of a sweep and return its plan.
+
+    Returns:
+        The plan, whose grid of encounters is divided into chunks of limited size.
+
+    Raises:
+        InvalidInputError: an argument is invalid.
+    """
     # `chunk_size` is the largest number of encounters of a chunk; None for a default size.
     if task.scenario.shape != ():
         raise InvalidInputError(
@@ -129,10 +152,10 @@ def _chunk_size(task: Task, results: tuple[str, ...]) -> int:
 
 
 def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
-    """Return the shape of the chunks into which a sweep grid is divided, with at most `most` encounters per chunk.
+    """Choose the shape of the chunks of a sweep grid.
 
-    From the last axis to the first, an axis that fits stays whole. The first axis that does not fit is divided, and a
-    chunk contains one value of each axis before.
+    A chunk contains at most `most` encounters. From the last axis to the first, an axis that fits stays whole. The
+    first axis that does not fit is divided, and a chunk contains one value of each axis before.
 
     Returns:
         The shape of a chunk.
@@ -170,13 +193,13 @@ def _check_values(plan: Plan) -> None:
     terms = plan.task.goal.terms if plan.designs else ()
     if not moving and any(term.scale == OBSTACLE_SPEED for term in terms):
         raise InvalidInputError(
-            f"scale: found {OBSTACLE_SPEED!r}, but the speed of this obstacle is 0 m/s and cannot scale a term of the "
-            "objective; use a number in m/s"
+            f"scale: found {OBSTACLE_SPEED!r}, but the obstacle has a speed of 0 m/s, which cannot scale a term of "
+            "the objective. Use a number in m/s"
         )
 
 
 def _check_distances(plan: Plan) -> None:
-    """Check that all initial distances are positive and within the distance range of the sensor."""
+    """Check that all initial distances are positive and within sensor range."""
     scenario, sensors = plan.task.scenario, [a for a in plan.axes if any(n.startswith("sensor.") for n in a.columns)]
     low = high = 0.0
     for name, position, sign in (
@@ -196,7 +219,7 @@ def _check_distances(plan: Plan) -> None:
         for distance in (low + shift, high + shift):
             if not (distance > 0 and nearest <= distance <= farthest):
                 raise OutOfRangeError(
-                    f"obstacle position: an encounter starts at a distance of {distance:g} m, expected a positive "
+                    f"obstacle position: an encounter starts at a distance of {distance:g} m. Expected a positive "
                     f"distance from {nearest:g} m to {farthest:g} m, the valid range of the "
                     f"{plan.task.sensor.name} curve"
                 )

@@ -1,4 +1,7 @@
-"""Describe the inputs of a sweep as JSON, so that they can be compared with those of a stored sweep."""
+"""Describe the inputs of a sweep as JSON.
+
+The description is compared with that of a stored sweep.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +24,15 @@ _PROBES: Final = 17
 
 
 def spoken(name: str) -> str:
-    """Return the name of an input with spaces, such as `obstacle velocity` for `obstacle.velocity`."""
+    """Return the name of an input with spaces.
+
+    For example, `obstacle.velocity` becomes `obstacle velocity`.
+    """
     return name.replace(".", " ").replace("_", " ")
 
 
 def inputs_of_task(task: Task) -> dict[str, Any]:
-    """Return all inputs of a task in SI units, in a form that JSON can represent."""
+    """Return all inputs of a task in SI units for JSON."""
     parts = ("admittance", "obstacle", "plant", "reference")
     return {
         "scenario": {part: asdict(getattr(task.scenario, part)) for part in parts},
@@ -42,7 +48,10 @@ def inputs_of_task(task: Task) -> dict[str, Any]:
 
 
 def identify_sensor(sensor: SensorModel) -> dict[str, Any]:
-    """Return the parameters of a sensor curve, and a hash of its values that identifies a user-defined curve."""
+    """Return the parameters and a hash of a sensor curve.
+
+    The hash of its values identifies a user-defined curve.
+    """
     low, high = sensor.valid_range
     distances = np.linspace(low, min(high, low + _FARTHEST), _SAMPLES)
     samples = np.stack([sensor.log_output(distances), sensor.log_slope(distances)])
@@ -55,7 +64,10 @@ def identify_sensor(sensor: SensorModel) -> dict[str, Any]:
 
 
 def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, Any]:
-    """Return the terms of an objective; for a user-defined objective, return its name and a hash of its values."""
+    """Return the terms that identify an objective.
+
+    A user-defined objective is identified by its name and a hash of its values.
+    """
     custom = isinstance(objective, CustomObjective)
     if not custom and all(term.quantity in QUANTITY_KINDS.built_in() for term in objective.terms):
         return asdict(objective)
@@ -66,7 +78,7 @@ def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, An
 
 
 class _Probes:
-    """Pseudorandom states at contact, at which a user-defined objective is evaluated in order to identify it."""
+    """Pseudorandom contact states that identify a user-defined objective."""
 
     def column(self, name: str) -> FloatArray:
         """Return reproducible pseudorandom values of one quantity at contact."""

@@ -1,4 +1,7 @@
-"""Define the result variables of a sweep, and summarize a sweep as text or JSON."""
+"""Define and summarize the results of a sweep.
+
+The summary is text or JSON.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,14 @@ _DEFAULT_DESIGNS: Final = ("gain", "objective", "relative_velocity")
 
 
 def check_results(results: Sequence[str] | None, *, designs: bool, impact: ImpactModel | None) -> tuple[str, ...]:
-    """Check the names of the requested results; if none are requested, return the default results."""
+    """Check the names of the requested results.
+
+    Returns:
+        The names, or the default results if none are requested.
+
+    Raises:
+        InvalidInputError: a name is unknown, or its result needs a design or an impact model.
+    """
     # The status is not among the returned names.
     if results is None:
         return _DEFAULT_DESIGNS if designs else _DEFAULT_CONTACTS
@@ -64,12 +74,18 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
 
 
 def is_of_whole_motion(name: str) -> bool:
-    """Return True if a result depends on the whole motion, so that its computation takes longer."""
+    """Return True if a result depends on the whole motion.
+
+    The computation of such a result takes longer.
+    """
     return name not in OF_DESIGNS and name in QUANTITIES and QUANTITIES[name].whole
 
 
 def read(name: str, result: ContactResult, impact: Any) -> Any:
-    """Return a quantity at the end of each encounter in SI units, even if the encounter has no contact."""
+    """Return a quantity at the end of each encounter.
+
+    The value is in SI units. It also exists for encounters without contact.
+    """
     if name in ALWAYS:
         return getattr(result, name)
     if name in ContactState.names():
@@ -78,7 +94,9 @@ def read(name: str, result: ContactResult, impact: Any) -> Any:
 
 
 def result_attributes(name: str, *, designs: bool, law: ContinuousLaw = DAMPER) -> dict[str, Any]:
-    """Return the metadata of a dataset variable, such as its name in plain words and its unit.
+    """Return the metadata of a dataset variable.
+
+    They include its name in plain words and its unit.
 
     Returns:
         Attributes that follow the CF conventions.
@@ -107,7 +125,10 @@ _MOST_READ: Final = 10**7  # largest number of encounters for which the ranges o
 
 
 def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
-    """Return a sweep as a JSON object in SI units, with all values if there are at most 10,000 encounters."""
+    """Return a sweep as a JSON object in SI units.
+
+    All values are included if there are at most 10,000 encounters.
+    """
     status = dataset[STATUS]
     size = int(np.prod(status.shape))
     axes = {}
@@ -135,7 +156,10 @@ def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def sweep_as_text(dataset: xr.Dataset) -> str:
-    """Return a summary of a sweep as text: number of encounters per status, and ranges of inputs and results."""
+    """Return a summary of a sweep as text.
+
+    It contains the number of encounters per status, and the ranges of inputs and results.
+    """
     size = int(np.prod(dataset[STATUS].shape))
     statuses = ", ".join(f"{count:,} {word}" for word, count in counts(dataset).items() if count)
     lines = [f"{size:,} encounters: {statuses}", ""]
@@ -154,7 +178,7 @@ def sweep_as_text(dataset: xr.Dataset) -> str:
 
 
 def counts(dataset: xr.Dataset) -> dict[str, int]:
-    """Return how many encounters of a sweep have each status, such as `contact`."""
+    """Return the number of encounters with each status."""
     words = dataset[STATUS].attrs["flag_meanings"].split()
     numbers = np.bincount(np.asarray(dataset[STATUS].values).ravel(), minlength=len(words))
     return dict(zip(words, map(int, numbers), strict=True))

@@ -1,4 +1,4 @@
-"""Define the function `sweep`, which solves encounters or finds optimal gains over a grid of inputs."""
+"""Solve encounters or find optimal gains over a grid of inputs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def sweep(
     seed: int | None = None,
     progress: Callable[[Progress], object] | None = None,
 ) -> xr.Dataset:
-    """Compute contacts or optimal gains for every combination of input values on a grid.
+    """Compute contacts or optimal gains on a grid of input values.
 
     On one machine the compiled kernels use all cores. With an output, finished blocks are stored: if a sweep is
     interrupted, the same call resumes it and computes only the missing blocks.
@@ -116,7 +116,9 @@ def run_sweep(
     dask: Any = None,
     progress: Callable[[Progress], object] | None = None,
 ) -> xr.Dataset:
-    """Compute the encounters of a planned sweep; if the sweep was interrupted, compute only the missing encounters.
+    """Compute the encounters of a planned sweep.
+
+    If the sweep was interrupted, only the missing encounters are computed.
 
     Args:
         plan: the sweep.
@@ -150,7 +152,8 @@ def run_sweep(
 
 
 def _sweep_task(task: Task, axes: Axes) -> Task:
-    """Prepare the task of a sweep: remove the objective if gains are given, else restrict bounds to stable gains."""
+    """Prepare the objective and the bounds of a sweep task."""
+    # The objective is removed if gains are given. Otherwise the bounds are restricted to stable gains.
     names = [name for axis, values in axes.items() for name in (values if isinstance(values, Mapping) else (axis,))]
     if task.gain is not None or "gain" in names or task.objective is None:
         gain = None if task.gain is None else finite(task.gain, "gain", task.law.number.unit)
@@ -161,12 +164,13 @@ def _sweep_task(task: Task, axes: Axes) -> Task:
 
 @with_file_location
 def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
-    """Return the bounds of stable gains; raise an error if a sweep axis changes these bounds."""
+    """Return the bounds of stable gains."""
+    # A sweep axis that changes these bounds raises an error.
     changing = [name for name in names if name.startswith(_CHANGE_THE_LIMIT)]
     if changing and task.stability_margin is not None:
         raise InvalidInputError(
             f"stability_margin: a sweep over {changing[0]} cannot require a gain margin, because the stability "
-            "limit changes with this input; remove stability_margin, or set a fixed gain"
+            "limit changes with this input. Remove stability_margin, or set a fixed gain"
         )
     return task.stable_bounds()
 
@@ -212,7 +216,7 @@ def _to_zarr(
     progress: Any,
     on_complete: Callable[[ZarrStore], object] = lambda _: None,
 ) -> ZarrStore:
-    """Start or resume a sweep whose results are stored in a Zarr folder."""
+    """Start or resume a sweep in a Zarr folder."""
     # `on_complete` is called while the folder is still locked.
     require("zarr")
     with nullcontext() if dask is None else connected(dask) as client:
@@ -240,7 +244,8 @@ def _contains_sweep(target: Path, plan: Grid) -> bool:
 
 
 def _to_netcdf(plan: Grid, target: Path, *, overwrite: bool, dask: Any, progress: Any) -> xr.Dataset:
-    """Compute a sweep into a temporary Zarr folder, write the NetCDF file, and remove the folder."""
+    """Compute a sweep and write its NetCDF file."""
+    # A temporary Zarr folder contains the results until the file is written.
     # Equal sweeps may run at the same time: all compute into the folder, the first to finish writes the file, and the
     # last removes the folder.
     folder = target.with_name(f"{target.name}.unfinished{_ZARR}")
@@ -267,7 +272,7 @@ def _to_netcdf(plan: Grid, target: Path, *, overwrite: bool, dask: Any, progress
 
 
 def _is_written(plan: Grid, target: Path) -> bool:
-    """Return True if a NetCDF file contains the complete results of the planned sweep."""
+    """Return True if a NetCDF file contains the complete sweep."""
     dataset = open_netcdf(target)
     if dataset is None:
         return False
@@ -276,7 +281,8 @@ def _is_written(plan: Grid, target: Path) -> bool:
 
 
 def _open_finished(plan: Grid, target: Path, *, overwrite: bool) -> xr.Dataset | None:
-    """Open the output file if it contains the same sweep; raise an error if the file must not be replaced."""
+    """Open the output file if it contains the same sweep."""
+    # A file that must not be replaced raises an error.
     if not target.exists():
         return None
     dataset = open_netcdf(target)
@@ -293,7 +299,7 @@ def _open_finished(plan: Grid, target: Path, *, overwrite: bool) -> xr.Dataset |
             )
         what = "is damaged" if equal else f"differs from this sweep in {differing_parts(dataset.attrs, plan)}"
         raise OutputExistsError(
-            f"{target}: the stored sweep {what}, and pretouch does not overwrite the file; choose another name "
+            f"{target}: the stored sweep {what}, and pretouch does not overwrite the file. Choose another name "
             "with --output, or replace the file with --force (overwrite=True in Python)"
         )
     return None

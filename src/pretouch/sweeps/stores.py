@@ -1,8 +1,9 @@
-"""Store results of a sweep in memory or in a Zarr folder, so that an interrupted sweep can be resumed.
+"""Store results of a sweep in memory or in a Zarr folder.
 
-A store first writes the data of a block, each chunk atomically as a file. Then it marks the block as finished in the
-ledger, in a file of one byte. If the process is killed, only unfinished blocks are lost. A block with damaged data is
-computed again. A process that writes to a folder locks the folder, so that no other process removes it.
+An interrupted sweep can be resumed. A store first writes the data of a block, each chunk atomically as a file. Then it
+marks the block as finished in the ledger, in a file of one byte. If the process is killed, only unfinished blocks are
+lost. A block with damaged data is computed again. A process that writes to a folder locks the folder, so that no other
+process removes it.
 
 The ledger is an array in a subgroup of the Zarr group, so that `xarray.open_zarr` shows only axes, status and results.
 """
@@ -46,18 +47,24 @@ _MOST_CHECKED: Final = 2_000  # largest number of chunks that are checked before
 
 
 def refuse_beyond_memory(plan: Grid) -> None:
-    """Raise an error, before anything is computed, if the results of a sweep do not fit into memory."""
+    """Raise an error if sweep results do not fit into memory.
+
+    Raises:
+        InvalidInputError: the results are too large; raised before anything is computed.
+    """
     bytes_each = 1 + 8 * len(plan.results)
     if plan.size * bytes_each > _MOST_BYTES:
         raise InvalidInputError(
             f"axes: the results of {plan.size:,} encounters need {plan.size * bytes_each / 1e9:,.0f} GB, but pretouch "
-            f"keeps the results of at most {_MOST_BYTES // bytes_each:,} encounters in memory. Write to a folder with "
+            f"keeps at most {_MOST_BYTES // bytes_each:,} encounters in memory. Write to a folder with "
             "output='NAME.zarr', or use fewer values"
         )
 
 
 class Store:
-    """Storage for the results of a sweep, which records the finished blocks of encounters.
+    """Storage for the results of a sweep.
+
+    It records the finished blocks of encounters.
 
     Args:
         plan: the sweep.
@@ -69,7 +76,7 @@ class Store:
         self.plan, self.chunks_per_block, self._arrays = plan, chunks_per_block, arrays
 
     def regions(self, block: int) -> list[Region]:
-        """Return the index ranges of the sweep grid that a block contains, one for each chunk of the block."""
+        """Return the index ranges of all chunks in a block."""
         first = block * self.chunks_per_block
         return [self.plan.region(i) for i in range(first, min(first + self.chunks_per_block, self.plan.chunk_count))]
 
@@ -78,20 +85,26 @@ class Store:
         return sum(math.prod(part.stop - part.start for part in region) for region in self.regions(block))
 
     def finished(self) -> BoolArray:
-        """Return a boolean array that is True for each block of encounters that is finished now."""
+        """Return which blocks of encounters are finished now."""
         return np.asarray(self._arrays[LEDGER][:] == 1)
 
     def intact(self) -> BoolArray:
-        """Return a boolean array that is True for each block of encounters that is finished and undamaged."""
+        """Return which blocks of encounters are finished and undamaged."""
         return self.finished()
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Store the results of one part of the sweep grid, which must consist of whole chunks."""
+        """Store the results of one part of the sweep grid.
+
+        The part must consist of whole chunks.
+        """
         for name, column in columns.items():
             self._arrays[name][region] = column
 
     def finish(self, block: int) -> None:
-        """Record that a block of encounters is finished, after its results are written."""
+        """Record that a block of encounters is finished.
+
+        Its results must be written first.
+        """
         self._arrays[LEDGER][block] = 1
 
     def dataset(self) -> xr.Dataset:
@@ -110,7 +123,9 @@ class MemoryStore(Store):
 
 
 class ZarrStore(Store):
-    """Storage that keeps the results of a sweep in a Zarr folder, to which several processes may write.
+    """Storage for sweep results in a Zarr folder.
+
+    Several processes may write to the folder.
 
     Args:
         path: the folder, made by `create`.
@@ -131,7 +146,7 @@ class ZarrStore(Store):
         if attributes.get(DIGEST) != attributes_of(plan)[DIGEST]:
             raise OutputExistsError(
                 f"{path}: the stored sweep differs from the requested sweep in "
-                f"{differing_parts(attributes, plan)}, and pretouch does not overwrite it; choose another "
+                f"{differing_parts(attributes, plan)}, and pretouch does not overwrite it. Choose another "
                 "name with --output, or replace the sweep with --force (overwrite=True in Python)"
             )
         zarr = require("zarr")
@@ -156,7 +171,10 @@ class ZarrStore(Store):
         super().__init__(plan, per_block, arrays)
 
     def intact(self) -> BoolArray:
-        """Return a boolean array that is True for each finished, undamaged block; mark damaged blocks as unfinished."""
+        """Return which blocks of encounters are finished and undamaged.
+
+        Damaged blocks are marked as unfinished.
+        """
         intact = self.finished()
         for block in np.flatnonzero(intact) if self.plan.chunk_count <= _MOST_CHECKED else ():
             intact[block] = all(map(self._is_intact, self.regions(int(block))))
@@ -182,18 +200,24 @@ class ZarrStore(Store):
         return bool(np.isin(codes, meanings).all())
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Store the results of one part of the sweep grid, which must consist of whole chunks."""
+        """Store the results of one part of the sweep grid.
+
+        The part must consist of whole chunks.
+        """
         with self._explaining():
             super().write(region, columns)
 
     def finish(self, block: int) -> None:
-        """Record that a block of encounters is finished, after its results are written."""
+        """Record that a block of encounters is finished.
+
+        Its results must be written first.
+        """
         with self._explaining():
             super().finish(block)
 
     @contextmanager
     def _explaining(self) -> Iterator[None]:
-        """Convert errors of the operating system to an `InvalidInputError` that explains how to resume the sweep."""
+        """Convert system errors to an error that explains how to resume."""
         try:
             yield
         except OSError as error:
@@ -204,7 +228,9 @@ class ZarrStore(Store):
 
     @classmethod
     def create(cls, path: str | os.PathLike[str], plan: Grid, chunks_per_block: int) -> ZarrStore:
-        """Create the Zarr folder of a sweep in one atomic step, with axes and metadata but without results.
+        """Create the Zarr folder of a sweep in one atomic step.
+
+        The folder contains axes and metadata, but no results.
 
         Args:
             path: the folder; its parent must exist, and the path must be free.
@@ -259,14 +285,17 @@ class ZarrStore(Store):
         return cls(path, plan)
 
     def dataset(self) -> xr.Dataset:
-        """Open the stored results of the sweep as a dataset without loading them."""
+        """Open the stored sweep results as a dataset without loading them."""
         xarray = require("xarray")
         dataset: xr.Dataset = xarray.open_zarr(str(self.path), chunks=None)
         return dataset[[STATUS, *self.plan.results]]
 
 
 def _attributes(path: Path) -> dict[str, Any] | None:
-    """Return the metadata of a folder that contains a sweep; None if the folder contains no sweep."""
+    """Return the metadata of a stored sweep.
+
+    The result is None if the folder contains no sweep.
+    """
     zarr = require("zarr")
     if not (path / "zarr.json").is_file():
         return None
@@ -283,7 +312,11 @@ def is_sweep(path: Path) -> bool:
 
 
 def replace_sweep(path: Path) -> None:
-    """Remove a stored sweep; raise an error if the path contains anything else or is being written to."""
+    """Remove a stored sweep.
+
+    Raises:
+        OutputExistsError: the path contains anything else, or another process is writing to the sweep.
+    """
     if not is_sweep(path):
         raise OutputExistsError(
             f"{path}: this path does not contain a sweep of pretouch, so pretouch does not remove it; choose another "
@@ -297,7 +330,11 @@ def replace_sweep(path: Path) -> None:
 
 
 def remove_unused(path: Path) -> bool:
-    """Remove the folder of a sweep; return False if another process is writing to the folder."""
+    """Remove the folder of a sweep.
+
+    Returns:
+        False if another process is writing to the folder.
+    """
     lock = _locked(path, exclusive=True)
     if lock is None:
         return not path.exists()
@@ -312,7 +349,11 @@ def remove_unused(path: Path) -> bool:
 
 @contextmanager
 def in_use(path: Path) -> Iterator[bool]:
-    """Protect a folder against removal by other processes; yield False if the folder no longer exists."""
+    """Protect a folder against removal by other processes.
+
+    Yields:
+        False if the folder no longer exists.
+    """
     lock = _locked(path, exclusive=False)
     try:
         yield lock is not None
@@ -325,7 +366,8 @@ _NO_LOCKS: Final = -1  # stands for a lock on systems without locks
 
 
 def _locked(path: Path, *, exclusive: bool) -> int | None:
-    """Lock a folder, exclusively or shared with other processes; return None if the lock is not available."""
+    """Lock a folder, exclusively or shared with other processes."""
+    # The result is None if the lock is not available.
     if sys.platform == "win32":
         return _NO_LOCKS if path.exists() else None
     try:

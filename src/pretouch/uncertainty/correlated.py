@@ -1,4 +1,4 @@
-"""Define the joint normal distribution of correlated inputs, and the distribution of measured values."""
+"""Define distributions of correlated inputs and of measured values."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ _DEVIATIONS: Final = 4.0  # standard deviations; one sample in 16,000 is farther
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelatedNormal(JointDistribution):
-    """Joint normal distribution of several correlated inputs, such as the parameters of a sensor curve.
+    """Joint normal distribution of several correlated inputs.
+
+    The parameters of a sensor curve are an example.
 
     Args:
         names: the inputs, such as `sensor.exponent`.
@@ -55,8 +57,8 @@ class CorrelatedNormal(JointDistribution):
         count = len(self.names)
         if mean.shape != (count,) or covariance.shape != (count, count):
             raise InvalidInputError(
-                f"covariance: found a matrix of the shape {covariance.shape} and {mean.shape[0]} means for "
-                f"{count} names, expected one mean, one row and one column for each name"
+                f"covariance: found a matrix of the shape {covariance.shape}, {mean.shape[0]} mean values and "
+                f"{count} names. Expected one mean value, one row and one column for each name"
             )
         scale = np.sqrt(np.outer(np.diag(covariance).clip(0), np.diag(covariance).clip(0)))
         if np.abs(covariance - covariance.T).max(initial=0) > 1e-9 * scale.max(initial=0):
@@ -68,7 +70,13 @@ class CorrelatedNormal(JointDistribution):
 
     @property
     def root(self) -> FloatArray:
-        """Matrix square root of the covariance; it maps independent standard normal samples to correlated inputs."""
+        """Matrix square root of the covariance.
+
+        It maps independent standard normal samples to correlated inputs.
+
+        Raises:
+            InvalidInputError: the covariance has a negative eigenvalue.
+        """
         # R R^T = covariance
         covariance = np.asarray(self.covariance)
         deviation = np.sqrt(np.diag(covariance).clip(0))
@@ -89,7 +97,11 @@ class CorrelatedNormal(JointDistribution):
         return self.mean
 
     def draw(self, points: FloatArray) -> FloatArray:
-        """Convert points of the unit cube to samples of the correlated inputs, one sample for each point."""
+        """Convert unit-cube points to samples of the correlated inputs.
+
+        Returns:
+            One sample for each point.
+        """
         from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
 
         return np.asarray(np.asarray(self.mean) + ndtri(points) @ self.root.T)
@@ -109,7 +121,7 @@ class CorrelatedNormal(JointDistribution):
         return np.asarray(mean + slope[:, None] * (values - mean[index]))
 
     def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-        """Yield the name and a description of the distribution of each correlated input."""
+        """Yield name and distribution of each correlated input as text."""
         for i, member in enumerate(self.names):
             text = normal_in_words(self.mean[i], math.sqrt(self.covariance[i][i]), units.get(member, ""))
             yield member, f"{text}, jointly with the other inputs of {name}"
@@ -117,7 +129,7 @@ class CorrelatedNormal(JointDistribution):
 
 @check_arguments
 def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
-    """Return the joint normal distribution of the parameters of a fitted sensor curve.
+    """Return the joint normal distribution of fitted sensor parameters.
 
     The covariance is that of the fit.
 
@@ -170,7 +182,7 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
 
 
 def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance: FloatArray) -> None:
-    """Raise an error if parameters within four standard errors of the fit result in an impossible sensor curve."""
+    """Reject fits with impossible sensor curves within four standard errors."""
     # For each parameter at its limits, the other parameters have their conditional means.
     for i, name in enumerate(names):
         error = float(np.sqrt(max(covariance[i, i], 0.0)))
@@ -183,14 +195,14 @@ def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance:
             except InvalidInputError as impossible:
                 raise InvalidInputError(
                     f"fit: the fitted parameter {name} is {mean[i]:.4g} with a standard error of {error:.2g}. A "
-                    f"normal distribution of this width includes impossible curves ({impossible}); calibrate "
+                    f"normal distribution of this width includes impossible curves ({impossible}). Calibrate "
                     "with more readings, or specify the distribution of each parameter"
                 ) from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Empirical(Distribution):
-    """Distribution of measured values of an input; every measured value is equally probable.
+    """Distribution of equally probable measured values of an input.
 
     Args:
         samples: the values, in SI, in any order; at least two.
@@ -223,7 +235,10 @@ class Empirical(Distribution):
 
     @property
     def variance(self) -> float:
-        """The variance of the measured values, computed as the mean squared deviation from their mean."""
+        """The variance of the measured values.
+
+        It is the mean squared deviation from their mean.
+        """
         return math.fsum((x - self.mean) ** 2 for x in self.samples) / len(self.samples)
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
@@ -231,7 +246,7 @@ class Empirical(Distribution):
         return np.asarray(self.samples)[np.minimum((probability * count).astype(np.int64), count - 1)]
 
     def described(self, unit: str) -> str:
-        """Return a description of the distribution: the number and the range of the measured values."""
+        """Return the number and the range of measured values as text."""
         return f"{len(self.samples)} measured values, {format_range(self.support, unit)}"
 
 

@@ -27,7 +27,10 @@ _FLAT: Final = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointDistribution(ABC):
-    """Abstract base class of joint distributions of several inputs, from which users can derive their own."""
+    """Abstract base class of joint distributions of several inputs.
+
+    Users can derive their own distributions.
+    """
 
     @abstractmethod
     def inputs(self, name: str) -> tuple[str, ...]:
@@ -40,12 +43,18 @@ class JointDistribution(ABC):
 
     @abstractmethod
     def draw(self, points: FloatArray) -> FloatArray:
-        """Convert points of the open unit cube to samples of the inputs, one sample for each point."""
+        """Convert points of the unit cube to samples of the inputs.
+
+        The cube is open, and each point gives one sample.
+        """
         # Points and samples have the shape (n, k).
 
     @abstractmethod
     def variance_along(self, slopes: FloatArray) -> float:
-        """Return the variance of a weighted sum of the inputs, with given slopes as weights."""
+        """Return the variance of a weighted sum of the inputs.
+
+        The slopes are the weights.
+        """
 
     @abstractmethod
     def alone(self, index: int) -> Distribution:
@@ -53,7 +62,10 @@ class JointDistribution(ABC):
 
     @abstractmethod
     def others(self, index: int, values: FloatArray) -> FloatArray:
-        """Return the conditional means of all k inputs for n given values of one input, with shape (k, n)."""
+        """Return the conditional means of all inputs given one input.
+
+        For n values of one of k inputs, the shape is (k, n).
+        """
 
     def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
         """Yield the name and a description of the distribution of each input."""
@@ -64,18 +76,27 @@ class JointDistribution(ABC):
             yield member, self.alone(i).described(units.get(member, "")) + others
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the distribution as a dictionary for JSON: its kind, and its parameters in SI units."""
+        """Return the distribution as a JSON dictionary in SI units.
+
+        The dictionary contains the kind and the parameters.
+        """
         return with_kind(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distribution(JointDistribution):
-    """Abstract base class of distributions of one input; derived classes define `support` and `_quantile`."""
+    """Abstract base class of distributions of one input.
+
+    Derived classes define `support` and `_quantile`.
+    """
 
     @property
     @abstractmethod
     def support(self) -> tuple[float, float]:
-        """The smallest and the largest possible value of the input, either of which may be infinite."""
+        """The smallest and the largest possible value of the input.
+
+        Either may be infinite.
+        """
 
     @abstractmethod
     def _quantile(self, probability: FloatArray) -> FloatArray:
@@ -101,15 +122,18 @@ class Distribution(JointDistribution):
         return float(0.5 * (weights * deviation**2).sum())
 
     def described(self, unit: str) -> str:
-        """Return a description of the distribution, such as `uniform, 38 mm to 46 mm`."""
+        """Return a description of the distribution as text.
+
+        An example is `uniform, 38 mm to 46 mm`.
+        """
         # `unit` is the SI unit of the input.
         return f"{type(self).__name__}, {format_range(self.support, unit)}"
 
     @final
     def quantile(self, probability: Any) -> Any:
-        """Return the quantile of the distribution for a probability from 0 to 1.
+        """Return the quantile of the distribution for a probability.
 
-        At 0 and 1 it is the end of the support.
+        The probability is from 0 to 1. At 0 and 1, the quantile is an end of the support.
 
         Examples:
             >>> Uniform(low=-0.5, high=-0.1).quantile(0.25)
@@ -123,7 +147,7 @@ class Distribution(JointDistribution):
 
     @final
     def inputs(self, name: str) -> tuple[str, ...]:
-        """Return a tuple with the name of the only input that has this distribution."""
+        """Return the name of the only input as a tuple."""
         return (name,)
 
     @final
@@ -133,7 +157,11 @@ class Distribution(JointDistribution):
 
     @final
     def draw(self, points: FloatArray) -> FloatArray:
-        """Convert probabilities to samples of the input: each sample is the quantile at one probability."""
+        """Convert probabilities to samples of the input.
+
+        Returns:
+            The samples: the quantile at each probability.
+        """
         return np.asarray(self.quantile(points))
 
     @final
@@ -148,12 +176,18 @@ class Distribution(JointDistribution):
 
     @final
     def others(self, index: int, values: FloatArray) -> FloatArray:  # noqa: ARG002
-        """Return the values as an array with one row, because this distribution has only one input."""
+        """Return the values as an array with one row.
+
+        This distribution has only one input.
+        """
         return values[None]
 
 
 def normal_in_words(mean: float, deviation: float, unit: str) -> str:
-    """Return a description of a normal distribution: mean and standard deviation with the unit of the input."""
+    """Return a description of a normal distribution as text.
+
+    It contains the mean and the standard deviation with the unit of the input.
+    """
     return f"normal, {format_quantity(mean, unit)} with a standard deviation of {format_quantity(deviation, unit)}"
 
 
@@ -261,7 +295,7 @@ class Normal(Distribution):
         return np.asarray(self.mean + self.deviation * ndtri(probability))
 
     def described(self, unit: str) -> str:
-        """Return a description of the normal distribution: its mean and its standard deviation."""
+        """Return mean and standard deviation of the distribution as text."""
         return normal_in_words(self.mean, self.deviation, unit)
 
 
@@ -293,7 +327,7 @@ class TruncatedNormal(Distribution):
         if max(low - self.location, self.location - high) > 30 * self.deviation:
             raise InvalidInputError(
                 f"low: the range from {low:g} to {high:g} is more than 30 standard deviations away from the "
-                f"location {self.location:g} of the distribution; choose a range nearer to the location"
+                f"location {self.location:g} of the distribution. Choose a range nearer to the location"
             )
 
     @property

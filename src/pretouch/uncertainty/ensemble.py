@@ -36,13 +36,16 @@ MOST_SAMPLES: Final = 1_000_000
 
 
 def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
-    """Return the names of all uncertain inputs, and raise an error if an input has two distributions."""
+    """Return the names of all uncertain inputs.
+
+    Raises:
+        InvalidInputError: there is no input, an input has two distributions, or a value is no distribution.
+    """
     for name, distribution in uncertainty.items():
         if not isinstance(distribution, JointDistribution):
             raise InvalidInputError(
                 f"uncertainty {name}: found {type(distribution).__name__}, expected a distribution such as "
-                "Uniform, or an instance of a class that inherits from pt.robust.Distribution and defines support "
-                "and _quantile"
+                "Uniform. A custom distribution inherits from pt.robust.Distribution and defines support and _quantile"
             )
     names = [member for name, distribution in uncertainty.items() for member in distribution.inputs(name)]
     if not names:
@@ -59,7 +62,9 @@ def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
 def sample_inputs(
     uncertainty: Uncertainty, count: int, *, seed: int = 0, sampling: str = "sobol"
 ) -> dict[str, FloatArray]:
-    """Draw random samples of uncertain inputs; the same seed gives the same samples on every machine.
+    """Draw random samples of uncertain inputs.
+
+    The same seed gives the same samples on every machine.
 
     Args:
         uncertainty: the distributions of the inputs; different distributions are independent.
@@ -89,8 +94,8 @@ def sample_inputs(
         if values.shape != (count, len(members)):
             raise InvalidInputError(
                 f"uncertainty {name}: the distribution {type(distribution).__name__} returned samples of the "
-                f"shape {values.shape}, expected the shape {(count, len(members))} with one row for each sample "
-                "and one column for each input"
+                f"shape {values.shape}, expected the shape {(count, len(members))}. Each sample needs one row, and "
+                "each input one column"
             )
         at += len(members)
         samples |= {member: np.ascontiguousarray(values[:, i]) for i, member in enumerate(members)}
@@ -98,7 +103,11 @@ def sample_inputs(
 
 
 def check_draw(count: int, *, seed: int, sampling: str) -> None:
-    """Raise an error if the number of samples, the seed or the sampling method is invalid."""
+    """Check the number of samples, the seed and the sampling method.
+
+    Raises:
+        InvalidInputError: one of them is invalid.
+    """
     if sampling not in SAMPLINGS:
         raise InvalidInputError(f"sampling: found {sampling!r}, expected one of {', '.join(SAMPLINGS)}")
     if type(count) is not int or count < 1:
@@ -113,7 +122,10 @@ def check_draw(count: int, *, seed: int, sampling: str) -> None:
 
 
 def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray:
-    """Return random sample points in a unit cube that has one dimension per uncertain input."""
+    """Return random sample points in a unit cube.
+
+    Each uncertain input is one dimension.
+    """
     rng = np.random.default_rng(seed)
     doublings = max(count - 1, 0).bit_length()  # the Sobol sequence is balanced for powers of two
     if sampling == "random":
@@ -131,7 +143,9 @@ def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray
 
 
 def share_in_words(share: float) -> str:
-    """Format a share from 0 to 1 in percent; the percentage is rounded down, so that only 1 gives 100 %.
+    """Format a share from 0 to 1 in percent.
+
+    The percentage is rounded down, so that only 1 gives 100 %.
 
     Returns:
         Text such as `99.99 %`, also for 0.99998.
@@ -140,7 +154,7 @@ def share_in_words(share: float) -> str:
 
 
 def uncertainty_in_words(uncertainty: Uncertainty, sensor: SensorModel) -> list[tuple[str, str]]:
-    """Return the name of each uncertain input with a description of its distribution."""
+    """Return names and distributions of all uncertain inputs as text."""
     units = input_units(sensor)
     return [row for name, distribution in uncertainty.items() for row in distribution.rows(name, units)]
 
@@ -150,9 +164,10 @@ _CENTRAL: Final = (0.025, 0.975)  # probabilities between which the value of the
 
 
 def contradictions(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorModel) -> Iterator[tuple[str, str]]:
-    """Yield each input whose value in the encounter contradicts its probability distribution, with an explanation.
+    """Yield each input whose encounter value contradicts its distribution.
 
-    Otherwise a gain would be designed for one encounter and verified in others, for example at another speed.
+    Each input is yielded with an explanation. With such a contradiction, a gain would be designed for one encounter and
+    verified in others, for example at another speed.
     """
     units, parameters = input_units(sensor), sensor.parameters
     for name, distribution in uncertainty.items():
@@ -174,7 +189,7 @@ def contradictions(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorM
 
 
 def check_nominal(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorModel) -> None:
-    """Raise an error if the encounter contradicts the distributions of its uncertain inputs.
+    """Check that the encounter agrees with the distributions of its inputs.
 
     Raises:
         InvalidInputError: the value of an uncertain input is outside the central 95 % of its distribution.
@@ -193,7 +208,9 @@ _REMEDY: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ensemble(Value):
-    """Many encounters that differ in some inputs, such as random samples of uncertain inputs.
+    """Many encounters that differ in some inputs.
+
+    Random samples of uncertain inputs are an example.
 
     Args:
         scenario: the encounters, of the shape (n,) or of a shape that broadcasts with it.
@@ -228,7 +245,11 @@ class Ensemble(Value):
         return np.abs(np.broadcast_to(self.scenario.obstacle.velocity, (len(self),)))
 
     def contacts(self, gain: Any) -> ContactResult:
-        """Find time and state of contact in all encounters, for one gain or an array of gains."""
+        """Find time and state of contact in all encounters.
+
+        Returns:
+            The contacts, for one gain or an array of gains.
+        """
         # The last axis of the gains is 1 or n.
         gains = np.asarray(gain, dtype=np.float64)
         gains = np.broadcast_to(gains, (*gains.shape[:-1], len(self)))
@@ -253,7 +274,8 @@ class Ensemble(Value):
         return _stacked([self.law.contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
 
     def _evaluated(self, evaluator: Evaluator, gains: FloatArray) -> ContactResult:
-        """Solve all encounters by a custom solver, one at a time if the solver accepts only one sensor."""
+        """Solve all encounters by a custom solver."""
+        # A solver that accepts only one sensor gets one encounter at a time.
         if not any(map(_of_sensor, self.values)):
             return evaluator(self.scenario, self.sensor, gains)
         if isinstance(evaluator, ManySensorEvaluator):
@@ -265,7 +287,7 @@ class Ensemble(Value):
         return tuple(self._sensor(i) for i in range(len(self)))
 
     def slope(self, result: ContactResult, quantity: str, name: str) -> Any:
-        """Return the derivative of a contact quantity, such as the contact time, with respect to one input."""
+        """Return the derivative of a contact quantity with respect to an input."""
         # If the natural frequency is an input, a change of the mass keeps the frequency.
         of, frequency = result.gradients.of, "admittance.natural_frequency"
         if name not in {frequency, "admittance.damping_ratio", "admittance.mass"}:
@@ -283,7 +305,7 @@ class Ensemble(Value):
         return of(quantity, name) + omega**2 * by_stiffness + a.damping / a.mass * by_damping
 
     def at(self, index: int) -> tuple[Scenario, SensorModel]:
-        """Return the encounter with a given index, and the sensor curve of this encounter."""
+        """Return one encounter and its sensor curve."""
         return map_fields(self.scenario, lambda v: float(v[index]) if np.ndim(v) else v), self._sensor(index)
 
     def _sensor(self, index: int) -> SensorModel:
@@ -302,16 +324,19 @@ class _Stacked(Value):
     parts: list[ContactResult]
 
     def column(self, name: str) -> Any:
-        """Return one quantity, such as the contact time, from all solver calls as one array."""
+        """Return one contact quantity from all solver calls as an array."""
         return np.stack([part.columns.column(name) for part in self.parts], axis=-1)
 
     @property
     def gradients(self) -> _Stacked:
-        """This instance itself; its method `of` returns the derivatives from all solver calls as one array."""
+        """This instance, because its method `of` returns the derivatives."""
         return self
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivatives of a contact quantity with respect to an input, from all solver calls as one array."""
+        """Return derivatives of a contact quantity with respect to one input.
+
+        One array contains the derivatives from all solver calls.
+        """
         return np.stack([part.gradients.of(quantity, by) for part in self.parts], axis=-1)
 
 
@@ -330,7 +355,7 @@ def make_ensemble(
     law: ContinuousLaw = DAMPER,
     evaluate: Evaluator | None = None,
 ) -> Ensemble:
-    """Create many encounters from one encounter and from samples of those inputs that differ.
+    """Create many encounters from samples of the varied inputs.
 
     Args:
         scenario: one encounter.
@@ -397,7 +422,7 @@ def make_ensemble(
 def _sensors(
     sensor: SensorModel, parameters: Mapping[str, FloatArray], several: Scenario, law: ContinuousLaw, method: str
 ) -> tuple[EncounterSimilarity | None, ManyCurves | None]:
-    """Prepare the sensor curves of many encounters so that a single solver call can use all of them."""
+    """Prepare the sensor curves of many encounters for one solver call."""
     if not parameters:
         return EncounterSimilarity(sensor=sensor, length=1.0, gain=1.0), None
     if law.degree is not None and (likeness := find_similarity(sensor, parameters, several.distance)) is not None:

@@ -32,7 +32,7 @@ _HARDER: Final = 1.001  # times the speed without mitigation, beyond rounding
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reservations(Value):
-    """Warnings about distances that an encounter uses although no calibration reading covers them.
+    """Warnings about distances without calibration readings in an encounter.
 
     Distances count from the contact surface.
 
@@ -75,7 +75,7 @@ class Reservations(Value):
 
     @property
     def is_refuted(self) -> bool:
-        """Whether, on any sensor curve that fits the readings, contact is harder than without mitigation."""
+        """Whether the readings allow harder contact than without mitigation."""
         return self.witness is not None and self.witness.harder_count > 0
 
     @property
@@ -85,7 +85,10 @@ class Reservations(Value):
 
     @property
     def headline(self) -> str | None:
-        """The main warning about the calibration, with a remedy, or None if there is no reason for a warning."""
+        """The main warning about the calibration, with a remedy.
+
+        It is None if there is no reason for a warning.
+        """
         contradiction = None if self.witness is None else self.witness.headline
         parts = [contradiction, self._extension] if self.is_refuted else [self._extension, contradiction]
         if not any(parts):
@@ -100,7 +103,10 @@ class Reservations(Value):
 
     @property
     def _receding(self) -> str:
-        """A warning that the object moves away at the start, or an empty text if the object approaches."""
+        """A warning that the object moves away at the start.
+
+        The text is empty if the object approaches.
+        """
         if not self.recedes:
             return ""
         remedy = " For an approach, give the obstacle a negative velocity." if self.leaves_range else ""
@@ -108,14 +114,14 @@ class Reservations(Value):
 
     @property
     def _measured_span(self) -> tuple[str, str]:
-        """The nearest and the farthest distance that calibration readings cover during the encounter, as text."""
+        """The nearest and the farthest measured distance of the encounter."""
         return format_quantity(max(self.supported[0], 0.0), "m"), format_quantity(
             min(self.supported[1], self.start), "m"
         )
 
     @property
     def _extension(self) -> str | None:
-        """A warning about important distances without calibration readings, with a remedy, or None."""
+        """A warning about important distances without calibration readings."""
         (near, far), (nearest, farthest) = self._limits, self._reasons
         start = format_quantity(self.start, "m")
         parts, remedies = [], []
@@ -165,7 +171,7 @@ class Reservations(Value):
         )
 
     def _without_force(self, near: str) -> str:
-        """Compare the predicted contact speed with the speed that results without force below the nearest reading."""
+        """Describe the contact speed without force below the nearest reading."""
         if self.speed is None or self.speed_without_force is None:
             return ""
         speed, predicted = (format_quantity(v, "m/s") for v in (self.speed_without_force, self.speed))
@@ -193,14 +199,14 @@ class Reservations(Value):
 
     @property
     def _reasons(self) -> tuple[str, str]:
-        """Two texts: why the calibration covers no smaller distances, and why it covers no larger distances."""
+        """The reasons why calibration readings end at small and large distances."""
         # The distances in these reasons count from the sensor's zero.
         window, near = self.report.window, self.supported[0]
         return f" ({window.start_reason})" if near >= -_NO_DISTANCE else "", f" ({window.end_reason})"
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Notes on the calibration: sensor curve, covered distances, and the offset that the controller subtracts."""
+        """Notes on the sensor curve, its calibration and the subtracted offset."""
         (near, far), (nearest, farthest) = self._limits, self._reasons
         lines = [f"data support the {self._model} curve from {near}{nearest} to {far}{farthest}"]
         if self.recess:
@@ -222,7 +228,10 @@ class Reservations(Value):
         return tuple(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the warnings about the calibration as a dictionary for JSON, in SI units."""
+        """Return the warnings about the calibration as a JSON dictionary.
+
+        The offset has the unit of the sensor output. All other numbers are in SI units.
+        """
         # The offset is not in SI but in the unit of the outputs.
         window, offset = self.report.window, self.report.offset
         names = ("recess", "supported", "is_contact_supported", "share_nearer", "share_beyond", "leaves_range")
@@ -250,7 +259,7 @@ class Reservations(Value):
 
     @property
     def verdict(self) -> str:
-        """One line of text: the verdict on the calibration, then the offset that the controller subtracts."""
+        """The verdict on the calibration and its offset in one line."""
         offset, unit = self.report.offset, self.report.calibration.unit
         text = f"Calibration {self.report.calibration.name}: {self.report.verdict}"
         if offset is None:
@@ -259,11 +268,19 @@ class Reservations(Value):
         return f"{text}; offset {level}, which the controller and exported laws subtract"
 
     def around_text(self, text: str) -> str:
-        """Return the text of a result with the main warning before it and all notes on the calibration after it."""
+        """Add the calibration warnings and notes to a result's text.
+
+        Returns:
+            The main warning, the text, and all notes on the calibration.
+        """
         return "\n\n".join(part for part in (self.headline, text, str(self)) if part)
 
     def around_dict(self, result: dict[str, Any]) -> dict[str, Any]:
-        """Return the JSON dictionary of a result, with the warnings about the calibration added."""
+        """Add the calibration warnings to the JSON dictionary of a result.
+
+        Returns:
+            The combined dictionary; a refuted result has the status `not-supported`.
+        """
         combined = {**result, "calibration": self.to_dict()}
         if self.is_refuted:
             combined |= {"status": "not-supported", "status_on_fitted_curve": result.get("status")}
@@ -274,7 +291,7 @@ class Reservations(Value):
 
 
 def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
-    """Find the warnings about a calibration that affect a result, such as missing readings at its distances.
+    """Find the warnings about a calibration that affect a result.
 
     Args:
         report: the report of the fit that the sensor comes from.
@@ -342,7 +359,7 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
 
 
 def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> float:
-    """Return the log output at a distance; for a virtual drag, integrate the squared slope from this distance on."""
+    """Return the log output or, for a drag, the integrated squared slope."""
     # Degree 1: ln xi at the distance. Degree 2: the integral of g^2 from the distance to the start. Both within the
     # valid range.
     low, high = sensor.valid_range
@@ -356,7 +373,7 @@ def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> 
 def _speed_without_force(
     scenario: Scenario, sensor: SensorModel, law: ContinuousLaw, gain: float, near: float
 ) -> float | None:
-    """Return the contact speed if no virtual force acts below a given distance, or None without contact."""
+    """Return the contact speed without virtual force below a given distance."""
     end = law.contact(scenario, replace(sensor, minimum_distance=near), gain).end
     o, r, t = scenario.obstacle, scenario.reference, end.time
     rest = Scenario(
@@ -376,9 +393,9 @@ def _speed_without_force(
 
 
 def recess_advice(nearest: float, present: float) -> str:
-    """Return advice on how far to mount the sensor behind the contact surface, so that the curve covers contact.
+    """Return advice on mounting the sensor behind the contact surface.
 
-    Distances count from the sensor's zero [m].
+    At the advised recess, the sensor curve covers contact. Distances count from the sensor's zero [m].
 
     Examples:
         >>> recess_advice(0.021, 0.015)[:77]

@@ -67,7 +67,9 @@ MOST_DIMENSIONS: Final = len(_DIRECTIONS) + 1
 
 
 def scrambled_sobol(doublings: int, dimensions: int, rng: np.random.Generator) -> FloatArray:
-    """Draw the first points of a Sobol sequence that is scrambled by a random linear matrix and a random shift.
+    """Draw the first points of a scrambled Sobol sequence.
+
+    A random linear matrix and a random shift scramble the sequence.
 
     Args:
         doublings: binary logarithm of the number of points, at most 30.

@@ -1,4 +1,4 @@
-"""Compare the contact speeds that one gain reaches with different sensor curves that fit the same readings."""
+"""Compare contact speeds on different sensor curves that fit the readings."""
 
 from __future__ import annotations
 
@@ -38,9 +38,10 @@ _SAMPLES: Final = 60  # points at which a drawn curve that is not piecewise cubi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WitnessCheck(Value):
-    """Result of testing a gain with many sensor curves that fit the calibration readings.
+    """Result of testing a gain on many sensor curves.
 
-    Some curves pass through the readings, the others flatten under soft ceilings.
+    All curves fit the calibration readings. Some curves pass through the readings, the others flatten under soft
+    ceilings.
 
     For an array of encounters, the numbers are those of the encounter with the largest disagreement.
 
@@ -72,12 +73,15 @@ class WitnessCheck(Value):
 
     @property
     def is_supported(self) -> bool:
-        """Whether the readings support the contact speed that is predicted with the fitted sensor curve."""
+        """Whether the readings support the predicted contact speed."""
         return not (self.is_contradicted or self.harder_count or self.share_outside > _DISAGREE)
 
     @property
     def headline(self) -> str | None:
-        """A sentence on the contact speeds that the readings allow, or None if the readings support the prediction."""
+        """A warning about the contact speeds that the readings allow.
+
+        It is None if the readings support the prediction.
+        """
         if self.is_supported:
             return None
         low, high, predicted, free = (
@@ -88,18 +92,18 @@ class WitnessCheck(Value):
             return caution(
                 "PT201",
                 f"Not supported by the readings: on {self.harder_count} of {self.curves} sensor curves that fit "
-                f"the readings, contact is harder than without mitigation, where the contact speed is {free}. The "
-                f"fitted curve predicts a contact speed of {predicted}{of}.",
+                f"the readings, contact is harder than without mitigation. The contact speed is {free} without "
+                f"mitigation. The fitted curve predicts a contact speed of {predicted}{of}.",
             )
         return caution(
             "PT201",
-            "Not supported by the readings: on other sensor curves that fit the readings, the contact speed is "
-            f"{low} to {high}, but the fitted curve predicts {predicted}{of}.",
+            "Not supported by the readings: on other curves that fit the readings, the contact speed is "
+            f"{low} to {high}. The fitted curve predicts a contact speed of {predicted}{of}.",
         )
 
     @property
     def text(self) -> str:
-        """Text that compares the predicted contact speed with the speeds on other curves that fit the readings."""
+        """Text that compares the contact speeds on different sensor curves."""
         low, high, predicted = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted))
         outside = (
             ""
@@ -112,19 +116,24 @@ class WitnessCheck(Value):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result of testing a gain with several sensor curves as a dictionary for JSON, in SI units."""
+        """Return the gain test as a JSON dictionary in SI units."""
         return {"is_supported": self.is_supported, **asdict(self)}
 
 
 def is_within(value: float, low: float, high: float) -> bool:
-    """Return True if a value lies in a range, with a tolerance of 0.5 % at both ends."""
+    """Return True if a value lies in a range.
+
+    The tolerance is 0.5 % at both ends.
+    """
     return (1 - _SHOWN) * low <= value <= (1 + _SHOWN) * high
 
 
 def check_on_readings(
     curves: AllowedCurves, offset: float, scenario: Scenario, sensor: SensorModel, *, gain: Any, law: ContinuousLaw
 ) -> WitnessCheck | None:
-    """Test a gain with many sensor curves that fit the readings; None if the fitted curve predicts no contact.
+    """Test a gain with many sensor curves that fit the readings.
+
+    The result is None if the fitted curve predicts no contact.
 
     Args:
         curves: the curves that fit the readings.
@@ -161,7 +170,7 @@ def check_on_readings(
 
 
 def _judge(through: FloatArray, under: FloatArray, predicted: float, free: float) -> WitnessCheck:
-    """Compare the predicted contact speed with the contact speeds on other curves that fit the readings."""
+    """Compare the predicted contact speed with the speeds on other curves."""
     groups = [group[np.isfinite(group)] for group in (through, under)]
     ends = np.concatenate([np.quantile(group, _QUANTILES) for group in groups if len(group)] or [np.array([np.nan])])
     agreeing = np.abs(under - predicted) <= CLOSE * predicted
@@ -180,7 +189,10 @@ def _judge(through: FloatArray, under: FloatArray, predicted: float, free: float
 
 
 def _speed(result: ContactResult) -> FloatArray:
-    """Return the contact speed of each encounter [m/s], or NaN for an encounter without contact."""
+    """Return the contact speed of each encounter [m/s].
+
+    The speed is NaN without contact.
+    """
     return np.where(result.reached, np.abs(result.end.relative_velocity), np.nan)
 
 
@@ -199,7 +211,9 @@ def _speeds(
 
 
 def mount(drawn: DrawnCurve, sensor: SensorModel, offset: float, start: float) -> PiecewiseCubic:
-    """Return a sensor curve as the controller sees it, after subtraction of the offset and with the sensor's recess.
+    """Return a sensor curve as the controller sees it.
+
+    The offset is subtracted, and the sensor's recess is included.
 
     Args:
         drawn: the curve, over the distance from the sensor's zero, and the offset that belongs to it.
@@ -240,7 +254,7 @@ def _points_of(sensor: SensorModel, places: FloatArray) -> Points:
 
 
 def _observed_points(drawn: DrawnCurve, low: float, high: float, offset: float, recess: float) -> Points:
-    """Return points of a sensor curve as the controller sees it, after it has subtracted the sensor offset."""
+    """Return points of a sensor curve as the controller sees it."""
     if isinstance(drawn.sensor, PiecewiseCubic):
         part = drawn.sensor.part(low, high)
         places, level, slopes = np.array(part.distances), np.array(part.log_outputs), np.array(part.slopes)

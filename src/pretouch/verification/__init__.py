@@ -1,4 +1,7 @@
-"""Verify a controller gain by simulating the sampled control loop, and suggest improvements of the loop."""
+"""Verify a controller gain by simulating the sampled control loop.
+
+The verification also suggests improvements of the loop.
+"""
 
 from pretouch.design.options import VerifyOptions
 

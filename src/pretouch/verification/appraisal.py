@@ -1,4 +1,4 @@
-"""Simulate random encounters of robot and object, and evaluate objective and limits of every simulated run."""
+"""Evaluate objective and limits in simulated random encounters."""
 
 from __future__ import annotations
 
@@ -38,7 +38,11 @@ _IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # quantities tha
 
 
 def foreseen_impact(task: Task) -> ImpactModel | None:
-    """Return the impact model of the task; by default, a lossless impact with the simulated contact stiffness."""
+    """Return the impact model for predictions.
+
+    It is the impact model of the task. By default, it is a lossless impact with the simulated contact stiffness, or
+    None if contact forces are not simulated.
+    """
     contact, mass = task.loop.contact, task.loop.plant.coefficients()[0]
     if task.impact is not None or contact is None or mass == 0:  # an ideal robot has no mass and no contact force
         return task.impact
@@ -48,7 +52,11 @@ def foreseen_impact(task: Task) -> ImpactModel | None:
 
 
 def predicted_contact(task: Task, gain: float) -> ContactResult:
-    """Predict, in continuous time and with a perfect sensor, the contact of the nominal encounter for a gain."""
+    """Predict the contact of the nominal encounter with a gain.
+
+    Returns:
+        The contact in continuous time, with a perfect sensor.
+    """
     return task.law.contact(task.scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
 
 
@@ -66,7 +74,7 @@ class Draws:
 
     @property
     def compared(self) -> int:
-        """Number of runs in which each tried gain and each tried change of the loop is simulated."""
+        """Number of runs for comparing gains and changed loops."""
         return min(self.task.verify.runs, _COMPARED_SENSORS if self.sensors else _COMPARED)
 
     @property
@@ -80,8 +88,9 @@ class Draws:
         return self._each(self.scenarios.distance)
 
     def run(self, loop: ClosedLoop, gain: ArrayLike, count: int | None = None, *, first: int = 0) -> SimulationResult:
-        """Simulate all encounters, or only those from `first` to `count`, with one or several gains."""
-        # Several gains have the shape (m, 1).
+        """Simulate the encounters with one or several gains."""
+        # By default, all encounters are simulated, otherwise only those from `first` to `count`. Several gains have the
+        # shape (m, 1).
         which = slice(first, self.task.verify.runs if count is None else count)
         several = map_fields(self.scenarios, lambda v: v[which] if np.ndim(v) else v)
         later = loop.after(first)
@@ -90,7 +99,11 @@ class Draws:
         return later.run_each(several, self.sensors[which], gain)
 
     def predicted(self, gain: float) -> FloatArray:
-        """Predict the contact speed of each encounter in continuous time [m/s]; NaN without contact."""
+        """Predict the contact speed of each encounter [m/s].
+
+        Returns:
+            The speeds in continuous time; NaN without contact.
+        """
         result = predicted_contact(self.task, gain) if self.ensemble is None else self.ensemble.contacts(gain)
         return self._each(np.where(result.reached, np.abs(result.end.relative_velocity), np.nan))
 
@@ -119,7 +132,10 @@ def draw_encounters(task: Task) -> Draws:
 
 
 class Requirement(NamedTuple):
-    """A condition, such as a limit, that a required share of the simulated runs must meet."""
+    """A requirement on the simulated runs, such as a limit.
+
+    The required share of the runs must meet its condition.
+    """
 
     name: str  # name of a limit, or `contact`
     held: BoolArray  # the runs in which the condition holds
@@ -127,16 +143,19 @@ class Requirement(NamedTuple):
 
     @property
     def standing(self) -> float:
-        """Share of the runs that meet the condition, divided by the required share; at most 1."""
+        """Score of the requirement, at most 1.
+
+        It is the share of the runs that meet the condition, divided by the required share.
+        """
         return min(float(self.held.mean()) / self.probability, 1.0) if len(self.held) else 1.0
 
     @property
     def is_met(self) -> bool:
-        """True if at least the required share of the simulated runs meets the condition."""
+        """True if enough simulated runs meet the condition."""
         return self.standing >= 1 - _ROUNDING
 
     def after(self, further: int) -> Requirement:
-        """Return the requirement after a given number of further runs that all meet it."""
+        """Return the requirement after further successful runs."""
         return self._replace(held=np.concatenate([self.held, np.ones(further, dtype=bool)]))
 
 
@@ -153,24 +172,34 @@ class LoopOutcomes:
 
     @property
     def standing(self) -> float:
-        """Score of the gain, at most 1: the smallest of the scores for limits, stability and softer contact."""
+        """Score of the gain, at most 1.
+
+        It is the smallest of the scores for limits, stability and softer contact.
+        """
         return min(self.softness, self.stable, *(r.standing for r in self.requirements))
 
     @property
     def stable(self) -> float:
-        """Score for stability: the gain margin, but at most 1; also 1 if the margin is unknown."""
+        """Score for stability, at most 1.
+
+        It is the gain margin, but at most 1. If the margin is unknown, it is 1.
+        """
         return 1.0 if self.margin is None else min(self.margin, 1.0)
 
     @property
     def worst(self) -> Requirement:
-        """The requirement that is missed most often; if all requirements are met, the first one."""
+        """The requirement with the lowest score.
+
+        If all requirements are met, it is the first one.
+        """
         return min(self.requirements, key=lambda r: r.standing)
 
     @property
     def softness(self) -> float:
-        """Score of the contact speed: 1 if the gain makes contact softer than without mitigation, otherwise below 1.
+        """Score of the contact speed, at most 1.
 
-        It is unmitigated speed / speed if contact is harder with the gain, and 0.99 if the gain has no effect.
+        It is 1 if the gain makes contact softer than without mitigation, or if no run ends in contact. It is
+        unmitigated speed / speed if contact is harder with the gain, and 0.99 if the gain has no effect.
         """
         effect = self.effect
         if effect is None or not (effect.is_harder or effect.is_absent):
@@ -178,28 +207,34 @@ class LoopOutcomes:
         return min(effect.unmitigated / effect.speed, _ALMOST) if effect.is_harder else _ALMOST
 
     def best_standing(self, further: int) -> float:
-        """Return the largest score that the gain can still reach after a given number of further runs."""
+        """Return the largest possible score after further simulated runs."""
         return min(r.after(further).standing for r in self.requirements)
 
     @property
     def is_kept(self) -> bool:
-        """True if every requirement is met and contact is softer than without mitigation."""
+        """True if the gain meets all requirements and makes contact softer."""
         return self.softness == 1 and all(r.is_met for r in self.requirements)
 
     @property
     def mean(self) -> float:
-        """The mean of the objective over the simulated runs; infinite if a run ends without contact."""
+        """Mean objective over the simulated runs.
+
+        It is infinite if a run ends without contact.
+        """
         return float(self.objective.mean())
 
     @property
     def whole_share(self) -> float:
-        """Share of the simulated runs that end in contact and meet all limits."""
+        """Share of the runs with contact and all limits met."""
         held = [r.held for r in self.requirements if r.name != "contact"]
         return float(np.all([self.result.touched, *held], axis=0).mean())
 
 
 def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
-    """Return the status of a gain, such as `holds`, judged only by limits, contact speed and gain margin."""
+    """Return the status of a gain, such as `holds`.
+
+    Only limits, contact speed and gain margin are judged.
+    """
     # Prediction, sensor speed and calibration are ignored.
     effect, margin = outcomes.effect, outcomes.margin
     if not outcomes.is_kept or outcomes.stable < 1:
@@ -214,14 +249,17 @@ def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopProblem:
-    """The random encounters that compare loops and gains, and their simulated runs without impact mitigation."""
+    """Random encounters for comparing loops and gains."""
 
     draws: Draws
     predicted: BoolArray  # which of the encounters end in contact in continuous time
     unmitigated: SimulationResult  # runs with gain 0 on the unchanged loop; changed loops are compared with them, too
 
     def compared(self, loop: ClosedLoop) -> ClosedLoop:
-        """Return a copy of the loop whose runs end at contact, unless objective or limits need contact forces."""
+        """Return a copy of the loop for comparisons.
+
+        Its runs end at contact, unless objective or limits need contact forces.
+        """
         task = self.draws.task
         custom = isinstance(task.goal, CustomObjective)
         needed = {constraint.quantity for constraint in task.limits}
@@ -230,7 +268,10 @@ class LoopProblem:
         return loop if custom or needed & _IN_CONTACT else replace(loop, follow_time=0.0)
 
     def changes_of_level(self, distance: FloatArray) -> tuple[float, float]:
-        """Return the largest rate of change [1/s] and the largest noise of the log sensor output at given distances."""
+        """Return the largest rate and noise of the log sensor output.
+
+        They are the largest rate of change [1/s], and the largest standard deviation of the noise at the distances.
+        """
         sensor, c, free = self.draws.task.sensor, self.draws.task.loop.chain, self.unmitigated
         slope, xi = np.abs(np.asarray(sensor.log_slope(distance))), np.exp(np.asarray(sensor.log_output(distance)))
         noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
@@ -239,11 +280,12 @@ class LoopProblem:
         return float(fastest * slope.max()), float(noise.max())
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
-        """Simulate all encounters, or the first `count` encounters, with one gain; compute limits and objective."""
+        """Simulate the encounters with one gain, and evaluate the runs."""
+        # If `count` is given, only the first `count` encounters are simulated.
         return self.appraised(self.draws.run(loop, gain, count), loop, gain)
 
     def appraise_each(self, gains: FloatArray) -> list[LoopOutcomes]:
-        """Simulate the same encounters with each of several gains, and compute limits and objective of each run."""
+        """Evaluate several gains in the same simulated encounters."""
         # A gain is given up if its first runs miss a requirement so often that all runs together must miss it. All
         # runs would give the same decision, so it has no error.
         draws, loop = self.draws, self.compared(self.draws.task.loop)
@@ -261,7 +303,7 @@ class LoopProblem:
         return outcomes
 
     def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> LoopOutcomes:
-        """Evaluate simulated runs: objective, limits, and change of the contact speed by the gain."""
+        """Evaluate the simulated runs of one gain."""
         limits, touched = limits_of(self.draws.task.constraints), result.touched
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
         requirements = (
@@ -296,13 +338,19 @@ class LoopProblem:
 
 
 def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
-    """Return the results of selected simulated runs; do not use the method `trace` of the returned result."""
+    """Return the results of selected simulated runs.
+
+    Do not use the method `trace` of the returned result.
+    """
     columns = {name: column[which] for name, column in result.columns.items()}
     return SimulationResult(columns, result.contact_list[which], result.trace_of)
 
 
 def joined(first: SimulationResult, rest: SimulationResult) -> SimulationResult:
-    """Join the results of two sets of simulated runs; do not use the method `trace` of the joined result."""
+    """Return the joined results of two sets of simulated runs.
+
+    Do not use the method `trace` of the joined result.
+    """
     columns = {name: np.concatenate([column, rest.columns[name]]) for name, column in first.columns.items()}
     return SimulationResult(columns, np.concatenate([first.contact_list, rest.contact_list]), first.trace_of)
 
@@ -310,7 +358,10 @@ def joined(first: SimulationResult, rest: SimulationResult) -> SimulationResult:
 def simulated_quantity(
     name: str, result: SimulationResult, gain: float, loop: ClosedLoop, impact: ImpactModel | None
 ) -> FloatArray:
-    """Return one quantity of every simulated run; NaN if the quantity needs a contact that did not happen."""
+    """Return one quantity of every simulated run.
+
+    NaN if the quantity needs a contact that did not happen.
+    """
     if name == "gain":
         return np.full(result.shape, gain)
     model: Any = impact  # not None if needed: the ideal design refuses objectives that lack physical properties
@@ -336,5 +387,5 @@ class _Runs(Value):
     impact: ImpactModel | None
 
     def column(self, name: str) -> FloatArray:
-        """Return one quantity of every simulated run, given the name of the quantity."""
+        """Return one quantity of every simulated run."""
         return simulated_quantity(name, self.result, self.gain, self.loop, self.impact)

@@ -1,4 +1,7 @@
-"""Compute how far sensor noise moves a robot at rest, and the detection threshold that prevents this motion."""
+"""Compute how far sensor noise moves a robot at rest.
+
+The module also finds the detection threshold that prevents this motion.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ _PLACES: Final = 2001  # number of distances from contact to _FARTHEST
 
 
 class _Scan(NamedTuple):
-    """Simulated runs of a robot at rest, several at each of several distances, with one detection threshold."""
+    """Simulated runs of a robot at rest at several distances."""
 
     loop: ClosedLoop  # the loop at rest
     places: FloatArray  # distances to the object [m]
@@ -47,16 +50,16 @@ class _Scan(NamedTuple):
 
     @property
     def mean(self) -> FloatArray:
-        """The largest motion [m] at each distance to the object, averaged over the simulated runs."""
+        """Mean of the largest motion at each distance [m]."""
         return np.asarray(self.largest.mean(axis=1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RestMotion(Value):
-    """How far sensor noise alone moves a robot at rest near an object at rest.
+    """How far sensor noise moves a robot at rest.
 
-    The values hold at the worst distance, in 95 % of the runs, with a confidence of 95 %. The robot follows the virtual
-    object exactly.
+    Robot and object are both at rest, so noise alone causes the motion. The values hold at the worst distance, in 95 %
+    of the runs, with a confidence of 95 %. The robot follows the virtual object exactly.
 
     Args:
         distance: the distance to the object at which the motion is largest [m].
@@ -74,17 +77,20 @@ class RestMotion(Value):
 
     @property
     def reaches_object(self) -> bool:
-        """True if noise moves the robot by its whole distance to the object."""
+        """True if noise moves the robot as far as the object."""
         return self.motion >= self.distance * (1 - _ROUNDING)
 
     @property
     def text(self) -> str:
-        """Start of a sentence that says how far noise moves the robot within the simulated time."""
+        """Start of a sentence on the motion due to noise."""
         far = format_quantity(self.motion, "m", 3)
         return f"Sensor noise alone moves a robot at rest by up to {far} within {self.duration:g} s"
 
     def remedy(self, law: Any) -> str:
-        """Return advice on how to reduce the motion of a robot at rest, such as a higher detection threshold."""
+        """Return advice against the motion of a robot at rest.
+
+        It recommends a higher detection threshold. If none was found, it recommends less noise or a dead zone.
+        """
         faster = " or raise largest_rate," if law.conditioning.largest_rate is not None else ""
         if self.quiet_floor is None:
             return f"reduce the noise of the sensor,{faster} or use a control law with a dead zone"
@@ -92,7 +98,9 @@ class RestMotion(Value):
 
 
 def motion_at_rest(task: Task, gain: float) -> RestMotion | None:
-    """Compute how far noise moves a robot at rest near an object, and which detection threshold prevents this.
+    """Compute how far noise moves a robot at rest.
+
+    A detection threshold that prevents this motion is searched for, too.
 
     Returns:
         The motion; None if it is below 1 mm, if nothing is ever detected, or for laws whose floor is unknown.
@@ -112,33 +120,33 @@ def motion_at_rest(task: Task, gain: float) -> RestMotion | None:
 
 
 def rest_in_words(rest: RestMotion | None, law: Any) -> Iterator[str]:
-    """Yield a warning if noise moves a robot at rest, with the detection threshold that prevents this."""
+    """Yield a warning if noise moves a robot at rest."""
     if rest is None:
         return
     where, still = format_quantity(rest.distance, "m", 3), format_quantity(_STILL, "m", 3)
-    place = f"These values hold at the worst distance, {where}, in 95 % of the runs ({_RESTS} runs, 95 % confidence)."
+    place = f"The worst distance is {where}. At least 95 % of runs move less (95 % confidence, {_RESTS} runs)."
     if rest.quiet_floor is None or rest.detected_from is None:
         yield caution(
             "PT406",
-            f"{rest.text}. No higher detection threshold (floor of the controller) was found that limits this motion "
-            f"to {still} and still detects objects. Reduce the noise, or use a control law with a dead zone. {place}",
+            f"{rest.text}: reduce the noise. Or use a control law with a dead zone. No higher controller floor "
+            f"(detection threshold) was found that limits this motion to {still} and detects objects. {place}",
         )
         return
     yield caution(
         "PT406",
-        f"{rest.text}: a controller floor (detection threshold) of {rest.quiet_floor:g} above the offset, instead of "
-        f"{law.conditioning.floor:g}, limits this motion to {still}, but then only objects closer than "
+        f"{rest.text}: raise the controller floor from {law.conditioning.floor:g} to {rest.quiet_floor:g}. This "
+        f"detection threshold above the offset limits this motion to {still}. Then only objects closer than "
         f"{format_quantity(rest.detected_from, 'm', 3)} are detected. {place}",
     )
 
 
 def _duration(law: Controller) -> float:
-    """Return the time [s] for which the motion of a robot at rest is simulated."""
+    """Return the simulated time at rest [s]."""
     return float(f"{min(_REST, _STEPS * law.period):.3g}")
 
 
 def _quiet_floor(task: Task, gain: float, law: Controller, scan: _Scan, moved: float) -> float | None:
-    """Find a detection threshold at which noise no longer moves a robot at rest; None if the search finds none."""
+    """Find a detection threshold with almost no motion at rest."""
     # With the present floor, the robot moves by `moved` [m].
     below = law.conditioning.floor
     for _ in range(_TRIES):
@@ -163,7 +171,7 @@ def _quiet_floor(task: Task, gain: float, law: Controller, scan: _Scan, moved: f
 
 
 def _scan(task: Task, gain: float, law: Controller, floor: float) -> _Scan | None:
-    """Simulate a robot at rest a few times at each of several distances; None if it detects nothing at any distance."""
+    """Simulate a robot at rest at several distances."""
     places = np.unique(_places(task, law, floor, _DEVIATIONS))
     places = places[places > 0]
     if not len(places):
@@ -174,11 +182,12 @@ def _scan(task: Task, gain: float, law: Controller, floor: float) -> _Scan | Non
 
 
 def _bound(task: Task, gain: float, scan: _Scan, until: float = math.inf) -> tuple[float, float]:
-    """Return the distance [m] at which noise moves a robot at rest most, and a 95 % upper bound of the motion [m].
+    """Return the worst distance and the largest motion there [m].
 
-    The largest of 59 runs exceeds the 95 % quantile with a confidence of 95 %, since 0.95^59 = 0.048. They are other
-    runs than those that find the worst distances. The robot follows the virtual object exactly. If a run exceeds
-    `until` [m], the motion of this run is returned, because further runs cannot reduce the bound.
+    The motion is an upper bound of the 95 % quantile. The largest of 59 runs exceeds the 95 % quantile with a
+    confidence of 95 %, since 0.95^59 = 0.048. They are other runs than those that find the worst distances. The robot
+    follows the virtual object exactly. If a run exceeds `until` [m], the motion of this run is returned, because
+    further runs cannot reduce the bound.
     """
     order = np.argsort(scan.mean)[::-1]
     worst, most = float(scan.places[order[0]]), float(scan.mean.max())
@@ -198,7 +207,7 @@ def _bound(task: Task, gain: float, scan: _Scan, until: float = math.inf) -> tup
 
 
 def _largest(task: Task, gain: float, loop: ClosedLoop, places: FloatArray, count: int) -> FloatArray:
-    """Simulate a robot at rest several times at each distance; return its largest motions [m]."""
+    """Simulate a robot at rest, and return its largest motions [m]."""
     note_work("simulating a robot at rest")
     here = Scenario(admittance=task.scenario.admittance, obstacle=Obstacle(position=np.repeat(places, count)))
     excursions = loop.run(here, task.sensor, gain).largest_excursion
@@ -206,7 +215,10 @@ def _largest(task: Task, gain: float, loop: ClosedLoop, places: FloatArray, coun
 
 
 def _places(task: Task, law: Controller, floor: float, deviations: FloatArray) -> FloatArray:
-    """Return, for each noise margin, the largest distance [m] with a mean reading above the floor plus this margin."""
+    """Return the detection distance for each noise margin [m].
+
+    At this distance, the mean reading just exceeds the floor plus the margin.
+    """
     # A noise margin is a number of standard deviations of the noise.
     sensor, chain = task.sensor, task.loop.chain
     low, high = sensor.valid_range

@@ -1,4 +1,7 @@
-"""Check whether a sensor calibration is accurate enough for a gain, and recommend measurements if it is not."""
+"""Check whether a sensor calibration is accurate enough for a gain.
+
+If the calibration is not accurate enough, the check recommends measurements.
+"""
 
 from __future__ import annotations
 
@@ -32,10 +35,11 @@ _CLOSE: Final = 1e-9  # m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationCheck(Value):
-    """Simulated results of one gain with many sensor curves, all of which agree with the calibration readings.
+    """Simulated results of one gain with many possible sensor curves.
 
-    Each draw is another sensor: a curve, its offset, and the misfit of the chain. The controller subtracts its
-    configured offset on all of them. The loop runs without noise, so that the calibration causes all differences.
+    All curves agree with the calibration readings. Each draw is another sensor: a curve, its offset, and the misfit of
+    the chain. The controller subtracts its configured offset on all of them. The loop runs without noise, so that the
+    calibration causes all differences.
 
     Args:
         draws: number of sensors.
@@ -68,12 +72,15 @@ class CalibrationCheck(Value):
 
     @property
     def is_good_enough(self) -> bool:
-        """True if at least 95 % of the sampled sensors, and other fitted curves, confirm the predicted contact."""
+        """True if almost all possible sensors confirm the predicted contact.
+
+        At least 95 % of the sampled sensors, and the other fitted curves, must confirm it.
+        """
         return self.failing <= _FAILING * self.draws and (self.witness is None or self.witness.is_supported)
 
     @property
     def reason(self) -> str:
-        """A clause that explains why the calibration is not good enough and says what to measure."""
+        """Why the calibration is not good enough, as a clause."""
         named = (
             (
                 self.harder_count,
@@ -111,7 +118,7 @@ class CalibrationCheck(Value):
 
     @property
     def _spread(self) -> str:
-        """A sentence on the simulated contact speeds, without noise, with the fitted and the sampled curves."""
+        """Text on the contact speeds with fitted and sampled curves."""
         text = (
             "On the sampled loop without noise, the contact speed is "
             f"{format_quantity(self.predicted, 'm/s', 3)} with the fitted curve"
@@ -130,23 +137,26 @@ class CalibrationCheck(Value):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the results of the calibration check as one JSON object, in SI units."""
+        """Return the calibration check as one JSON object in SI units."""
         open_ends = {"decisive": self.decisive or None, "remedy": self.remedy or None}
         return {"is_good_enough": self.is_good_enough, **asdict(self), **open_ends}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Outcome:
-    """Contact speeds of one gain with each of several sensors, and limited quantities divided by their limits.
+    """Contact speeds and limit ratios of one gain with several sensors.
 
-    Speeds are NaN and ratios infinite without contact.
+    A ratio is a limited quantity divided by its limit. Speeds are NaN and ratios infinite without contact.
     """
 
     speed: FloatArray
     ratios: FloatArray
 
     def failures(self, predicted: _Outcome) -> tuple[BoolArray, BoolArray, BoolArray]:
-        """Return for each sensor if contact is missing, if it is harder than predicted, and if a limit is missed."""
+        """Return the failures of each sensor.
+
+        They are missing contact, contact harder than predicted, and a missed limit.
+        """
         missing = np.isnan(self.speed)
         allowed = np.maximum(1.0, (1 + _ROOM) * predicted.ratios[0])
         return (
@@ -156,13 +166,22 @@ class _Outcome:
         )
 
     def badness(self, predicted: _Outcome) -> tuple[int, float]:
-        """Return two numbers that rank sources of error: failing sensors, and 95 % quantile of the contact speed."""
+        """Return a key for ranking sources of error.
+
+        It consists of the number of failing sensors and the 95 % quantile of the contact speed.
+        """
         failing = int(np.any(self.failures(predicted), axis=0).sum())
         return failing, float(np.quantile(np.where(np.isnan(self.speed), np.inf, self.speed), 0.95, method="higher"))
 
 
 def check_calibration(task: Task, report: CalibrationReport, gain: float) -> CalibrationCheck | None:
-    """Simulate the nominal encounter with many sensor curves, all of which agree with the calibration readings."""
+    """Simulate the nominal encounter with many possible sensor curves.
+
+    All curves agree with the calibration readings.
+
+    Returns:
+        The results; None if there are too few readings, or if the fitted curve leads to no contact.
+    """
     if report.curves is None or report.offset is None:  # too few readings to draw other curves
         return None
     chain = _without_noise(task.loop.chain)
@@ -194,14 +213,20 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
 
 
 def _without_noise(chain: SensorChain) -> SensorChain:
-    """Return the sensor chain without noise, so that runs differ only by the error of the sensor curve."""
+    """Return the sensor chain without noise.
+
+    Runs then differ only by the error of the sensor curve.
+    """
     return replace(
         chain, noise=0.0, relative_noise=0.0, distance_noise=0.0, jitter=0.0, dropout=0.0, random_phase=False
     )
 
 
 def _mount(drawn: DrawnCurve, task: Task) -> DrawnCurve:
-    """Give a randomly sampled sensor curve the mounting depth and the distance range of the fitted curve."""
+    """Return a sampled sensor curve, mounted like the fitted curve.
+
+    It gets the same mounting depth and distance range.
+    """
     # The sensor chain already has the controller's offset.
     start = float(np.max(task.scenario.distance))
     return replace(drawn, sensor=mount(drawn, task.sensor, drawn.offset, start))
@@ -230,7 +255,10 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
 
 
 def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Outcome, predicted: _Outcome) -> str:
-    """Return the largest source of error in the calibration: offset, type of sensor curve, or error of the curve."""
+    """Return the largest source of error in the calibration.
+
+    It is `offset`, `curve` or `misfit`.
+    """
     # Offset and curve are correlated, because another offset bends the curve through the same readings. Draws whose
     # offset is nearest to the fitted one show the uncertainty that remains if the offset is known.
     report: Any = task.calibration
@@ -249,7 +277,7 @@ def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Ou
 
 
 def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
-    """Return a sentence on what to measure so that the calibration becomes good enough."""
+    """Return advice on what to measure for a better calibration."""
     window, recess = report.window, getattr(task.sensor, "recess", 0.0)
     if decisive == "offset":
         again = "more " if report.offset is not None and report.offset.kind == "measured" else ""
@@ -278,5 +306,5 @@ def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
 
 
 def _lower(sentence: str) -> str:
-    """Return a sentence without its final period and with a lower-case first letter."""
+    """Remove the capital letter and the period from a sentence."""
     return f"{sentence[:1].lower()}{sentence[1:].removesuffix('.')}"

@@ -1,4 +1,4 @@
-"""Rank several sensors, control laws or robots by verifying a gain for each of them in simulation."""
+"""Rank sensors, control laws or robots by verifying their gains."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ORDER: Final = (
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Candidate(Value):
-    """One candidate of a comparison, such as a sensor, with the result of its verification.
+    """One candidate of a comparison and its verification result.
 
     Args:
         name: name of the candidate.
@@ -43,34 +43,52 @@ class Candidate(Value):
 
     @property
     def status(self) -> VerdictStatus:
-        """Status of the candidate's gain, such as `holds`; `no-gain` if the candidate could not be verified."""
+        """Status of the candidate's gain, such as `holds`.
+
+        `no-gain` if the candidate could not be verified.
+        """
         return VerdictStatus.NO_GAIN if self.verdict is None else self.verdict.status
 
     @property
     def contact_speed(self) -> float:
-        """Mean speed at contact over the simulated runs [m/s]; NaN if no run ends in contact."""
+        """Mean contact speed over the simulated runs [m/s].
+
+        NaN if no run ends in contact.
+        """
         return self.mean_of("relative_velocity")
 
     @property
     def high_contact_speed(self) -> float:
-        """95 % quantile of the contact speed over the simulated runs [m/s]; NaN if no run ends in contact."""
+        """The 95 % quantile of the simulated contact speed [m/s].
+
+        NaN if no run ends in contact.
+        """
         compared = None if self.verdict is None else self.verdict.comparison("relative_velocity")
         return math.nan if compared is None or compared.simulated is None else compared.simulated.high
 
     @property
     def gain_margin(self) -> float:
-        """Factor by which the gain may grow before the loop is unstable; NaN if it is not known."""
+        """Gain margin of the control loop.
+
+        The gain may grow by this factor before the loop is unstable. NaN if the margin is not known.
+        """
         stability = None if self.verdict is None else self.verdict.stability
         return math.nan if stability is None else stability.margin
 
     def mean_of(self, quantity: str) -> float:
-        """Return the mean magnitude of a quantity, such as `largest_excursion`, over the runs; NaN if unknown."""
+        """Return the mean magnitude of a quantity over the runs.
+
+        An example is `largest_excursion`. NaN if the mean is unknown.
+        """
         compared = None if self.verdict is None else self.verdict.comparison(quantity)
         return math.nan if compared is None or compared.simulated is None else compared.simulated.mean
 
     @property
     def reason(self) -> str:
-        """The main reason why the gain fails the verification or passes it only narrowly; empty if none."""
+        """The main reason against the gain.
+
+        It is empty if the status is `holds`. If the candidate could not be verified, it says why.
+        """
         if self.verdict is None:
             return self.problem
         return "; ".join(self.verdict.reasons[:1]) or ("" if self.verdict.gain is not None else self.verdict.headline)
@@ -99,7 +117,7 @@ class Candidate(Value):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CandidateComparison(Described, Value):
-    """Result of `compare_candidates`: candidates from best to worst, each with the result of its verification.
+    """Result of `compare_candidates`: the candidates from best to worst.
 
     A gain that holds is better than one that does not. Among equals, the lower mean contact speed is better.
 
@@ -113,7 +131,10 @@ class CandidateComparison(Described, Value):
 
     @property
     def best(self) -> Candidate | None:
-        """The best candidate whose gain passes the verification, at least narrowly; None if there is none."""
+        """The best candidate whose gain passes the verification.
+
+        None if no gain passes, not even narrowly.
+        """
         first = self.candidates[0]
         return first if first.status in _ORDER[:2] else None
 
@@ -155,7 +176,7 @@ class CandidateComparison(Described, Value):
 
 @check_arguments
 def compare_candidates(tasks: Mapping[str, Task], *, runs: int | None = None) -> CandidateComparison:
-    """Verify several tasks, such as the same encounter with several sensors, and rank them.
+    """Verify and rank several tasks, such as different sensors.
 
     Each task gets the gain that it names, or else its own designed gain, which has the required gain margin.
 
@@ -182,7 +203,10 @@ def compare_candidates(tasks: Mapping[str, Task], *, runs: int | None = None) ->
 
 
 def _verified(name: str, task: Task, runs: int | None) -> Candidate:
-    """Verify one task; if it cannot be verified, return a candidate with the reason."""
+    """Return the candidate of a task after its verification.
+
+    If the task is refused, the candidate has the reason.
+    """
     if runs is not None:
         task = task.replace(verify=replace(task.verify, runs=runs))
     try:
@@ -192,7 +216,10 @@ def _verified(name: str, task: Task, runs: int | None) -> Candidate:
 
 
 def _rank(candidate: Candidate) -> tuple[int, float]:
-    """Return the sort key of a candidate: first the status of its gain, then the mean contact speed."""
+    """Return the sort key of a candidate.
+
+    It is the status of the gain, then the mean contact speed.
+    """
     place, speed = _ORDER.index(candidate.status), candidate.contact_speed
     if not math.isnan(speed):
         return place, speed

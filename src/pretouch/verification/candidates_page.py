@@ -21,7 +21,7 @@ _NOTE: Final = (
 
 
 def candidates_page(comparison: CandidateComparison) -> Page:
-    """Return the report page on a comparison of candidates, such as several sensors."""
+    """Return the report page of a comparison of candidates."""
     reasons = tuple((c.name, c.reason[:1].upper() + c.reason[1:]) for c in comparison.candidates if c.reason)
     drawn = any(math.isfinite(c.contact_speed) for c in comparison.candidates)
     picture = Picture(
@@ -45,7 +45,7 @@ def candidates_page(comparison: CandidateComparison) -> Page:
 
 
 def _row(candidate: Candidate) -> tuple[Cell, ...]:
-    """Return the table row of one candidate, with its gain, contact speed and gain margin."""
+    """Return the table row of one candidate."""
     v = candidate.verdict
     speed, high = candidate.contact_speed, candidate.high_contact_speed
     margin = candidate.gain_margin

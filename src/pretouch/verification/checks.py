@@ -66,7 +66,7 @@ def compare_quantities(
 
 
 def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
-    """Return mean, quantiles and maximum of a quantity over selected runs; None if no run is selected."""
+    """Return statistics of a quantity over selected runs."""
     some = values[counted]
     if not len(some):
         return None
@@ -77,7 +77,11 @@ def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
 
 
 def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, gain: float) -> tuple[LimitCheck, ...]:
-    """Return how often the simulated runs meet each limit, and the predicted value for the nominal encounter."""
+    """Check how often the simulated runs meet each limit.
+
+    Returns:
+        The result for each limit, with the predicted value for the nominal encounter.
+    """
     checks, impact = [], foreseen_impact(task)
     for required, ratio in zip(limits_of(task.constraints), outcomes.ratios, strict=True):
         constraint = required.constraint
@@ -101,14 +105,14 @@ def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, g
 
 
 def _source_of(name: str, loop: ClosedLoop) -> str:
-    """Return a text that says how a quantity of a run is computed, such as `simulated contact force`."""
+    """Describe how a quantity of a run is computed."""
     if name == "impact_force":
         return "impact model at the simulated speed of contact" if loop.contact is None else "simulated contact force"
     return "robot mass times largest simulated acceleration" if name == "drive_force" else "simulated"
 
 
 def check_reached(result: SimulationResult, predicted: BoolArray, confidence: float) -> Reached:
-    """Return how many simulated runs end in contact, compared with the prediction in continuous time."""
+    """Count the simulated and the predicted encounters with contact."""
     expected, came = int(predicted.sum()), int(result.touched[predicted].sum())
     return Reached(
         predicted=float(predicted.mean()),
@@ -170,7 +174,7 @@ def cautions_of(
     at_rest: RestMotion | None,
     largest_rate: float,
 ) -> tuple[str, ...]:
-    """Return the warnings of a verification, from simulated runs with and without impact mitigation.
+    """Return the warnings of a verification.
 
     Args:
         draws: the encounters.
@@ -211,10 +215,10 @@ def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
         return
     yield caution(
         "PT402",
-        "The controller and the prediction use different admittances: virtual mass "
-        f"{virtual.mass:g} kg, damping {virtual.damping:g} N s/m and stiffness {virtual.stiffness:g} N/m in the "
-        f"controller; virtual mass {a.mass:g} kg, damping {a.damping:g} N s/m and stiffness {a.stiffness:g} N/m in the "
-        "prediction.",
+        "The controller and the prediction use different admittances: use the same admittance in both. "
+        f"Controller: virtual mass {virtual.mass:g} kg, damping {virtual.damping:g} N s/m, stiffness "
+        f"{virtual.stiffness:g} N/m. Prediction: virtual mass {a.mass:g} kg, damping {a.damping:g} N s/m, stiffness "
+        f"{a.stiffness:g} N/m.",
     )
 
 
@@ -228,9 +232,10 @@ def _recession(loop: ClosedLoop, largest_rate: float) -> Iterator[str]:
         yield caution(
             "PT404",
             "A broken sensor cable makes the robot jump toward the object: set largest_rate of the controller to "
-            f"{format_quantity(largest_rate, '1/s', 3)}, which ignores such readings. A broken cable gives the "
-            "reading 0, which looks like an object that suddenly recedes; the simulated runs do not contain this "
-            "fault. The value is twice the largest rate |d ln xi / dt| of an approach, plus noise.",
+            f"{format_quantity(largest_rate, '1/s', 3)}. With a broken cable, the reading falls to 0, as if the object "
+            "suddenly receded, and the robot follows. With this largest_rate, the controller ignores such readings. "
+            "The recommended value is twice the largest rate |d ln xi / dt| of an approach, plus noise. The simulated "
+            "runs do not contain this fault.",
         )
 
 
@@ -251,13 +256,13 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
         near, far = format_quantity(float(distance.mean()), "m"), format_quantity(start, "m")
         yield caution(
             "PT405",
-            f"On average, the object is first detected {format_quantity(late, 's')} after the start, at a "
-            f"distance of {near} instead of the start distance of {far}, because {_why_late(loop, late)}.",
+            f"The object is detected late, at a mean distance of {near}, because {_why_late(loop, late)}. On average, "
+            f"detection takes {format_quantity(late, 's')}, and the start distance is {far}.",
         )
 
 
 def _why_late(loop: ClosedLoop, late: float) -> str:
-    """Return a clause that says whether the sensor or the signal floor causes a late detection."""
+    """Return the cause of a late detection, as a clause."""
     chain = loop.chain
     phase = chain.period / 2 if chain.random_phase else chain.phase
     wait = phase + chain.exposure + chain.delay + loop.law.period / 2
@@ -268,7 +273,7 @@ def _why_late(loop: ClosedLoop, late: float) -> str:
 
 
 def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> Iterator[str]:
-    """Yield a warning if the gain increases the contact force because the robot pushes after the impact."""
+    """Yield a warning if a push after impact increases the force."""
     contact, both = loop.contact, result.touched & unmitigated.touched
     if contact is None or not both.any():
         return
@@ -285,9 +290,8 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
     newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
     yield caution(
         "PT407",
-        f"After the impact, the robot's drive{push} with a force of up to {newton[0]} on average, compared with "
-        f"{newton[1]} without mitigation. The force of the impact itself reaches {newton[2]}, "
-        f"compared with {newton[3]} without mitigation.",
+        f"After the impact, the robot's drive{push} with a mean peak force of {newton[0]} ({newton[1]} without "
+        f"mitigation). The mean force of the impact itself is {newton[2]} ({newton[3]} without mitigation).",
     )
 
 
@@ -323,7 +327,10 @@ def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
 
 
 def _stale(result: SimulationResult) -> float:
-    """Return the share of controller steps after detection at which an expected sensor reading had not arrived."""
+    """Return the share of controller steps without an expected reading.
+
+    Only steps after detection count.
+    """
     late = count = 0
     for i in range(min(result.shape[0], _TRACED)):
         flags = result.trace(i).flags.astype(np.int64)
@@ -337,7 +344,7 @@ def _percent(share: float) -> str:
 
 
 def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
-    """Yield a warning if the calibration has too few readings for a check of the sensor curve."""
+    """Yield a warning if the calibration has too few readings."""
     if report is None or report.best is None or report.curves is not None:
         return
     yield caution(

@@ -1,4 +1,7 @@
-"""Compare simulated contact speeds with and without impact mitigation, and with an infinitely fast sensor."""
+"""Compare simulated contact speeds with and without impact mitigation.
+
+The speeds are also compared with those of an infinitely fast sensor.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,10 @@ _LEAST_SPEED: Final = 1e-9  # m/s: smaller speeds are not divided by
 
 
 class VerdictStatus(StrEnum):
-    """Whether a verified gain meets all requirements (holds), meets them narrowly, misses one, or does not exist."""
+    """Status of a verified gain, such as `holds`.
+
+    A gain meets all requirements (holds), meets them narrowly, misses one, or does not exist.
+    """
 
     HOLDS = "holds"
     HOLDS_NARROWLY = "holds-narrowly"
@@ -57,9 +63,10 @@ class VerdictStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect(Value):
-    """Change of the contact speed that a gain causes, averaged over all simulated runs that end in contact.
+    """Change of the contact speed due to a gain.
 
-    If the same run ends without contact at gain 0, its unmitigated speed counts as 0.
+    Values are averages over all simulated runs that end in contact. If the same run ends without contact at gain 0, its
+    unmitigated speed counts as 0.
 
     Args:
         speed: mean |l'| with the gain [m/s].
@@ -88,8 +95,9 @@ class Effect(Value):
 
     @property
     def is_harder(self) -> bool:
-        """True if the gain makes contact significantly harder on average, or harder in most of the runs.
+        """True if the gain makes contact harder.
 
+        Contact must be significantly harder on average, or harder in significantly more than half of the runs.
         Significant means more than two standard errors.
         """
         half = self.runs / 2
@@ -97,33 +105,48 @@ class Effect(Value):
 
     @property
     def is_softer(self) -> bool:
-        """True if the gain reduces the mean contact speed by more than two standard errors."""
+        """True if the gain significantly reduces the mean contact speed.
+
+        Significant means more than two standard errors.
+        """
         return -self.difference > self._chance
 
     @property
     def is_absent(self) -> bool:
-        """True if the gain has no effect: contact is not harder, and the contact speed falls by less than 1 %."""
+        """True if the gain has no effect on the contact speed.
+
+        Contact is not harder, and the contact speed falls by less than 1 %.
+        """
         return not self.is_harder and self.difference > -EFFECT * self.unmitigated
 
     @property
     def is_clear(self) -> bool:
-        """True if the gain makes contact significantly softer on average, and harder in at most one run in 20."""
+        """True if the gain clearly makes contact softer.
+
+        Contact is significantly softer on average, and harder in at most one run in 20.
+        """
         return self.is_softer and self.harder_count <= OFTEN * self.runs
 
     @property
     def excess(self) -> float | None:
-        """Relative increase of the simulated mean contact speed over the predicted speed; None without prediction."""
+        """Relative excess of the simulated over the predicted contact speed.
+
+        Both speeds are means. None without a prediction.
+        """
         return self.reached / self.predicted - 1 if self.predicted and self.reached is not None else None
 
     @property
     def lost(self) -> float:
-        """Share of the predicted speed reduction that is lost in the sampled loop; 0 without such a prediction."""
+        """Share of the predicted speed reduction lost in the sampled loop.
+
+        0 if no speed reduction is predicted.
+        """
         if self.predicted is None or self.reached is None or not self.predicted < self.unmitigated:
             return 0.0
         return (self.reached - self.predicted) / (self.unmitigated - self.predicted)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the effect of the gain as one JSON object, in SI units."""
+        """Return the effect as one JSON object in SI units."""
         derived = {name: getattr(self, name) for name in ("is_harder", "is_absent", "excess", "lost")}
         return {**asdict(self), **derived}
 
@@ -136,7 +159,11 @@ class Effect(Value):
 def effect_of(
     result: SimulationResult, unmitigated: SimulationResult, foreseen: FloatArray | None = None
 ) -> Effect | None:
-    """Compare contact speeds with and without impact mitigation; return None if no run ends in contact."""
+    """Compare contact speeds with and without impact mitigation.
+
+    Returns:
+        The effect of the gain; None if no run ends in contact.
+    """
     n, some = result.shape[0], result.touched
     if not some.any():
         return None
@@ -159,14 +186,20 @@ def effect_of(
 
 
 def chase_in_words(number: LawNumber, gain: float | None) -> Iterator[str]:
-    """Yield a warning if the sign of the gain is wrong, so that the robot chases the object."""
+    """Yield a warning if the gain has the wrong sign.
+
+    With this sign, the robot chases the object.
+    """
     if gain is not None and number.sign * gain < 0:
         text = f"{number.equals(gain)} makes the robot chase the object"
         yield f"{text}: mitigating {number.name}s are {number.mitigating}"
 
 
 def mean_and_error(values: FloatArray) -> tuple[float, float]:
-    """Return the mean over independent runs, and the standard error of this mean; NaN if a value is infinite."""
+    """Return the mean over independent runs and its standard error.
+
+    Both are NaN if a value is infinite or if there are no values. The error of a single value is NaN.
+    """
     if not len(values) or not np.isfinite(values).all():
         return math.nan, math.nan
     error = float(np.std(values, ddof=1)) / np.sqrt(len(values)) if len(values) > 1 else math.nan
@@ -174,7 +207,10 @@ def mean_and_error(values: FloatArray) -> tuple[float, float]:
 
 
 def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
-    """Yield warnings if a gain makes the robot chase the object, or makes contact harder."""
+    """Yield warnings if a gain does harm.
+
+    A harmful gain makes the robot chase the object, or makes contact harder.
+    """
     yield from (caution("PT403", f"{text}.") for text in chase_in_words(number, gain))
     speed, before = _speeds(run, free)
     if speed > before * (1 + _SHOWN):
@@ -186,7 +222,10 @@ def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: S
 
 
 def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
-    """Yield a warning if a gain other than 0 has no effect on the contact speed."""
+    """Yield a warning if a gain has no effect.
+
+    A gain of 0 causes no warning.
+    """
     speed, before = _speeds(run, free)
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
         yield caution(
@@ -197,14 +236,19 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
 
 
 def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float]:
-    """Return the contact speeds [m/s] with the gain and without mitigation; 0 for runs without contact."""
+    """Return the contact speeds with and without mitigation [m/s].
+
+    The speed is 0 without contact.
+    """
     speed, before = (abs(one.relative_velocity) if one.touched else 0.0 for one in (run, free))
     return speed, before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorSpeed(Value):
-    """Simulated contact speeds with the real sensor and with an infinitely fast sensor, both without noise.
+    """Contact speeds with the real and an infinitely fast sensor.
+
+    Both speeds are simulated without noise.
 
     Args:
         rate: readings per second of the loop [Hz].
@@ -227,7 +271,10 @@ class SensorSpeed(Value):
 
     @property
     def is_fast_enough(self) -> bool:
-        """True if the contact speed exceeds the speed with an infinitely fast sensor by at most `tolerance`."""
+        """True if the sensor is fast enough for the gain.
+
+        The contact speed exceeds that of an infinitely fast sensor by at most `tolerance`.
+        """
         return self.excess <= self.tolerance
 
     @property
@@ -246,7 +293,10 @@ class SensorSpeed(Value):
 
     @property
     def excess_in_words(self) -> str:
-        """Text on how much the contact speed increases because the sensor is slow, and on the allowed increase."""
+        """Text on the speed increase caused by the slow sensor.
+
+        The text includes the allowed increase.
+        """
         size, fast = "no higher than with an infinitely fast sensor", "with an infinitely fast sensor"
         if self.excess > _SHOWN_SHARE:
             size = f"up to {higher_in_words(self.excess, fast)}"
@@ -256,18 +306,24 @@ class SensorSpeed(Value):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison with an infinitely fast sensor as one JSON object, in SI units."""
+        """Return the sensor comparison as one JSON object in SI units."""
         return {**asdict(self), "is_fast_enough": self.is_fast_enough}
 
 
 def without_noise(loop: ClosedLoop) -> ClosedLoop:
-    """Return a copy of the loop with ideal readings: no noise, jitter, quantization, dropouts or curve error."""
+    """Return a copy of the loop with ideal sensor readings.
+
+    The readings have no noise, jitter, quantization, dropouts, drift or curve error.
+    """
     quiet: dict[str, Any] = dict.fromkeys((*NOISES, *_FAULTS), 0.0)
     return replace(loop, chain=replace(loop.chain, **quiet), follow_time=0.0)
 
 
 def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
-    """Return the loop with an undelayed sensor reading at every controller step; None for user-defined laws."""
+    """Return the loop with an infinitely fast sensor.
+
+    Every controller step gets an undelayed reading. None for user-defined laws.
+    """
     law = loop.law
     if not isinstance(law, Controller):
         return None
@@ -278,7 +334,11 @@ def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
 def compare_with_fast_sensor(
     loop: ClosedLoop, run: Callable[[ClosedLoop], SimulationResult], quiet: SimulationResult, tolerance: float
 ) -> SensorSpeed | None:
-    """Compare the simulated contact speed with that for an infinitely fast sensor; None without contact."""
+    """Compare the contact speed with that of an infinitely fast sensor.
+
+    Returns:
+        The comparison; None without contact, or for a user-defined law.
+    """
     fast = with_fast_sensor(without_noise(loop))
     if fast is None:
         return None

@@ -1,4 +1,7 @@
-"""Simulate one encounter of robot and object with the sampled loop, and compare it with the prediction."""
+"""Simulate one encounter and compare it with the prediction.
+
+The simulation runs the sampled control loop.
+"""
 
 from __future__ import annotations
 
@@ -93,9 +96,9 @@ Row = tuple[Cell, ...]
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SimulatedEncounter(Described, Value):
-    """Result of `simulate_encounter`: one encounter, simulated and predicted, with and without impact mitigation.
+    """Result of `simulate_encounter`: one encounter, simulated and predicted.
 
-    Comparisons are computed when they are first read.
+    Both have results with and without impact mitigation. Comparisons are computed when they are first read.
 
     Args:
         scenario: the encounter.
@@ -139,12 +142,18 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def motion(self) -> Motion:
-        """The predicted motion with the gain, until contact or until the end of the simulated run."""
+        """The predicted motion with the gain.
+
+        It ends at contact, or at the end of the simulated run.
+        """
         return self._motion(self.gain, self.prediction, self.run)
 
     @cached_property
     def unmitigated_motion(self) -> Motion:
-        """The predicted motion without mitigation, until contact or until the end of the simulated run."""
+        """The predicted motion without mitigation.
+
+        It ends at contact, or at the end of the simulated run.
+        """
         return self._motion(0.0, self.unmitigated_prediction, self.unmitigated)
 
     def _motion(self, gain: float, prediction: ContactResult, run: SimulationResult) -> Motion:
@@ -154,7 +163,10 @@ class SimulatedEncounter(Described, Value):
 
     @property
     def has_contact_force(self) -> bool:
-        """True if the loop has a contact model, so that a simulated run continues after the first touch."""
+        """True if the loop has a contact model.
+
+        A simulated run then continues after the first touch.
+        """
         return self.loop.contact is not None
 
     @cached_property
@@ -164,7 +176,7 @@ class SimulatedEncounter(Described, Value):
         return compare_contacts(runs, predictions, self.impact, self.has_contact_force)
 
     def comparison(self, name: str) -> QuantityComparison:
-        """Return the comparison of one quantity, given the name of the quantity, such as `relative_velocity`."""
+        """Return the comparison of one quantity, such as `relative_velocity`."""
         for found in self.comparisons:
             if found.name == name:
                 return found
@@ -173,7 +185,10 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def contacts(self) -> tuple[LoopContact, ...]:
-        """The contacts of the run with the gain, including repeated contacts, in chronological order."""
+        """Contacts in the run with the gain.
+
+        Repeated contacts are included, in chronological order.
+        """
         return contacts_of(self.run, self.has_contact_force)
 
     @cached_property
@@ -183,17 +198,26 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def flags(self) -> tuple[ReportedFlag, ...]:
-        """The status flags that the controller reported in the run with the gain, in chronological order."""
+        """Status flags of the controller in the run with the gain.
+
+        They are in chronological order.
+        """
         return flags_of(self.trace, self.loop.law.period, self.run.time)
 
     @cached_property
     def detection(self) -> Detection | None:
-        """Time and distance at which the controller first detected the object; None without detection."""
+        """First detection of the object by the controller.
+
+        None if the object was not detected.
+        """
         return detection_of(self.run, self.trace, self.sensor, self.scenario)
 
     @cached_property
     def headline(self) -> str:
-        """A sentence that compares the simulated contact with the prediction and with the unmitigated contact."""
+        """A summary of the simulated contact in words.
+
+        It compares the contact with the prediction and with the unmitigated contact.
+        """
         compared = self.comparison("relative_velocity"), self.comparison("time")
         grows = self.grows_after_impact if self.has_contact_force else None
         return headline_of(self.run, self.unmitigated, self.prediction, compared, grows)
@@ -212,7 +236,7 @@ class SimulatedEncounter(Described, Value):
         )
 
     def _instability(self) -> Iterator[str]:
-        """Yield a warning if the loop is unstable with the gain, or if its gain margin is small."""
+        """Yield a warning if the gain margin is too small."""
         distances = passage(self.law, self.scenario, self.sensor, self.gain, float(self.scenario.distance))
         limit = limit_of(self.loop, self.sensor, distances)
         margin = stability_margin(limit, self.gain)
@@ -237,17 +261,23 @@ class SimulatedEncounter(Described, Value):
 
     @property
     def is_mitigated(self) -> bool:
-        """True if the run ends in a contact that is not harder than without mitigation."""
+        """True if a contact occurs no harder than without mitigation."""
         return bool(self.run.touched) and not is_harder(self.run, self.unmitigated)
 
     @property
     def grows_after_impact(self) -> bool:
-        """True if a push after the impact, or a later contact, has a larger force than the impact itself."""
+        """True if the contact force grows after the impact.
+
+        A push or a later contact then has a larger force than the impact itself.
+        """
         run = self.run
         return bool(self.has_contact_force and run.touched and run.peak_force > _PUSH * run.impact_force)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the results of the encounter as one JSON object in SI units, without time series."""
+        """Return the encounter as one JSON object in SI units.
+
+        Time series are not included.
+        """
         loop = self.loop
         fields: dict[str, Any] = plain(
             {
@@ -282,7 +312,7 @@ class SimulatedEncounter(Described, Value):
 
 
 def _part_as_dict(part: object) -> dict[str, Any]:
-    """Return the model name and the parameters of one component of the loop, such as the robot."""
+    """Return model name and parameters of a loop component."""
     return {"model": type(part).__name__, **(plain(part) if is_dataclass(part) else {})}
 
 

@@ -51,7 +51,10 @@ class QuantityComparison(Value):
 
     @property
     def values(self) -> tuple[float | None, ...]:
-        """The four compared values of a quantity: simulated and predicted, with and without impact mitigation."""
+        """The four compared values of a quantity.
+
+        First the simulated and the predicted value with the gain, then both without mitigation.
+        """
         return self.loop, self.predicted, self.loop_unmitigated, self.predicted_unmitigated
 
     @property
@@ -66,14 +69,20 @@ class QuantityComparison(Value):
 
     @property
     def relative_difference(self) -> float | None:
-        """Relative difference between simulated and predicted magnitude; None if one of them is unknown."""
+        """Relative difference between simulated and predicted magnitude.
+
+        None if one of the values is unknown, or if the prediction is 0.
+        """
         if self.loop is None or not self.predicted:
             return None
         return abs(self.loop) / abs(self.predicted) - 1
 
     @property
     def difference_in_words(self) -> str:
-        """Text with the difference between simulation and prediction, with unit and percentage; empty if unknown."""
+        """Difference between simulation and prediction as text.
+
+        The text has unit and percentage. It is empty if the difference is unknown.
+        """
         share = self.relative_difference
         if self.difference is None:
             return ""
@@ -84,13 +93,13 @@ class QuantityComparison(Value):
         return text if share is None else f"{text} ({'+' if share > 0 else '-'}{percent(share)})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the simulated and predicted values as one JSON object, in SI units."""
+        """Return the comparison as one JSON object in SI units."""
         return {**asdict(self), "difference": self.difference, "relative_difference": self.relative_difference}
 
 
 @dataclass(frozen=True, slots=True)
 class LoopContact(Value):
-    """One contact in a simulated run, with its forces if the loop has a contact model.
+    """One contact in a simulated run.
 
     Quantities that need a contact model are None without one.
     """
@@ -105,7 +114,7 @@ class LoopContact(Value):
 
 @dataclass(frozen=True, slots=True)
 class ReportedFlag(Value):
-    """A status flag that the controller reported during a run, such as `force-limited`."""
+    """A status flag reported by the controller during a run."""
 
     name: str  # such as `force-limited`
     meaning: str  # its meaning in words
@@ -120,7 +129,10 @@ class ReportedFlag(Value):
 
     @property
     def is_trouble(self) -> bool:
-        """True if the flag reports faulty readings, or a limited force or motion."""
+        """True if the flag reports a problem.
+
+        Problems are faulty or missing inputs, or a limited force or motion.
+        """
         return self.meaning not in _NO_TROUBLE
 
 
@@ -141,7 +153,7 @@ class Detection(Value):
 
     @property
     def sentence(self) -> str:
-        """A sentence with time and distance at which the controller first detected the object."""
+        """A sentence on the first detection of the object."""
         if self.time == 0:
             return f"The object was detected at the start, at {format_quantity(self.distance, 'm')}."
         text = f"The object was first detected after {format_quantity(self.time, 's', 3)}, at "
@@ -159,13 +171,16 @@ _NO_TROUBLE: Final = frozenset({Status.DETECTING.meaning, Status.IN_CONTACT.mean
 
 
 def percent(share: float) -> str:
-    """Return the magnitude of a relative change as a percentage with two digits."""
+    """Return the magnitude of a relative change as a percentage.
+
+    Below 100 %, the text has two digits.
+    """
     size = abs(100 * share)
     return f"{size:.0f} %" if size >= 99.5 else f"{size:.2g} %"
 
 
 def higher_in_words(excess: float, other: str = "") -> str:
-    """Return text for a relative increase or decrease of a speed, such as `5 % higher than predicted`.
+    """Return a relative change of a speed in words.
 
     Examples:
         >>> higher_in_words(0.12, "predicted"), higher_in_words(5.39, "predicted"), higher_in_words(-0.22)
@@ -222,7 +237,7 @@ def contacts_of(run: SimulationResult, has_force: bool) -> tuple[LoopContact, ..
 
 
 def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[ReportedFlag, ...]:
-    """Return the status flags that the controller reported in a run, in chronological order."""
+    """Return the status flags of a run in chronological order."""
     # `period` is the controller period [s]; `contact_time` may be NaN.
     flags = trace.flags.astype(np.int64)
     before = ~(trace.time >= contact_time)
@@ -242,7 +257,11 @@ def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[Repo
 
 
 def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, scenario: Scenario) -> Detection | None:
-    """Return time and distance at which the controller first detected the object; None without detection."""
+    """Find the first detection of the object in a run.
+
+    Returns:
+        The detection; None if the object was not detected.
+    """
     if math.isnan(run.detection_time):
         return None
     distance = float(trace.distance[int(np.abs(trace.time - run.detection_time).argmin())])
@@ -260,7 +279,10 @@ def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, s
 
 
 def run_as_dict(run: SimulationResult) -> dict[str, Any]:
-    """Return the final quantities of a simulated run in SI units, and how the run ended."""
+    """Return the final quantities of a simulated run.
+
+    The values are in SI units; `status` says how the run ended.
+    """
     return {"status": ContactStatus(run.status).label, **{name: getattr(run, name) for name in _RUN}}
 
 
@@ -271,7 +293,10 @@ def headline_of(
     compared: tuple[QuantityComparison, QuantityComparison],
     grows: bool | None,
 ) -> str:
-    """Return a sentence that compares a simulated contact with the prediction and with contact without mitigation."""
+    """Return a summary of a simulated contact in words.
+
+    The contact is compared with the prediction and with contact without mitigation.
+    """
     text = _loop_clause(run, free)
     if predicted.reached.all():
         text += f"; predicted {_speed(predicted.end.relative_velocity)}"
@@ -313,7 +338,7 @@ def _speed_or_none(run: SimulationResult) -> str:
 
 
 def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
-    """Return a text that compares contact speed and contact time with the prediction."""
+    """Compare contact speed and time with the prediction, as text."""
     share, late = speed.relative_difference, time.difference
     parts = []
     if share is not None:
@@ -340,7 +365,10 @@ def cautions_in_words(
     contacts: tuple[LoopContact, ...],
     grows: bool,
 ) -> Iterator[str]:
-    """Yield warnings about detection, controller flags and contacts of a run, most important first."""
+    """Yield the warnings about a simulated run.
+
+    They concern detection, controller flags and contacts.
+    """
     if detection is None:
         yield caution(
             "PT405",
@@ -349,10 +377,10 @@ def cautions_in_words(
     elif detection.missed_share is not None and detection.missed_share > _LATE:
         yield caution(
             "PT405",
-            f"The object is detected late, first at a distance of {format_quantity(detection.distance, 'm')}, so "
-            f"{100 * detection.missed_share:.2g} % of the change of the sensor signal ln xi until contact had no "
-            "effect. The prediction assumes detection at a distance of "
-            f"{format_quantity(detection.start_distance, 'm')}.",
+            f"The object is detected late, at {format_quantity(detection.distance, 'm')}, so "
+            f"{100 * detection.missed_share:.2g} % of the signal change had no effect: lower the floor, or use a "
+            "faster sensor. The signal change is that of ln xi until contact. The prediction assumes detection at a "
+            f"distance of {format_quantity(detection.start_distance, 'm')}.",
         )
     approach = run.time if run.touched else run.end_time
     for flag in flags:
@@ -378,18 +406,18 @@ def cautions_in_words(
 
 
 def force_in_words(force: QuantityComparison) -> Iterator[str]:
-    """Yield a warning if the virtual force in the sampled loop is much larger than predicted."""
+    """Yield a warning if the virtual force far exceeds its prediction."""
     if force.relative_difference is not None and force.relative_difference > _STRONG - 1:
         loop, predicted = (_force(abs(value or 0.0)) for value in (force.loop, force.predicted))
         yield caution(
             "PT414",
-            f"The virtual force reaches {loop} on the simulated loop, but only {predicted} is predicted: noise, "
-            "slow readings or a loop close to instability cause such peaks.",
+            f"The virtual force reaches {loop} on the simulated loop, but only {predicted} is predicted: check noise "
+            "and gain margin. Noise, slow readings or a loop close to instability cause such peaks.",
         )
 
 
 def ending_in_words(status: Any) -> str:
-    """Return text that says how a simulated or predicted encounter ended, such as `never in contact`."""
+    """Describe how an encounter ended, such as `never in contact`."""
     return ContactStatus(status).words
 
 

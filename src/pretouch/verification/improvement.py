@@ -1,4 +1,4 @@
-"""Search for the best gain of a sampled control loop, and for the most helpful single change of the loop.
+"""Search for the best gain and the most helpful loop change.
 
 Every candidate is simulated with the same noise as the verdict.
 """
@@ -33,7 +33,7 @@ _DIGITS: Final = 12  # decimals of u = ln|D_p| that distinguish two gains
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LoopCurve(Value):
-    """Simulated results of all gains that the search tried on the sampled loop.
+    """Simulated results of all gains tried on the sampled loop.
 
     Args:
         gain: the law's number, such as D_p [N s], ascending, shape (n,).
@@ -61,7 +61,7 @@ class LoopCurve(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss(Value):
-    """Objective values of the verified gain and of the best gain on the sampled loop, and their difference.
+    """Objective of the verified gain compared with the best gain.
 
     Args:
         predicted: the objective of the nominal encounter in continuous time; None without contact.
@@ -120,7 +120,7 @@ class LoopChange(Value):
 
 
 class Verified(NamedTuple):
-    """The verified gain with its predicted contact, its simulated runs and its stability."""
+    """The verified gain with its prediction, runs and stability."""
 
     gain: float  # such as D_p [N s]
     predicted: ContactResult  # the nominal encounter with the gain in continuous time
@@ -134,8 +134,11 @@ class Verified(NamedTuple):
 def find_improvements(
     problem: LoopProblem, verified: Verified
 ) -> tuple[Loss, tuple[LoopChange, ...], tuple[LoopChange, ...]]:
-    """Find changes that improve the sampled loop, and compare the verified gain with the best gain for this loop."""
-    # The results for the unchanged loop are returned as well.
+    """Find changes that improve the sampled loop or its gain.
+
+    Returns:
+        The comparison of the verified gain with the best gain, the changes, and the results for the unchanged loop.
+    """
     task, gain, runs = problem.draws.task, verified.gain, problem.draws.compared
     loop = task.loop
     search = _best_on_loop(problem, verified)
@@ -168,7 +171,7 @@ def find_improvements(
 
 
 def _candidates(problem: LoopProblem, verified: Verified) -> list[ChangedLoop]:
-    """Return changes of the loop that may help, with values that suit the fastest approach and the largest noise."""
+    """Return changes of the loop that may help."""
     check, rate = verified.stability, None
     if check is not None and check.margin < USUAL_MARGIN and math.isfinite(check.lowest_rate_for_margin_2):
         rate = max(check.lowest_rate_for_margin_2, check.rate)
@@ -176,7 +179,7 @@ def _candidates(problem: LoopProblem, verified: Verified) -> list[ChangedLoop]:
 
 
 def _loss(task: Task, verified: Verified, search: _Search, best: FloatArray | None) -> Loss:
-    """Compare the objective of the verified gain with the objective of the best gain on the sampled loop."""
+    """Compare the objectives of the verified and the best gain."""
     predicted, ideal = verified.predicted, None
     if predicted.reached.all():
         speed = abs(task.scenario.obstacle.velocity)
@@ -212,7 +215,10 @@ class _Tried(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Search:
-    """Search for the best gain on the sampled loop; all gains are simulated with the same encounters and noise."""
+    """Search for the best gain on the sampled loop.
+
+    All gains are simulated with the same encounters and noise.
+    """
 
     problem: LoopProblem
     axis: GainAxis
@@ -220,7 +226,10 @@ class _Search:
     tried: dict[float, _Tried] = field(default_factory=dict)  # the tried gains by coordinate
 
     def merit(self, coordinate: FloatArray) -> FloatArray:
-        """Return the mean objective of each of several gains; infinite for a gain that misses a requirement."""
+        """Return the mean objective of each gain.
+
+        It is infinite for a gain that misses a requirement.
+        """
         places = {round(u, _DIGITS): u for u in coordinate.tolist()}
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
@@ -234,12 +243,15 @@ class _Search:
         return np.array([one.objective if one.kept else math.inf for one in of])
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Return the mean objective of each of several gains, in the form that the search algorithm needs."""
+        """Return the mean objectives for the search algorithm."""
         return Landscape(objective=self.merit(coordinate), ratios=np.empty((0, len(coordinate))))
 
     @property
     def best(self) -> float | None:
-        """The best tried gain that meets all requirements; None if no tried gain meets all of them."""
+        """The best tried gain that meets all requirements.
+
+        None if no tried gain meets all of them.
+        """
         kept = [one for one in sorted(self.tried.values()) if one.kept]
         return min(kept, key=lambda one: one.objective).gain if kept else None
 
@@ -254,7 +266,10 @@ class _Search:
         )
 
     def nearest(self) -> float | None:
-        """Return the tried gain with the best score over all runs; None if no gain was tried."""
+        """Return the tried gain with the best score over all runs.
+
+        None if no gain was tried.
+        """
         # Gains that were given up are simulated further, as long as their score can still be the best one.
         whole, loop = self.problem.draws.compared, self.problem.compared(self.problem.draws.task.loop)
         while self.tried:
@@ -280,7 +295,8 @@ class _Search:
 
 
 def _best_on_loop(problem: LoopProblem, verified: Verified) -> _Search:
-    """Search for the best gain on the sampled loop; the search also tries the verified gain and the ideal gain."""
+    """Search for the best gain on the sampled loop."""
+    # The search also tries the verified gain and the ideal gain.
     (low, high), limit = problem.draws.task.stable_bounds(), verified.limit
     margin, sign = None, problem.draws.task.law.number.sign
     if limit is not None:
@@ -300,7 +316,7 @@ def _best_on_loop(problem: LoopProblem, verified: Verified) -> _Search:
 
 
 def _redesign(number: LawNumber, gain: float, loop_gain: float, margin: float | None) -> str:
-    """Return a sentence that recommends another gain and states the gain margin of that gain."""
+    """Return a sentence that recommends another gain."""
     stable = "" if margin is None or margin > _BEYOND else f" (gain margin {margin:.3g})"
     return f"Use {number.equals(loop_gain)} instead of {number.text(gain)}{stable}."
 
@@ -331,13 +347,16 @@ def _evaluate_change(
 
 
 def _worst_of_both(before: LoopOutcomes, after: LoopOutcomes) -> tuple[Requirement, Requirement]:
-    """Return the requirement that was missed most before a change, with its results before and after the change."""
+    """Return the most missed requirement before and after a change.
+
+    It is the one that was missed most before the change.
+    """
     worst = before.worst
     return worst, next(r for r in after.requirements if r.name == worst.name)
 
 
 def _add_margin(candidate: ChangedLoop, before: float | None, after: float | None) -> str:
-    """Return the recommendation for a change, with a warning if the change clearly reduces the gain margin."""
+    """Add a warning about a smaller gain margin to a recommendation."""
     if candidate.name == "gain" or before is None or after is None:  # for a gain, the sentence already has the margin
         return candidate.sentence
     if after > _BEYOND or after >= _FALL * before:
@@ -347,7 +366,10 @@ def _add_margin(candidate: ChangedLoop, before: float | None, after: float | Non
 
 
 def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
-    """Return True if a change improves the quantity that decides the score, such as the most missed limit."""
+    """Return True if a change improves the decisive quantity.
+
+    This quantity decides the score, such as the most missed limit.
+    """
     if after.standing <= before.standing:
         return False
     if before.stable <= before.standing:  # the margin was decisive; it does not depend on chance
@@ -361,7 +383,7 @@ def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
 
 
 def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, float | None]:
-    """Return the relative decrease of the mean objective over all runs, and the standard error of this decrease."""
+    """Return the relative decrease of the objective with standard error."""
     whole, _ = mean_and_error(before)
     with np.errstate(invalid="ignore"):
         fall, error = mean_and_error(before - after)

@@ -1,4 +1,4 @@
-"""Build the report sections on the best gain and on possible changes of the loop."""
+"""Build the report sections on better gains and loop changes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ _HELPS: Final = (
 
 
 def best_change_section(v: Verdict) -> PageSection | None:
-    """Return the report section on the most helpful change of the loop; None if no change was tried."""
+    """Return the report section on the most helpful change.
+
+    None if no change was tried.
+    """
     if not v.changes:
         return None
     best, rate = v.best_change, _rate_in_words(v)
@@ -51,7 +54,7 @@ def best_change_section(v: Verdict) -> PageSection | None:
 
 
 def _reasons_not_checked(v: Verdict) -> list[str]:
-    """Return clauses that list the problems of the gain that are not checked again after a change."""
+    """List the problems that are not checked after a change."""
     effect, speed, calibration = v.effect, v.sensor_speed, v.calibration_check
     excess = None if effect is None else effect.excess
     report = v.design.problem.task.calibration
@@ -68,7 +71,7 @@ def _reasons_not_checked(v: Verdict) -> list[str]:
 
 
 def _rate_in_words(v: Verdict) -> str:
-    """Return a sentence on the sensor rate with which the gain reaches a gain margin of 2."""
+    """State the sensor rate needed for a gain margin of 2."""
     # The text is empty if the margin is at least 2, or if a change is enough.
     check, best = v.stability, v.best_change
     enough = best is not None and best.standing >= 1 and (best.margin is None or best.margin >= USUAL_MARGIN)
@@ -80,12 +83,9 @@ def _rate_in_words(v: Verdict) -> str:
             f"For a control law with {gain}, a gain margin of 2 needs a sensor rate of "
             f"{check.lowest_rate_for_margin_2:.3g} Hz."
         )
-    text = (
-        f"For a control law with {gain}, no sensor rate results in a gain margin of 2, because the latency, "
-        "the filters or the robot are too slow"
-    )
+    text = f"With {gain}, no sensor rate results in a gain margin of 2: latency, filters or robot are too slow"
     if math.isfinite(check.lowest_rate):
-        text += f"; stability needs {check.lowest_rate:.3g} Hz"
+        text += f". Stability needs {check.lowest_rate:.3g} Hz"
     return f"{text}."
 
 
@@ -119,7 +119,10 @@ def _missed_most(v: Verdict) -> str:
 
 
 def changes_section(v: Verdict) -> PageSection | None:
-    """Return the report section that lists all tried changes, most helpful first; None if no change was tried."""
+    """Return the report section on all tried changes.
+
+    None if no change was tried.
+    """
     if not v.changes:
         return None
     n = v.compared_runs
@@ -135,7 +138,7 @@ def changes_section(v: Verdict) -> PageSection | None:
 
 
 def _rows_as_it_is(v: Verdict) -> Iterator[Row]:
-    """Yield table rows with the results of the unchanged loop, for the compared runs and for all runs."""
+    """Yield table rows with the results of the unchanged loop."""
     for one, runs in zip(v.unchanged, (v.compared_runs, v.runs), strict=False):
         of = f", {runs} run{'' if runs == 1 else 's'}" if len(v.unchanged) > 1 else ""
         text = "Compare changes with this row." if runs == v.compared_runs else "Compare another gain with this row."
@@ -178,7 +181,7 @@ def _percent_with_error(value: float, error: float) -> str:
 
 
 def gain_section(v: Verdict) -> PageSection:
-    """Return the report section that shows the objective as a function of the gain."""
+    """Return the report section on the objective over the gain."""
     # The verified gain is compared with the best gain on the simulated loop.
     tried = v.loss is not None
     caption = "The objective of the nominal encounter in continuous time (ideal)"
@@ -231,7 +234,7 @@ def _loss_in_words(v: Verdict, loss: Loss) -> str:
 
 
 def _best_gain_in_words(loss: Loss) -> str:
-    """Return a label for the best gain on the sampled loop that states the required gain margin."""
+    """Return a label for the best gain and its margin."""
     if loss.sought_margin is None:
         return "best gain on the simulated loop"
     if loss.sought_margin >= USUAL_MARGIN:
@@ -240,7 +243,7 @@ def _best_gain_in_words(loss: Loss) -> str:
 
 
 def _lacks_in_words(v: Verdict) -> str:
-    """Return text that names the requirement that the verified gain misses and the best gain meets."""
+    """Name the requirement that only the verified gain misses."""
     check, loss = v.stability, v.loss
     if not all(limit.is_met for limit in v.limits):
         return "it misses a limit"

@@ -129,7 +129,7 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
 
 
 def _findings(v: Verdict) -> Iterator[str]:
-    """Yield all reasons against a gain except the first one, and then the limits that the gain meets."""
+    """Yield further reasons against a gain, then its met limits."""
     yield from v.reasons[1:]
     for c in v.limits:
         if c.is_met and not any(c.statement in reason for reason in v.reasons):
@@ -164,7 +164,7 @@ def _next_steps(v: Verdict) -> Iterator[str]:
 
 
 def _next_change(v: Verdict) -> str:
-    """Recommend more simulated runs if only their number is too small, otherwise the most helpful change."""
+    """Recommend more runs or the most helpful change."""
     runs = runs_advised(v)
     if runs is not None:
         return f"simulate {runs} runs"

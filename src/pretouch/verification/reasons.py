@@ -21,7 +21,10 @@ _ROUNDING: Final = 1e-9  # relative rounding error of a speed
 
 
 def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
-    """Decide the status of a verified gain; if it is not `holds`, list the reasons, most serious first."""
+    """Return the status of a verified gain and its reasons.
+
+    The most serious reason comes first. There are none if the status is `holds`.
+    """
     missed, narrow = list(_failures(v)), list(_narrow_reasons(v))
     if missed:
         return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
@@ -29,22 +32,25 @@ def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
 
 
 def no_gain_with_margin(design: GainDesign, rate: float) -> str:
-    """Return a message that no gain has the required gain margin, with the sensor rate that would be needed."""
+    """Return a message that no gain has the required margin.
+
+    The text includes the sensor rate that would be needed.
+    """
     task, free = design.problem.task, design.without_margin
     optimum = design.number.equals(0.0 if free is None else free.gain)
     if math.isinf(rate):
-        needed = "no sensor rate gives it this margin, because latency, filters or robot are too slow"
+        needed = "No sensor rate gives it this margin, because latency, filters or robot are too slow"
     else:
-        needed = f"this gain has the required margin at a sensor rate of {rounded_up(rate):g} Hz or more"
+        needed = f"This gain has the required margin at a sensor rate of {rounded_up(rate):g} Hz or more"
     return (
         f"at a sensor rate of {task.loop.chain.rate:g} Hz, no gain with a gain margin of "
-        f"{task.stability_margin:g} meets every limit; without the required margin, {optimum} would be optimal; "
+        f"{task.stability_margin:g} meets every limit. Without the required margin, {optimum} would be optimal. "
         f"{needed}"
     )
 
 
 def _failures(v: Verdict) -> Iterator[str]:
-    """Yield the reasons why a gain does not meet the requirements on the sampled loop, most serious first."""
+    """Yield the reasons why a gain fails, most serious first."""
     stability, reached, calibration = v.stability, v.reached, v.calibration_check
     yield from chase_in_words(v.law.number, v.gain)
     if stability is not None and stability.margin < 1:
@@ -97,7 +103,7 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
 
 
 def _speeds(effect: Effect) -> str:
-    """Return text that compares the simulated contact speed with the predicted and the unmitigated speed."""
+    """Return text on simulated, predicted and unmitigated contact speed."""
     reached, predicted, free = (
         format_quantity(x or 0.0, "m/s", 3) for x in (effect.reached, effect.predicted, effect.unmitigated)
     )
@@ -105,7 +111,7 @@ def _speeds(effect: Effect) -> str:
 
 
 def _harder(effect: Effect) -> str:
-    """Return text that says by how much, or in how many runs, the gain makes contact harder."""
+    """Say how much harder the gain makes contact."""
     if effect.difference <= 0:
         return f" in {effect.harder_count} of {effect.runs} runs"
     speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))
@@ -114,7 +120,7 @@ def _harder(effect: Effect) -> str:
 
 
 def _limit_missed(check: LimitCheck, runs: int) -> str:
-    """Return text that names the exceeded limit and the share of the runs that exceed this limit."""
+    """Say in how many runs a limit is exceeded."""
     # The allowed share follows.
     limit = format_quantity(check.limit, check.unit)
     absent = "" if check.value is not None else " or no contact"
@@ -124,7 +130,7 @@ def _limit_missed(check: LimitCheck, runs: int) -> str:
 
 
 def _narrow_reasons(v: Verdict) -> Iterator[str]:
-    """Yield the reasons why a gain meets the requirements only narrowly, such as a small gain margin."""
+    """Yield the reasons why a gain passes only narrowly."""
     stability, reached = v.stability, v.reached
     yield from _harder_than_promised(v)
     if stability is None:
@@ -135,15 +141,11 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
         p = check.required.probability
         if _is_unshown(check):
             needed = _runs_to_show(check, v.confidence)
-            advice = (
-                ""
-                if needed is None
-                else f"; if the share stays the same, {needed} runs are enough to demonstrate the required probability"
-            )
+            advice = "" if needed is None else f"; with the same share, {needed} runs are enough"
             yield (
-                f"the limit {check.statement} is met in {share_in_words(check.held)} of {v.runs} runs, which "
-                f"demonstrates only a probability of {share_in_words(check.low)} ({100 * v.confidence:g} % "
-                f"confidence), but {100 * p:g} % is required{advice}"
+                f"the limit {check.statement} is met in {share_in_words(check.held)} of {v.runs} runs, which does not "
+                f"demonstrate the required {100 * p:g} %. These runs demonstrate only a probability of "
+                f"{share_in_words(check.low)} ({100 * v.confidence:g} % confidence){advice}"
             )
         # The gain itself is chosen, not drawn at random, so a gain exactly at its limit is no reason.
         elif check.name != "gain" and check.margin is not None and check.margin < ROOM * check.limit:
@@ -161,7 +163,7 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
 
 
 def _is_unshown(check: LimitCheck) -> bool:
-    """Return True if a limit is met as often as required, but in too few runs to demonstrate this."""
+    """Return True if the runs do not demonstrate a met limit."""
     # No bound can reach 1; a requirement of 1 applies only to the simulated runs.
     return check.is_met and check.low < check.required.probability < 1
 
@@ -171,7 +173,10 @@ def _runs_to_show(check: LimitCheck, confidence: float) -> int | None:
 
 
 def runs_advised(v: Verdict) -> int | None:
-    """Return the number of runs that would demonstrate every limit; None if more runs alone do not help."""
+    """Return the number of runs needed to demonstrate every limit.
+
+    None if more runs alone do not help.
+    """
     needed = [_runs_to_show(check, v.confidence) for check in v.limits if _is_unshown(check)]
     if not needed or len(needed) != len(v.reasons) or None in needed:
         return None
@@ -179,7 +184,7 @@ def runs_advised(v: Verdict) -> int | None:
 
 
 def _harder_than_promised(v: Verdict) -> Iterator[str]:
-    """Yield the reasons against a gain whose contact is harder than predicted, or not clearly softer."""
+    """Yield the reasons why contact is harder than expected."""
     # Contact may also be harder than with a faster sensor.
     effect, sensor, allowed = v.effect, v.sensor_speed, 100 * v.speed_tolerance
     if effect is not None and effect.excess is not None and v.speed_tolerance < effect.excess and effect.lost <= LOST:

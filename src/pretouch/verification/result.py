@@ -1,4 +1,7 @@
-"""Define the result of `verify_gain`: the verdict on a gain, and statistics over all simulated runs."""
+"""Define the result of verifying a gain.
+
+The result has a verdict on the gain, and statistics over all simulated runs.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ from .stability import StabilityCheck
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSpread(Value):
-    """Mean, quantiles and maximum of a quantity over the runs that end in contact.
+    """Statistics of a quantity over the runs with contact.
 
     Args:
         mean: the mean.
@@ -50,9 +53,9 @@ class RunSpread(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison(Value):
-    """Predicted and simulated values of one contact quantity, with and without impact mitigation.
+    """Predicted and simulated values of one contact quantity.
 
-    Values are magnitudes in SI units.
+    Both are with and without impact mitigation. Values are magnitudes in SI units.
 
     Args:
         name: the quantity.
@@ -75,7 +78,7 @@ class Comparison(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitCheck(Value):
-    """How often one limit is met in simulated runs of the sampled loop, compared with the required probability.
+    """How often the simulated runs meet one limit.
 
     Args:
         required: the constraint and the probability with which it must be met; 1 for every run.
@@ -114,7 +117,10 @@ class LimitCheck(Value):
 
     @property
     def is_met(self) -> bool:
-        """True if at least the required share of the simulated runs meets the limit."""
+        """True if enough simulated runs meet the limit.
+
+        Enough means at least the required share.
+        """
         return self.held >= self.required.probability - 1e-12
 
     @property
@@ -128,7 +134,7 @@ class LimitCheck(Value):
         return f"{self.label} <= {self.limit:g} {self.unit.replace('*', ' ')}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the results for the limit as one JSON object, in SI units."""
+        """Return the limit check as one JSON object in SI units."""
         names = ("name", "label", "limit", "unit", "is_met", "predicted", "held", "value", "margin", "source")
         told = {name: getattr(self, name) for name in names}
         return {**told, "probability": self.required.probability, "held_at_least": self.low}
@@ -160,7 +166,9 @@ _HOLDS: Final = {
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Verdict(Described, Value):
-    """Result of `verify_gain`: whether a gain meets the requirements on the sampled loop, and which changes would help.
+    """Result of `verify_gain`: whether a gain meets its requirements.
+
+    The requirements are checked on the sampled loop. The result also says which changes would help.
 
     Args:
         status: holds, holds-narrowly, does-not-hold or no-gain.
@@ -246,7 +254,10 @@ class Verdict(Described, Value):
 
     @property
     def best_change(self) -> LoopChange | None:
-        """The change of loop or gain that helps most; None if no change helps significantly."""
+        """The most helpful change of the loop or gain.
+
+        None if no change helps significantly.
+        """
         return next((change for change in self.changes if change.helps), None)
 
     @property
@@ -264,11 +275,17 @@ class Verdict(Described, Value):
         return f"{status}: {_speed(self.comparison('relative_velocity'))}{limits}."
 
     def comparison(self, name: str) -> Comparison | None:
-        """Return the comparison of simulated and predicted values of one quantity; None if it does not exist."""
+        """Return simulated and predicted values of one quantity.
+
+        None if the quantity was not compared.
+        """
         return next((c for c in self.comparisons if c.name == name), None)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the verification result as one JSON object with numbers in SI units and None for missing numbers."""
+        """Return the verdict as one JSON object in SI units.
+
+        Missing numbers are None.
+        """
         names = (
             *("status", "headline", "gain", "reasons", "runs", "compared_runs", "needed_rate", "seed", "confidence"),
             *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),

@@ -1,4 +1,7 @@
-"""Check the stability of a sampled loop, and find the sensor rate that a gain needs."""
+"""Check the stability of a sampled loop.
+
+The module also finds the sensor rate that a gain needs.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,9 @@ NOISES: Final = ("noise", "relative_noise", "distance_noise")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StabilityCheck(Value):
-    """Stability of the sampled loop with a given gain, linearized at each distance of the encounter.
+    """Stability of the sampled loop with a given gain.
+
+    The loop is linearized at each distance of the encounter.
 
     Args:
         limit: the strongest stable gain at each distance.
@@ -65,22 +70,31 @@ class StabilityCheck(Value):
 
     @property
     def strongest(self) -> float:
-        """The strongest gain, such as D_p [N s], with which the loop is stable at every distance."""
+        """The strongest stable gain, such as D_p [N s].
+
+        With this gain, the loop is stable at every distance.
+        """
         return self.limit.strongest
 
     @property
     def critical_distance(self) -> float:
-        """The distance [m] at which the loop first becomes unstable as the gain is made stronger."""
+        """The distance with the weakest stability [m].
+
+        As the gain is made stronger, the loop first becomes unstable there.
+        """
         return self.limit.critical_distance
 
     @property
     def frequency(self) -> float:
-        """Frequency of the oscillation at the stability limit [Hz]; NaN if there is no oscillation."""
+        """Oscillation frequency at the stability limit [Hz].
+
+        NaN if there is no oscillation.
+        """
         return self.limit.damping.frequency
 
     @property
     def text(self) -> str:
-        """Sentences on whether the loop is stable, and on the sensor rate that the gain needs."""
+        """Sentences on stability and on the required sensor rate."""
         if math.isinf(self.margin) and math.isfinite(self.strongest):
             n = self.limit.law.number
             strongest = n.text(self.strongest)
@@ -92,13 +106,13 @@ class StabilityCheck(Value):
         if self.strongest == 0:
             return (
                 f"No gain is stable on the simulated loop, however weak. The loop oscillates at {self.frequency:.3g} "
-                "Hz even without a virtual force, and the virtual force acts too late to damp this oscillation."
+                "Hz even without a virtual force. The virtual force acts too late to damp this oscillation."
             )
         stable = "unstable" if self.margin < 1 else "stable, but close to its limit," if self.margin < 2 else "stable"
         phase = ", at the worst phase between sensor and controller" if self.has_unknown_phase else ""
         frequency = "" if math.isnan(self.frequency) else f" at {self.frequency:.3g} Hz"
         return (
-            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. A "
+            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. Any "
             f"{self.limit.law.number.name} stronger than {self.limit.law.number.text(self.strongest)} makes the loop "
             f"oscillate{frequency}, first at a distance of {format_quantity(self.critical_distance, 'm')}. "
             f"{self._rates}."
@@ -116,7 +130,7 @@ class StabilityCheck(Value):
         return text + f", with a gain margin of 2 from {self.lowest_rate_for_margin_2:.3g} Hz"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the results of the stability check as one JSON object, in SI units."""
+        """Return the stability check as one JSON object in SI units."""
         own = (
             "margin",
             "strongest",
@@ -134,7 +148,10 @@ Passed: TypeAlias = tuple[FloatArray, FloatArray | None]
 
 
 def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit | None:
-    """Return the strongest stable gain at each distance of an encounter; None if this gain cannot be computed."""
+    """Return the strongest stable gain at each distance.
+
+    The distances are those of an encounter. None if the gain cannot be computed.
+    """
     law, own = loop.law, loop.continuous
     if not isinstance(law, Controller) or own is None or np.isnan(own.damping(1.0, -1.0, -1.0)):
         return None
@@ -143,7 +160,11 @@ def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit
 
 
 def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
-    """Return the factor by which a gain may grow before the loop is unstable; None if the factor is unknown."""
+    """Return the stability margin of a gain.
+
+    The gain may grow by this factor before the loop is unstable. None if the factor is unknown, or if the gain does not
+    mitigate.
+    """
     if limit is None or limit.law.number.sign * gain < 0:  # a gain of the wrong sign does not mitigate
         return None
     return math.inf if gain == 0 or math.isinf(limit.strongest) else abs(limit.strongest / gain)
@@ -152,7 +173,11 @@ def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
 def check_stability(
     loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, limit: GainLimit | None
 ) -> StabilityCheck | None:
-    """Check at all distances of an encounter whether the loop is stable with a gain; None if this is unknown."""
+    """Check whether the sampled loop is stable with a gain.
+
+    Returns:
+        The check at all distances of the encounter; None if the stability is unknown.
+    """
     law, margin = loop.law, stability_margin(limit, gain)
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
@@ -171,7 +196,10 @@ def check_stability(
 def rates_for_margins(
     loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, margins: Sequence[float]
 ) -> list[float]:
-    """Return, for each gain margin, the sensor rate [Hz] above which the gain has it; infinite if no rate suffices."""
+    """Return the sensor rate that each gain margin needs [Hz].
+
+    The gain has the margin at every higher rate. The rate is infinite if no rate suffices.
+    """
     law: Any = loop.law
     if not gain:
         return [0.0] * len(margins)
@@ -186,7 +214,7 @@ def rates_for_margins(
 
 
 def rounded_up(value: float) -> float:
-    """Round a positive number, such as a rate [Hz], up to two significant digits."""
+    """Round a positive number up to two significant digits."""
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.ceil(value / step - 1e-9) * step:.3g}")
 
@@ -197,19 +225,28 @@ def _virtual_admittance(law: Controller) -> Admittance:
 
 
 def chain_at(chain: SensorChain, rate: float) -> SensorChain:
-    """Return the sensor chain at another rate [Hz]; exposure and jitter are reduced to fit the new period."""
+    """Return the sensor chain at another rate [Hz].
+
+    Exposure and jitter are reduced to fit the new period.
+    """
     period = 1 / rate
     return replace(chain, rate=rate, exposure=min(chain.exposure, period), jitter=min(chain.jitter, period / 4))
 
 
 def told_period(controller: Controller) -> float:
-    """Return the sensor period [s] in the settings of the controller; by default, the controller period."""
+    """Return the sensor period in the controller settings [s].
+
+    The default is the controller period.
+    """
     told = controller.conditioning.sensor_period
     return controller.period if told is None else told
 
 
 def controller_at(controller: Controller, sensor_period: float, period: float | None = None) -> Controller:
-    """Return the controller with another sensor period [s] and, if requested, another controller period [s]."""
+    """Return the controller with another sensor period [s].
+
+    If `period` is given, the controller period [s] changes, too.
+    """
     # The sensor period in its settings is at least the controller period.
     new_period = controller.period if period is None else period
     configured, c = max(sensor_period, new_period), controller.conditioning
@@ -223,7 +260,10 @@ def controller_at(controller: Controller, sensor_period: float, period: float | 
 
 
 def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
-    """Return the loop at another sensor rate [Hz], with a controller that is at least as fast as the sensor."""
+    """Return the loop at another sensor rate [Hz].
+
+    The controller is at least as fast as the sensor.
+    """
     chain, law = chain_at(loop.chain, rate), loop.law
     if isinstance(law, Controller):
         sensor_period = told_period(law) * loop.chain.rate / rate
@@ -232,7 +272,7 @@ def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
 
 
 class ChangedLoop(NamedTuple):
-    """A sampled loop in which one property was changed, with a sentence that recommends this change."""
+    """A sampled loop with one changed property."""
 
     name: str  # short name of the change
     sentence: str  # what to do, with numbers
@@ -243,9 +283,10 @@ _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
 def plausible_rate(loop: ClosedLoop, quickest: float, noise: float) -> float:
-    """Return the rate of change of the log sensor output [1/s] above which the controller rejects readings.
+    """Return the largest plausible rate of the log sensor output [1/s].
 
-    It rejects a reading only if neither the fastest approach nor noise can explain the reading.
+    The controller rejects readings that imply a larger rate. It rejects a reading only if neither the fastest approach
+    nor noise can explain the reading.
 
     Args:
         loop: the loop.
@@ -256,7 +297,7 @@ def plausible_rate(loop: ClosedLoop, quickest: float, noise: float) -> float:
 
 
 def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[ChangedLoop]:
-    """Return several loops, each with one change, such as a faster sensor or less noise."""
+    """Return several loops, each with one change."""
     # |d ln xi / dt| is at most `quickest` [1/s]; `noise` is that of ln xi.
     # `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough.
     candidates: list[ChangedLoop] = []
@@ -272,7 +313,7 @@ def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float
 
 
 def _with(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
-    """Return a copy of the loop in which sensor chain, robot or filter settings have new values."""
+    """Return a copy of the loop with changed settings."""
     parts: dict[str, Any] = {"chain": loop.chain, "plant": loop.plant}
     parts_changed = {name: replace(part, **changes[name]) for name, part in parts.items() if name in changes}
     if "conditioning" in changes:
@@ -308,9 +349,8 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
     if chain.misfit > 0:
         text = (
             "Calibrate again to reduce the error of the sensor curve (misfit) from "
-            f"{100 * chain.misfit:.3g} % to {50 * chain.misfit:.3g} % of the signal: record more "
-            "distances, set the distances more exactly, or mount the sensor farther behind the contact "
-            "surface, where its curve fits better."
+            f"{100 * chain.misfit:.3g} % to {50 * chain.misfit:.3g} % of the signal. Record more distances, set the "
+            "distances more exactly, or mount the sensor farther behind the contact surface."
         )
         yield "calibration", text, partial(_with, loop, chain={"misfit": chain.misfit / 2})
 

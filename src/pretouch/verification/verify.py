@@ -1,4 +1,7 @@
-"""Verify a gain in many simulated runs of the sampled control loop, or simulate one encounter."""
+"""Verify a gain on the sampled control loop.
+
+The gain is verified in many simulated runs. Single encounters can be simulated, too.
+"""
 
 from __future__ import annotations
 
@@ -42,9 +45,10 @@ _NO_LOOP_IN_FILE: Final = (
 @check_arguments
 @with_file_location
 def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
-    """Verify by simulation whether a gain that was designed in continuous time meets its limits on the sampled loop.
+    """Verify a gain in simulations of the sampled control loop.
 
-    Changes of the loop or the gain are tried to find out what would help.
+    The runs show whether a gain that was designed in continuous time meets its limits. Changes of the loop or the gain
+    are tried to find out what would help.
 
     Args:
         task: the nominal encounter with the loop, the objective, and the bounds of the ideal design and of the best
@@ -102,7 +106,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
 
 
 def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[str, Any]:
-    """Return all fields of the verification result except its status and the reasons for this status."""
+    """Return all fields of the verdict except status and reasons."""
     loop, sensor = task.loop, task.sensor
     predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
     _check_horizon(loop, predicted)
@@ -157,7 +161,10 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
 
 
 def _rate_needed(design: GainDesign) -> float | None:
-    """Return the sensor rate [Hz] that the required gain margin needs; None if other requirements fail as well."""
+    """Return the sensor rate for the required gain margin [Hz].
+
+    None if other requirements fail as well.
+    """
     task, free = design.problem.task, design.without_margin
     if free is None or task.stability_margin is None:
         return None
@@ -166,7 +173,7 @@ def _rate_needed(design: GainDesign) -> float | None:
 
 
 def _check_task(task: Task) -> Task:
-    """Check the task of a verification, and narrow its bounds to gains with the required gain margin."""
+    """Check the task of a verification, and narrow its bounds."""
     if task.scenario.shape != ():
         raise InvalidInputError(
             f"scenario: found an array of encounters of shape {task.scenario.shape}, expected a single encounter"
@@ -187,7 +194,7 @@ def _check_task(task: Task) -> Task:
 
 
 def _loop_of(task: Task) -> ClosedLoop:
-    """Return the sampled loop of a task; raise an error if the task has no such loop."""
+    """Return the sampled loop of a task."""
     if task.loop is None:
         raise InvalidInputError(_NO_LOOP if task.source is None else _NO_LOOP_IN_FILE)
     if not isinstance(task.loop, ClosedLoop):
@@ -202,7 +209,7 @@ def _loop_of(task: Task) -> ClosedLoop:
 
 
 def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
-    """Raise an error if the simulated runs would end before the predicted contact."""
+    """Raise an error if runs end before the predicted contact."""
     if predicted.reached.all() and float(predicted.end.time) >= loop.horizon:
         raise InvalidInputError(
             f"loop horizon: found {loop.horizon:g} s, but contact is predicted only after "
@@ -211,7 +218,7 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
 
 
 def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
-    """Return a sentence on why the stability of a gain cannot be assessed."""
+    """Explain why the stability of a gain is not assessed."""
     if known:
         return (
             f"The stability of the loop is not assessed, because {task.law.number.equals(gain)} does not mitigate "
@@ -226,9 +233,10 @@ def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
 @check_arguments
 @with_file_location
 def simulate_encounter(task: Task) -> SimulatedEncounter:
-    """Simulate one encounter on the sampled loop, and compare the motion with the solution in continuous time.
+    """Simulate one encounter on the sampled control loop.
 
-    The loop is run twice with the same noise: with the gain and with gain 0. Both encounters are also predicted.
+    The motion is compared with the solution in continuous time. The loop is run twice with the same noise: with the
+    gain and with gain 0. Both encounters are also predicted.
 
     Args:
         task: one encounter, the loop, and the gain. Without a gain, one is designed from objective and bounds, or from
@@ -279,7 +287,7 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
 
 
 def chosen_gain(task: Task) -> float:
-    """Return the gain that the task prescribes; if the task prescribes none, return the optimal gain."""
+    """Return the gain of the task, or else the optimal gain."""
     if task.gain is not None:
         return task.gain
     designed = designed_number(task)

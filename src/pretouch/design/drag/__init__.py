@@ -1,4 +1,4 @@
-"""Choose the coefficient phi of the virtual drag, and predict how much the drag reduces the contact speed."""
+"""Design a virtual drag, and predict the contact speed."""
 
 from .design import design_drag, drag_by, drag_trade_off
 from .limits import DragEffect

@@ -1,4 +1,7 @@
-"""Compare an optimal virtual damper with the virtual drag that needs the same excursion of the robot."""
+"""Compare an optimal virtual damper with a virtual drag.
+
+Both need the same excursion of the robot.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,9 @@ _BETTER: Final = 0.99  # largest ratio of contact speeds at which the drag is re
 
 
 def drag_alternative(design: GainDesign) -> PageSection | None:
-    """Return a report section that compares the optimal gain with a virtual drag that needs the same excursion.
+    """Compare the optimal gain with a virtual drag.
+
+    Both need the same excursion of the robot.
 
     Args:
         design: the gain design of one encounter.
@@ -62,7 +67,7 @@ def drag_alternative(design: GainDesign) -> PageSection | None:
 
 
 def _comparison(design: GainDesign, run: ContactResult, drag: float, with_drag: ContactResult) -> PageTable:
-    """Return a table that compares the optimal gain with virtual drags of the same excursion or contact speed."""
+    """Compare the optimal gain with virtual drags in a table."""
     scenario, sensor = design.scenario, design.sensor
     columns = {"the optimal gain": run, f"same excursion, {DRAG.number.equals(drag)}": with_drag}
     if not push_of(scenario):

@@ -1,4 +1,6 @@
-"""Choose the coefficient phi of the virtual drag that meets a limit or a required ratio of contact to approach speed.
+"""Choose the coefficient phi of a virtual drag.
+
+The drag meets a limit or a required ratio of contact to approach speed.
 
 No optimization is needed: ratio and excursion trade off along one curve, and each limit selects one point of it.
 """
@@ -25,7 +27,9 @@ from .result import DragDesign, predict_drag
 def drag_by(
     sensor: SensorModel, distance: float, mass: float, *, impact: ImpactModel | None = None, **effect: Any
 ) -> DragDesign:
-    """Find the coefficient phi with which the virtual drag meets one requirement, such as a largest excursion.
+    """Find the virtual drag that meets one requirement.
+
+    The requirement, such as a largest excursion, determines the coefficient phi.
 
     Args:
         sensor: the sensor curve, which must be valid down to contact.
@@ -51,9 +55,9 @@ def drag_by(
 
 
 def drag_trade_off(sensor: SensorModel, distance: float, mass: float, ratios: FloatArray | None = None) -> DragDesign:
-    """Return contact speed and excursion for a range of virtual drag coefficients phi.
+    """Return contact speed and excursion for many virtual drags.
 
-    The result is one design whose fields are arrays.
+    The drags differ in their coefficient phi. The result is one design whose fields are arrays.
 
     Args:
         sensor: the sensor curve, which must be valid down to contact.
@@ -74,7 +78,10 @@ def drag_trade_off(sensor: SensorModel, distance: float, mass: float, ratios: Fl
 
 
 def why_no_drag(scenario: Scenario) -> str:
-    """Return why the formulas of the virtual drag are not valid for an encounter; an empty text if they are valid."""
+    """Return why the virtual drag formulas do not apply.
+
+    The text is empty if the formulas are valid for the encounter.
+    """
     plant, reference = scenario.plant, scenario.reference
     if scenario.shape:
         return "found an array of encounters, expected one"
@@ -88,7 +95,10 @@ def why_no_drag(scenario: Scenario) -> str:
 
 
 def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
-    """Return the drag phi [N s^2] that meets a requirement, and the approach speed [m/s] up to which it does."""
+    """Return the virtual drag that meets a requirement.
+
+    The result is the drag phi [N s^2], and the approach speed [m/s] up to which it meets the requirement.
+    """
     speed = effect.largest_speed or -float(task.scenario.relative_velocity)
     mass, distance = float(task.scenario.admittance.mass), float(task.scenario.distance)
     drag, kept = replace(effect, largest_speed=speed).drag(task.sensor, distance, mass, task.impact)
@@ -98,7 +108,9 @@ def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
 @check_arguments
 @with_file_location
 def design_drag(task: Task) -> DragDesign:
-    """Design the virtual drag that meets the requirement of a task, such as a largest excursion.
+    """Design a virtual drag for the requirement of a task.
+
+    An example of a requirement is a largest excursion.
 
     Args:
         task: the encounter, which starts at the detection distance, the sensor, and `drag_effect`. The default of the

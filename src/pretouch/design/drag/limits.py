@@ -1,4 +1,7 @@
-"""Find the virtual drag with which a quantity, such as the excursion of the robot, just reaches its limit."""
+"""Find the virtual drag at which a quantity reaches its limit.
+
+An example of a quantity is the excursion of the robot.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ _UNITS: Final = {"ratio": "", "excursion": "m", "acceleration": "m/s^2", "contac
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragEffect(Value):
-    """The requirement that determines a virtual drag, such as a largest excursion or contact speed.
+    """The requirement for a virtual drag, such as a largest excursion.
 
     Exactly one effect is given. It refers to an object in uniform motion.
 
@@ -78,7 +81,7 @@ class DragEffect(Value):
 
     @property
     def chosen(self) -> tuple[str, Any, str]:
-        """Name, value and SI unit of the requirement for the virtual drag, such as the largest excursion."""
+        """Name, value and SI unit of the drag requirement."""
         return next((f.name, v, _UNITS[f.name]) for f in fields(self) if (v := getattr(self, f.name)) is not None)
 
     def drag(
@@ -119,7 +122,9 @@ class DragEffect(Value):
 def encounter(  # noqa: PLR0917
     sensor: SensorModel, mass: Any, distance: Any, drag: Any, speed: Any, push: Any
 ) -> ContactResult:
-    """Compute encounters with a robot that is initially at rest and that only the virtual drag moves.
+    """Compute encounters in which only the virtual drag moves the robot.
+
+    The robot is initially at rest.
 
     Args:
         sensor: the sensor curve.
@@ -140,7 +145,9 @@ def encounter(  # noqa: PLR0917
 def allowed_speed(
     contact_speed: ArrayLike | None, impact_force: ArrayLike | None, impact: ImpactModel | None, speed: ArrayLike
 ) -> Any:
-    """Return the largest allowed contact speed [m/s], computed from a limit of the contact speed or the impact force.
+    """Return the largest allowed contact speed [m/s].
+
+    A limit of the contact speed or of the impact force determines it.
 
     Args:
         contact_speed: the limit of the contact speed [m/s]; or None.
@@ -167,9 +174,10 @@ def allowed_speed(
 
 
 def _last(keeps: Callable[[FloatArray], Any], high: FloatArray) -> FloatArray:
-    """Return the largest values up to `high` at which a condition is true, by repeated refinement of a grid.
+    """Return the largest values that meet a condition.
 
-    The condition takes a grid for each number, one per row.
+    The values are at most `high`. The search repeatedly refines a grid. The condition takes a grid for each number, one
+    per row.
     """
     low, high = np.where(keeps(high[:, None])[:, 0], high, 0.0), high.copy()
     while (high - low > _CLOSE * high).any():
@@ -185,10 +193,10 @@ def _last(keeps: Callable[[FloatArray], Any], high: FloatArray) -> FloatArray:
 def strongest_by_excursion(  # noqa: PLR0917
     sensor: SensorModel, distance: ArrayLike, mass: float, limit: ArrayLike, speed: float = 1.0, push: float = 0.0
 ) -> Any:
-    """Find the strongest virtual drag whose excursion E stays within a limit, by a bracketing secant method.
+    """Find the strongest virtual drag within an excursion limit.
 
-    E is convex and increasing in phi, and ln(1 + E/l_d) is nearly linear. By convexity, reducing phi by a share reduces
-    E by at least the same share.
+    A bracketing secant method finds the drag at which the excursion E reaches its limit. E is convex and increasing in
+    phi, and ln(1 + E/l_d) is nearly linear. By convexity, reducing phi by a share reduces E by at least the same share.
 
     Args:
         sensor: the sensor curve.
@@ -226,8 +234,8 @@ def strongest_by_excursion(  # noqa: PLR0917
         on = on[over[on] <= 0]
         if (never := on[high[on] == strongest[on]]).size:
             raise InvalidInputError(
-                f"excursion: the limit of {limits[never[0]]:g} m cannot be reached: even with the strongest drag "
-                f"(contact speed / approach speed = {_STRONGEST:g}), the robot retreats less; choose the drag by this "
+                f"excursion: the limit of {limits[never[0]]:g} m cannot be reached. Even with the strongest drag "
+                f"(contact speed / approach speed = {_STRONGEST:g}), the robot retreats less. Choose the drag by this "
                 "speed ratio instead"
             )
         low[on], under[on], high[on] = high[on], over[on], np.minimum(2 * high[on], strongest[on])
@@ -250,9 +258,9 @@ def strongest_by_excursion(  # noqa: PLR0917
 
 
 def strongest_by_peak(sensor: SensorModel, distance: ArrayLike, mass: float, limit: ArrayLike) -> Any:
-    """Find the strongest virtual drag within a limit of the ratio of peak acceleration to squared approach speed.
+    """Find the strongest virtual drag within an acceleration limit.
 
-    This peak is not monotone in phi.
+    The limit applies to the ratio of peak acceleration to squared approach speed. This peak is not monotone in phi.
 
     With k = phi / M, the peak is the largest value over l of k g^2 exp(-2 k int g^2), and it grows at most
     proportionally to k. So if a drag exceeds the limit by a factor c, all drags between it and 1/c of it exceed the
@@ -277,7 +285,9 @@ def strongest_by_peak(sensor: SensorModel, distance: ArrayLike, mass: float, lim
 
 
 def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, limit: FloatArray) -> FloatArray:
-    """Find the strongest virtual drag for each limit in an array: peak acceleration / (approach speed)^2.
+    """Find the strongest virtual drag for each acceleration limit.
+
+    A limit is peak acceleration / (approach speed)^2.
 
     Returns:
         phi [N s^2] of each.
@@ -299,8 +309,8 @@ def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, l
     if (never := np.flatnonzero((strongest < top) & (excess <= 0))).size:
         raise InvalidInputError(
             f"acceleration: the limit of acceleration / (approach speed)^2, {limit[never[0]]:g} 1/m, cannot be "
-            f"reached: even the strongest drag (contact speed / approach speed = {_STRONGEST:g}) stays below it; "
-            "choose the drag by this speed ratio instead"
+            f"reached. Even the strongest drag (contact speed / approach speed = {_STRONGEST:g}) stays below it. "
+            "Choose the drag by this speed ratio instead"
         )
     for _ in range(_PASSES):
         on = np.flatnonzero(excess > _MET)

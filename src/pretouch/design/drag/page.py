@@ -56,7 +56,7 @@ _DETECTED: Final = (
 
 
 def drag_page(design: DragDesign) -> Page:
-    """Return the report page of a virtual drag that was designed for a task."""
+    """Return the report of a virtual drag design."""
     task, run = design.designed_task, design.result
     acceleration = push_of(design.scenario)
     warnings = [*task.warnings]
@@ -102,7 +102,7 @@ def drag_page(design: DragDesign) -> Page:
 
 
 def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
-    """Yield one sentence for each limit of the task, with the value of the limited quantity."""
+    """Yield one sentence on each limited quantity of the task."""
     for c in design.designed_task.limits:
         value = abs(float(c.magnitude(run.end, design.designed_task.impact)))
         entry = design.law.number.entry(c.quantity)
@@ -110,7 +110,9 @@ def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
 
 
 def letters_optimum(design: DragDesign) -> GainDesign | None:
-    """Design the optimal gain of the virtual damper for the encounter of a drag design.
+    """Design the optimal virtual damper to compare with a drag.
+
+    Both apply to the encounter of the drag design.
 
     Args:
         design: the drag of a task.
@@ -143,20 +145,29 @@ def letters_optimum(design: DragDesign) -> GainDesign | None:
 
 
 def speeds_of(design: DragDesign) -> tuple[float, float, float]:
-    """Return the lowest and the highest approach speed [m/s] in the report, and the approach speed of the task."""
+    """Return the approach speeds [m/s] of a drag report.
+
+    They are the lowest and the highest speed, and the speed of the task.
+    """
     speed = -float(design.scenario.relative_velocity)
     top = design.largest_speed if math.isfinite(design.largest_speed) else _SPEEDS[-1]
     return min(_SPEEDS[0], speed), max(top, speed), speed
 
 
 def at_speeds(scenario: Scenario, speed: FloatArray) -> Scenario:
-    """Return copies of an encounter in which the object approaches at other constant speeds [m/s]."""
+    """Return copies of an encounter with other approach speeds [m/s].
+
+    The object moves with constant speed.
+    """
     velocity, acceleration = scenario.plant.velocity - speed, scenario.reference.acceleration
     return replace(scenario, obstacle=replace(scenario.obstacle, velocity=velocity, acceleration=acceleration))
 
 
 def push_of(scenario: Scenario) -> float:
-    """Return the acceleration [m/s^2] with which the object approaches the robot, relative to the reference motion."""
+    """Return the object's acceleration toward the robot [m/s^2].
+
+    It is relative to the reference motion.
+    """
     return float(scenario.reference.acceleration - scenario.obstacle.acceleration)
 
 
@@ -207,7 +218,10 @@ def _quantities(impact: ImpactModel | None, *runs: ContactResult) -> Iterator[tu
 
 
 def _excursion_over_bound(scenario: Scenario, run: ContactResult) -> float:
-    """Return the excursion divided by the smallest physically possible excursion; NaN if the latter is unknown."""
+    """Return the excursion relative to the smallest possible excursion.
+
+    NaN if the smallest excursion is unknown.
+    """
     limit = float(run.end.largest_acceleration)
     if not run.reached or not limit > 0 or not float(run.end.displacement) < 0:
         return math.nan
@@ -251,7 +265,7 @@ def _speeds(design: DragDesign) -> PageSection:
 def _add_letter_columns(
     design: DragDesign, letter: GainDesign, head: list[str], columns: list[tuple[Any, str]], starts: Scenario
 ) -> tuple[list[str], list[tuple[Any, str]]]:
-    """Add table columns with contact speed, excursion and acceleration for the optimal gain of the virtual damper."""
+    """Add table columns for the optimal virtual damper."""
     end = DAMPER.contact(starts, design.sensor, letter.gain).end
     names = ("relative_velocity", "displacement", "largest_acceleration")
     more = [(np.abs(getattr(end, name)), unit_of(name)) for name in names]

@@ -1,4 +1,7 @@
-"""Define the result of a virtual drag design, which predicts the contact for every approach speed."""
+"""Define the result of a virtual drag design.
+
+The result predicts the contact for every approach speed.
+"""
 
 from __future__ import annotations
 
@@ -80,12 +83,15 @@ class DragDesign(Described, Value):
 
     @property
     def gain(self) -> Any:
-        """The drag coefficient phi [N s^2], called `gain` as in all other design results."""
+        """The coefficient phi of the virtual drag [N s^2].
+
+        All design results call their designed number `gain`.
+        """
         return self.drag
 
     @property
     def designed_task(self) -> Task:
-        """The task for which the drag was designed; an error is raised if there is no task.
+        """The task of the virtual drag design.
 
         Raises:
             ResultUnavailableError: the design has no task.
@@ -108,18 +114,27 @@ class DragDesign(Described, Value):
 
     @property
     def holds(self) -> bool:
-        """True if the encounter of the task ends in contact and meets every limit, except limits of the gain D_p."""
+        """True if the virtual drag meets every limit of the task.
+
+        The encounter must also end in contact. Limits of the gain D_p do not count.
+        """
         return bool(self.result.reached) and all(map(self.keeps, self.designed_task.limits))
 
     def keeps(self, limit: Constraint) -> bool:
-        """Return True if the encounter of the task meets a limit, apart from rounding errors."""
+        """Return True if the virtual drag meets a limit.
+
+        The limit applies to the encounter of the task. Rounding errors are ignored.
+        """
         if limit.quantity == "gain":
             return True
         return bool(limit.magnitude(self.result.end, self.designed_task.impact) <= limit.limit * (1 + ROUNDING))
 
     @property
     def headline(self) -> str:
-        """A summary of the design in one or two sentences; for arrays, only the number of designed drags."""
+        """A summary of the virtual drag in one or two sentences.
+
+        For arrays, it gives only the number of designed drags.
+        """
         if np.shape(self.drag):
             return f"{np.size(self.drag)} drags"
         text = (
@@ -148,22 +163,32 @@ class DragDesign(Described, Value):
         return PREMISES
 
     def contact_speed(self, speed: ArrayLike) -> Any:
-        """Return the contact speed [m/s] of an object that approaches with a constant speed [m/s]."""
+        """Return the contact speed for a constant approach speed.
+
+        Both speeds are in m/s.
+        """
         return self.ratio * nonnegative(speed, "speed", "m/s")
 
     def acceleration(self, speed: ArrayLike) -> Any:
-        """Return the largest acceleration [m/s^2] of the robot if an object approaches with a constant speed [m/s]."""
+        """Return the robot's largest acceleration for a constant approach speed.
+
+        The acceleration is in m/s^2, the approach speed in m/s.
+        """
         return self.peak * np.square(nonnegative(speed, "speed", "m/s"))
 
     def time(self, speed: ArrayLike) -> Any:
-        """Return the time [s] from detection to contact for an object that approaches with a constant speed [m/s]."""
+        """Return the time to contact for a constant approach speed.
+
+        The time [s] starts at detection. The approach speed is in m/s.
+        """
         return (self.detection_distance + self.excursion) / positive(speed, "speed", "m/s")
 
     def contact_speed_bound(self, speed: ArrayLike, acceleration: ArrayLike) -> Any:
-        """Return an upper bound of the contact speed for objects whose acceleration toward the robot is limited.
+        """Return an upper bound of the contact speed.
 
-        It is the contact speed of an object that always has the largest acceleration. The bound also holds for an
-        object that turns around within the detection distance and returns.
+        The acceleration of the object toward the robot is limited. The bound is the contact speed of an object that
+        always has the largest acceleration. It also holds for an object that turns around within the detection
+        distance and returns.
 
         Args:
             speed: approach speed at the detection distance, relative to the plant [m/s].
@@ -186,7 +211,9 @@ class DragDesign(Described, Value):
         return -result.contact.relative_velocity
 
     def seen_from(self, distance: ArrayLike) -> DragDesign:
-        """Return the results of the same drag if the sensor detects the object at other distances [m].
+        """Return the results of a drag for other detection distances.
+
+        The distances are in m.
 
         The smallest distance has the fastest contact, and the largest distance has the largest excursion. So the two
         ends of an uncertain detection distance bound the effects. An object that stops and starts again counts as
@@ -195,7 +222,10 @@ class DragDesign(Described, Value):
         return predict_drag(self.sensor, distance, self.mass, self.drag, largest_speed=self.largest_speed)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the results of the design as one JSON object, in SI units."""
+        """Return the drag design as a JSON object.
+
+        Numbers are in SI units.
+        """
         numbers = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in {"sensor", "task"}}
         contact = {} if self.task is None else {"contact": self.result, "holds": self.holds}
         document: dict[str, Any] = plain(
@@ -206,7 +236,9 @@ class DragDesign(Described, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragLimits(Value):
-    """Guaranteed bounds of contact speed, excursion and acceleration for a drag phi that varies between two values.
+    """Guaranteed bounds for a drag that varies between two values.
+
+    The bounds apply to contact speed, excursion and acceleration. The drag coefficient is phi.
 
     Args:
         weak: the weaker drag.
@@ -225,31 +257,40 @@ class DragLimits(Value):
             )
         if not 0 < self.weak.drag <= self.strong.drag:
             raise InvalidInputError(
-                f"rails: found {self.weak.drag:g} N*s^2 for the weak virtual drag and {self.strong.drag:g} N*s^2 "
-                "for the strong virtual drag, expected two positive numbers, the smaller number first"
+                f"rails: found {self.weak.drag:g} N*s^2 for the weak drag and {self.strong.drag:g} N*s^2 "
+                "for the strong drag, expected positive ascending numbers"
             )
 
     @property
     def ratio(self) -> tuple[float, float]:
-        """Smallest and largest ratio of contact speed to approach speed for an object at constant speed."""
+        """Smallest and largest ratio of contact to approach speed.
+
+        The object has a constant speed.
+        """
         return self.strong.ratio, self.weak.ratio
 
     @property
     def excursion(self) -> tuple[float, float]:
-        """Smallest and largest excursion [m] of the robot until contact with an object at constant speed."""
+        """Smallest and largest excursion of the robot until contact [m].
+
+        The object has a constant speed.
+        """
         return self.weak.excursion, self.strong.excursion
 
     @property
     def peak(self) -> float:
-        """Upper bound of the robot's acceleration, divided by the squared approach speed [1/m].
+        """Upper bound of acceleration per squared approach speed [1/m].
 
-        It exceeds the peaks of both constant drags: the schedule may switch to the strong drag after the weak one has
-        hardly reduced the speed.
+        The bound exceeds the peaks of both constant drags: the schedule may switch to the strong drag after the weak
+        one has hardly reduced the speed.
         """
         return float(self.strong.drag / self.weak.drag * self.weak.peak)
 
     def contact_speed_bound(self, speed: ArrayLike, acceleration: ArrayLike) -> Any:
-        """Return a contact speed [m/s] that no virtual drag between the weak and the strong drag exceeds."""
+        """Return an upper bound of the contact speed [m/s].
+
+        No virtual drag between the weak and the strong drag exceeds it.
+        """
         return self.weak.contact_speed_bound(speed, acceleration)
 
 
@@ -286,8 +327,8 @@ def predict_drag(
     """
     if sensor.valid_range[0] > 0:
         raise InvalidInputError(
-            f"sensor: the sensor curve is valid only at distances above {sensor.valid_range[0]:g} m, but the contact "
-            "speed depends on the curve down to 0 m; mount the sensor behind the contact surface (recess)"
+            f"sensor: the sensor curve is valid only above {sensor.valid_range[0]:g} m, but the contact speed depends "
+            "on it down to 0 m. Mount the sensor behind the contact surface (recess)"
         )
     result = encounter(sensor, mass, distance, drag, 1.0, 0.0)
     end = result.contact

@@ -1,1 +1,1 @@
-"""Compute Pareto fronts, for example of excursion and contact speed, and the physical limit of any controller."""
+"""Compute Pareto fronts and the physical limit of any controller."""

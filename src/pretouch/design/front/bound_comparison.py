@@ -21,7 +21,9 @@ _NOTHING: Final = 1e-9  # an acceleration below this share of the deceleration t
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class BoundComparison(Value):
-    """Excursion and acceleration of encounters, compared with the smallest possible values for any controller.
+    """Comparison of encounters with the best possible controller.
+
+    Excursion and acceleration are compared with their smallest possible values.
 
     Args:
         acceleration: the largest acceleration of the encounter [m/s^2].
@@ -39,7 +41,10 @@ class BoundComparison(Value):
 
     @property
     def ratio(self) -> Any:
-        """The excursion divided by the smallest excursion that any robot needs, at least 1."""
+        """The excursion relative to the smallest possible excursion.
+
+        The ratio is at least 1. NaN if the smallest excursion is 0 or unknown.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(
                 np.asarray(self.least_excursion) > 0, np.divide(self.excursion, self.least_excursion), np.nan
@@ -47,7 +52,10 @@ class BoundComparison(Value):
         return float(ratio) if ratio.ndim == 0 else ratio
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison with the physical bound as one JSON object, in SI units."""
+        """Return the comparison with the bound as a JSON object.
+
+        Numbers are in SI units.
+        """
         others = {name: getattr(self, name) for name in ("excursion", "least_excursion", "least_acceleration")}
         return {"largest_acceleration": self.acceleration, **others}
 
@@ -58,7 +66,11 @@ class BoundComparison(Value):
 def compare_with_bound(
     trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult
 ) -> BoundComparison | None:
-    """Compare encounters with the physical bound that holds for every controller; None if the bound is not valid."""
+    """Compare encounters with the physical bound of every controller.
+
+    Returns:
+        The comparison; None if the bound is not valid.
+    """
     original = trials.freedom.scenario
     if not trials.encounters.is_continuous or why_no_bound(original):
         return None
@@ -83,7 +95,10 @@ def compare_with_bound(
 
 
 def _only_retreats(trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult) -> BoolArray:
-    """Return for each encounter whether the robot never moves toward the obstacle beyond its rest position."""
+    """Return which encounters never move the robot toward the obstacle.
+
+    Motions up to the rest position are allowed.
+    """
     # This is proved if the admittance is not under-damped, the gain mitigates and the obstacle does not brake
     # (docs/developers/fast-designs.md: l' < 0 until contact, so the force always pushes away, and the admittance does
     # not oscillate). With a drag it is a premise of the motion (docs/explanation/drag.md). Otherwise the motions are

@@ -21,7 +21,7 @@ _CURVE_SPACING: Final = 0.01  # distance between neighbors on the front, as a sh
 # The curve is scanned until it is well interpolated. The ends of the front's pieces are then found to rounding: the
 # minima of the quantities, the edges of feasibility, and the points where another part of the curve becomes better.
 def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
-    """Find the Pareto front of quantities that all depend on one parameter, such as the gain."""
+    """Find the Pareto front over one parameter, such as the gain."""
     # `evaluate` returns quantities, shape (n, k), at coordinates, shape (n,).
     # Quantities are infinite if not feasible. The points are sorted by the first quantity, or for three quantities by
     # the coordinate. Dominated coordinates separate the pieces. The front is empty if nothing is feasible.
@@ -50,7 +50,7 @@ _WORST: Final = 16  # number of intervals that are refined
 def _between(
     evaluate: Callable[[FloatArray], FloatArray], at: FloatArray, values: FloatArray, connected: BoolArray
 ) -> FloatArray:
-    """Evaluate more points between neighbors on the Pareto front, especially where interpolation is inaccurate."""
+    """Evaluate more points between neighbors on the Pareto front."""
     low, high = at[:-1][connected], at[1:][connected]
     if not len(low):
         return values[:0]
@@ -66,7 +66,7 @@ def _between(
 
 
 class _Samples:
-    """All points that the search for a Pareto front has evaluated, sorted by the free parameter."""
+    """Evaluated points of a Pareto search, sorted by the parameter."""
 
     def __init__(self, evaluate: Callable[[FloatArray], FloatArray]) -> None:
         def landscape(at: FloatArray) -> Landscape:
@@ -77,7 +77,7 @@ class _Samples:
         self.at, self.values = scanned.coordinate, scanned.landscape.objective.T
 
     def add(self, at: FloatArray) -> None:
-        """Evaluate the compared quantities at more points, and insert the points in sorted order."""
+        """Evaluate more points, and insert them in sorted order."""
         at = np.setdiff1d(at, self.at)
         if not len(at):
             return
@@ -87,20 +87,24 @@ class _Samples:
         self.at = every[order]
 
     def halve(self, which: BoolArray) -> bool:
-        """Halve selected intervals of the free parameter; return False if no interval is selected."""
+        """Halve selected intervals of the free parameter.
+
+        Returns:
+            False if no interval is selected.
+        """
         where = np.flatnonzero(which)
         self.add(0.5 * (self.at[where] + self.at[where + 1]))
         return len(where) > 0
 
     def find_ends(self) -> None:
-        """Locate the ends of the Pareto front by bisection of the free parameter."""
+        """Locate the ends of the Pareto front by bisection."""
         for _ in range(_HALVINGS):
             best = non_dominated(self.values)
             if not self.halve((best[1:] != best[:-1]) & (np.diff(self.at) > 1e-13)):
                 return
 
     def fill(self) -> None:
-        """Add points to the Pareto front where a compared quantity differs much between neighboring points."""
+        """Fill wide gaps of the Pareto front."""
         for _ in range(_FINEST):
             best = non_dominated(self.values)
             with np.errstate(invalid="ignore"):
@@ -110,7 +114,7 @@ class _Samples:
 
 
 def _thin_out(values: FloatArray, best: BoolArray) -> BoolArray:
-    """Remove Pareto points close to their neighbors, except the ends and the smallest value of each quantity."""
+    """Remove Pareto points close to their neighbors."""
     kept, front = best.copy(), np.flatnonzero(best)
     if not len(front):
         return kept

@@ -15,7 +15,7 @@ _FLAT: Final = 1e-12  # a quantity that varies less than this along the front, r
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundFront:
-    """The points of a Pareto front and all evaluated encounters, with their parameters and quantities."""
+    """Points of a Pareto front, with all evaluated encounters."""
 
     at: FloatArray  # coordinates of the points, shape (n, size)
     values: FloatArray  # quantities of the points, shape (n, k)
@@ -35,7 +35,11 @@ class FoundFront:
         scanned: tuple[FloatArray, FloatArray],
         between: FloatArray,
     ) -> FoundFront:
-        """Make a Pareto front, and estimate its error by comparison with other evaluated encounters."""
+        """Make a Pareto front, and estimate its error.
+
+        Returns:
+            The front, whose error is relative to the other evaluated encounters.
+        """
         approximation_error = np.inf
         if len(at):
             extent, others = extent_of(values), np.concatenate([scanned[1], between])
@@ -52,7 +56,10 @@ class FoundFront:
 
 
 def extent_of(values: FloatArray) -> FloatArray:
-    """Return the range of each quantity along a Pareto front; for a constant quantity, return its magnitude."""
+    """Return the range of each quantity along a Pareto front.
+
+    For a constant quantity, return its magnitude.
+    """
     if not len(values):
         return np.ones(values.shape[1])
     extent, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
@@ -60,7 +67,10 @@ def extent_of(values: FloatArray) -> FloatArray:
 
 
 def non_dominated(values: FloatArray) -> BoolArray:
-    """Return which points are Pareto-optimal; of several equal points only the first counts."""
+    """Return which points are Pareto-optimal.
+
+    Of several equal points only the first counts.
+    """
     # Points have the shape (n, 2) or (n, 3). Infinite points do not count. Of equal points, the first one is returned.
     n, k = values.shape
     best = np.zeros(n, dtype=bool)
@@ -88,7 +98,10 @@ def non_dominated(values: FloatArray) -> BoolArray:
 
 
 def shortfall(points: FloatArray, front: FloatArray) -> FloatArray:
-    """Return how far a Pareto front must shift to dominate each given point (the additive epsilon indicator)."""
+    """Return how far a Pareto front must shift to dominate points.
+
+    This is the additive epsilon indicator of each point.
+    """
     # It is not positive if the front dominates the point (Zitzler et al. 2003), and -inf for points that are infinite.
     epsilon = np.full(len(points), -np.inf)
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))

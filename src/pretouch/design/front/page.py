@@ -1,4 +1,7 @@
-"""Build the report of a Pareto front, with its knee, its end points and the physical limit."""
+"""Build the report of a Pareto front.
+
+It shows the knee, the end points and the physical limit.
+"""
 
 from __future__ import annotations
 
@@ -119,7 +122,7 @@ def _title(front: ParetoFront, point: FrontPoint) -> str:
 
 
 def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measured]]:
-    """Yield labels and values of the parameters and quantities at one point of the Pareto front."""
+    """Yield labels and values of one Pareto point."""
     n = front.number
     yield Named(n.name, n.symbol), Measured(point.gain, n.unit)
     for name in front.free[1:]:
@@ -139,7 +142,7 @@ def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measu
 
 
 def _sentences(front: ParetoFront) -> Iterator[str]:
-    """Yield sentences that compare the Pareto front with the user's choice and with the physical bound."""
+    """Yield sentences on the user's choice and the physical bound."""
     if front.choice is not None and front.knee is not None:
         yield _about_choice(front, front.choice)
     if front.no_bound:
@@ -191,7 +194,10 @@ def _count(number: int, noun: str) -> str:
 
 
 def _settings(front: ParetoFront) -> Iterator[Row]:
-    """Yield table rows with the bounds of the free parameters, the limits and the impact model."""
+    """Yield table rows with the settings of a Pareto front.
+
+    The settings are the bounds of free parameters, the limits and the impact model.
+    """
     gain_name = front.number.name
     free = {"gain": front.bounds, "natural_frequency": front.natural_frequency_bounds}
     for name, bounds in {**free, "damping_ratio": front.damping_ratio_bounds}.items():

@@ -1,4 +1,7 @@
-"""Compute the Pareto front of a design with several free parameters, by local searches from a grid."""
+"""Compute the Pareto front over several free parameters.
+
+Local searches start from the points of a grid.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,11 @@ _PULL: Final = 1e-3  # weight of the other quantities while one is minimized: it
 # quantities together. Searches that start between neighbors fill the gaps. Finally the front is tested on independent
 # encounters; those that are better than the front become further starting points.
 def find_front(trials: Trials) -> FoundFront:
-    """Find the Pareto front over all free parameters; the front is empty if no search point is feasible."""
+    """Find the Pareto front over all free parameters.
+
+    Returns:
+        The front; empty if no search point is feasible.
+    """
     grid = trials.freedom.lattice(_GAINS)
     grid_values = trials.values(grid)
     best = np.flatnonzero(non_dominated(grid_values))
@@ -60,7 +67,10 @@ def find_front(trials: Trials) -> FoundFront:
 
 
 class _FrontPoints:
-    """The current points of a Pareto front during its search; no point dominates another point."""
+    """The current points of a Pareto front during its search.
+
+    No point dominates another point.
+    """
 
     def __init__(self, trials: Trials, extent: FloatArray) -> None:
         self.trials = trials
@@ -69,7 +79,10 @@ class _FrontPoints:
         self.values = np.empty((0, len(extent)))
 
     def add(self, point: tuple[FloatArray, FloatArray] | None) -> None:
-        """Add a new point, with its objectives, if no other point dominates it, and remove dominated points."""
+        """Add a point to the Pareto front unless it is dominated.
+
+        Remove the points that the new point dominates.
+        """
         if point is None:
             return
         at, values = point
@@ -79,14 +92,17 @@ class _FrontPoints:
         self.at, self.values = at_all[best], values_all[best]
 
     def search(self, start: FloatArray, origin: FloatArray) -> None:
-        """Move a starting point to the Pareto front by a local search; if the search fails, add the starting point."""
+        """Move a point to the Pareto front by local search.
+
+        If the search fails, add the starting point.
+        """
         point = advance(self.trials, start, origin, self.extent)
         if point is None and np.isfinite(values := self.trials.values(start[None])).all():
             point = start, values[0]
         self.add(point)
 
     def fill(self) -> None:
-        """Search for more points in wide gaps of a Pareto front of two quantities."""
+        """Fill wide gaps of a Pareto front of two quantities."""
         if self.values.shape[1] != 2:
             return
         for _ in range(_ROUNDS):
@@ -99,7 +115,11 @@ class _FrontPoints:
                 return
 
     def between(self) -> FloatArray:
-        """Search for more points between the points of the Pareto front, and return their quantities."""
+        """Search for more points between the Pareto points.
+
+        Returns:
+            The quantities of these points.
+        """
         return self._between_two() if self.values.shape[1] == 2 else self._between_many()
 
     def _between_two(self) -> FloatArray:
@@ -134,7 +154,10 @@ class _FrontPoints:
         return shortfall(values / self.extent, self.values / self.extent)
 
     def pieces(self) -> IntArray:
-        """Return to which connected piece of the Pareto front each point belongs; wide gaps separate the pieces."""
+        """Return the connected piece of each Pareto point.
+
+        Wide gaps separate the pieces.
+        """
         if self.values.shape[1] != 2:
             return np.zeros(len(self.values), dtype=np.int64)
         gap = (np.abs(np.diff(self.values, axis=0)) / self.extent).max(axis=1)
@@ -142,7 +165,11 @@ class _FrontPoints:
 
 
 def _spread(points: FloatArray, count: int) -> list[int]:
-    """Choose a few points that lie far apart, and return the indices of these points."""
+    """Choose a few points that lie far apart.
+
+    Returns:
+        The indices of these points.
+    """
     chosen = [int(points.sum(axis=1).argmin())]
     apart = np.abs(points - points[chosen[0]]).max(axis=1)
     while len(chosen) < min(count, len(points)):

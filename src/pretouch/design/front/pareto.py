@@ -1,4 +1,4 @@
-"""Compute a Pareto front, for example of excursion and contact speed, and find its knee."""
+"""Compute a Pareto front, and find its knee."""
 
 from __future__ import annotations
 
@@ -37,7 +37,11 @@ _LEAST: Final = 1e-3  # depth below which a front counts as straight
 def find_knee(
     trials: Trials, at: FloatArray, values: FloatArray, scanned: FloatArray, scanned_values: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """Return the coordinates of the knee of a Pareto front, and its depth below the plane through the ends."""
+    """Find the knee of a Pareto front.
+
+    Returns:
+        The coordinates of the knee, and its depth below the plane through the ends; None without a knee.
+    """
     # The result is None for a front that is straight, bulges outward, or has no trade-off.
     low, extent = values.min(axis=0), np.ptp(values, axis=0)
     if len(values) < 3 or not (extent > 0).all():
@@ -65,7 +69,9 @@ _ROUNDING: Final = 1e-9  # relative amount by which the choice may exceed a limi
 @check_arguments
 @with_file_location
 def pareto_front(task: Task) -> ParetoFront:
-    """Find the Pareto front of two or three contact quantities over the gain D_p and the free admittance parameters.
+    """Find the Pareto front of two or three contact quantities.
+
+    The gain D_p and the free admittance parameters vary.
 
     No point of the front is dominated: no other point is as good in every quantity and better in one. If only the gain
     is free, the curve of all gains is scanned, and the ends of the front are found to rounding. Otherwise the front is
@@ -152,7 +158,10 @@ def _why_no_bound(trials: Trials) -> str:
 
 
 def _bound(trials: Trials) -> PhysicalBound | None:
-    """Return the best values that any controller can reach within the task's limits of acceleration and speed."""
+    """Return the physical bound for the limits of the task.
+
+    The limits are those of acceleration and speed.
+    """
     limits = {c.name: c.limit for c in trials.constraints}
     if _why_no_bound(trials) or "acceleration" not in limits:
         return None
@@ -164,14 +173,17 @@ def _bound(trials: Trials) -> PhysicalBound | None:
 
 
 class _FrontPointMaker:
-    """Makes the marked points of a Pareto front, such as the knee, and compares them with the front."""
+    """Builder of marked Pareto points, such as the knee."""
 
     def __init__(self, trials: Trials, names: tuple[str, ...], front: FoundFront) -> None:
         self.trials, self.names, self.front = trials, names, front.values
         self.extent = extent_of(front.values)
 
     def ends(self, at: FloatArray) -> tuple[FrontPoint, ...]:
-        """Return the end points of the Pareto front, each with the smallest value of one quantity."""
+        """Return the end points of the Pareto front.
+
+        Each has the smallest value of one quantity.
+        """
         if not len(at):
             return ()
         least = [self.trials.freedom.choice(at[i]) for i in np.argmin(self.front, axis=0)]
@@ -179,7 +191,14 @@ class _FrontPointMaker:
         return tuple(p for p in points if p is not None)
 
     def chosen(self, choice: float | Choice) -> FrontPoint | None:
-        """Return the user's choice as a point of the plot; None if it has no gain or does not result in contact."""
+        """Return the user's choice as a point of the plot.
+
+        Returns:
+            The point; None if the choice has no gain or does not result in contact.
+
+        Raises:
+            InvalidInputError: the choice is an array of designs.
+        """
         if isinstance(choice, (int, float)):
             unit = self.trials.encounters.task.law.number.unit
             return self.point("choice", self.trials.freedom.scenario, float(finite(choice, "choice", unit)))
@@ -191,7 +210,11 @@ class _FrontPointMaker:
         return self.point("choice", scenario, float(choice.gain))
 
     def point(self, name: str, scenario: Scenario, gain: float, depth: float | None = None) -> FrontPoint | None:
-        """Compute an encounter, and return its parameters and contact quantities; None if it ends without contact."""
+        """Compute one encounter as a point of the Pareto plot.
+
+        Returns:
+            The point; None if the encounter ends without contact.
+        """
         trials = self.trials
         result: ContactResult = trials.encounters.solve(scenario, gain)
         if not result.reached.all():

@@ -1,4 +1,7 @@
-"""Compute the smallest excursion and contact speed that a robot with limited acceleration can reach."""
+"""Compute the smallest possible excursion and contact speed.
+
+They hold for every controller of a robot with limited acceleration.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ _ROUNDING: Final = 1e-9  # relative rounding error of a time
 # w^2 = v^2 - 2 (A + a) l0, or zero. docs/how-to/trade-offs.md has the whole derivation, also with a speed limit.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhysicalBound(Value):
-    """The smallest excursion and the smallest contact speed that any controller can reach.
+    """The smallest excursion and contact speed of any controller.
 
     The ideal robot is at rest at its reference when the object is detected. From then on it knows distance and speed of
     the object. It retreats without first moving toward the object, and accelerates without delay up to its limit.
@@ -76,7 +79,10 @@ class PhysicalBound(Value):
 
     @property
     def least_contact_speed(self) -> Any:
-        """The smallest possible contact speed [m/s] for each limit of the robot's acceleration."""
+        """The smallest possible contact speed [m/s].
+
+        There is one value for each limit of the robot's acceleration.
+        """
         a, limit, v, room = self.acceleration, np.asarray(self.acceleration_limit), self.velocity, self.distance
         free = np.sqrt(np.maximum(v**2 - 2 * (limit + a) * room, 0.0))
         if math.isinf(self.speed_limit):
@@ -93,7 +99,7 @@ class PhysicalBound(Value):
         return float_or_array(np.where(early, free, late))
 
     def excursion(self, contact_speed: ArrayLike) -> Any:
-        """Return the smallest excursion [m] with which a robot can reach a given contact speed.
+        """Return the smallest possible excursion for a contact speed.
 
         Args:
             contact_speed: w = |l'| >= 0 at contact [m/s]; it broadcasts with the acceleration limit.
@@ -116,27 +122,36 @@ class PhysicalBound(Value):
         return float_or_array(np.where(in_time, needed, np.nan))
 
     def time(self, contact_speed: ArrayLike) -> Any:
-        """Return the time [s] until contact with the smallest excursion; NaN if the contact speed is out of reach."""
+        """Return the time to contact with the smallest excursion [s].
+
+        NaN if the contact speed is out of reach.
+        """
         return float_or_array(self._time(np.asarray(self.excursion(contact_speed))))
 
     def least_acceleration(self, contact_speed: ArrayLike) -> Any:
-        """Return the smallest acceleration [m/s^2] with which a robot can reach a given contact speed [m/s]."""
+        """Return the smallest necessary acceleration for a contact speed.
+
+        The acceleration is in m/s^2, the contact speed in m/s.
+        """
         # For every excursion, it is (v^2 - w^2) / (2 l0) - a.
         w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
         return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 
     def _slow(self, w: FloatArray) -> FloatArray:
-        """Return the excursion at which a braking obstacle exceeds the robot's top speed by the contact speed."""
+        """Return the excursion at which the obstacle reaches a speed.
+
+        This speed is the robot's top speed plus the contact speed. NaN unless the obstacle brakes.
+        """
         if self.acceleration <= 0:
             return np.full(np.shape(w), np.nan)
         return np.asarray((self.velocity**2 - (w + self.speed_limit) ** 2) / (2 * self.acceleration) - self.distance)
 
     def _time(self, excursion: FloatArray) -> FloatArray:
-        """Return the time at which the obstacle reaches a robot that has retreated by a given excursion."""
+        """Return the arrival time of the obstacle after an excursion."""
         return _arrival(self.distance + excursion, self.velocity, self.acceleration)
 
     def _duration(self, excursion: FloatArray) -> FloatArray:
-        """Return the shortest time in which the robot can retreat by a given excursion."""
+        """Return the shortest time for a given excursion of the robot."""
         limit, top = np.asarray(self.acceleration_limit), self.speed_limit
         short = np.sqrt(2 * excursion / limit)
         if math.isinf(top):
@@ -148,7 +163,7 @@ class PhysicalBound(Value):
 def find_physical_bound(
     scenario: Scenario, *, acceleration_limit: ArrayLike, speed_limit: float = math.inf
 ) -> PhysicalBound:
-    """Find the smallest excursion and contact speed that any controller can reach in an encounter.
+    """Find the smallest excursion and contact speed of any controller.
 
     Args:
         scenario: one encounter, with the plant at rest at its reference; the admittance has no effect.
@@ -183,7 +198,10 @@ def find_physical_bound(
 
 
 def why_no_bound(scenario: Scenario) -> str:
-    """Return why the physical bound is not valid for an encounter; an empty text if it is valid."""
+    """Return why the physical bound is not valid.
+
+    The text is empty if the bound is valid for the encounter.
+    """
     moving = (scenario.plant.velocity, scenario.reference.velocity, scenario.reference.acceleration)
     if any(np.ndim(v) for v in (scenario.distance, scenario.relative_velocity, scenario.obstacle.acceleration)):
         return "found an array of encounters, expected one"
@@ -197,7 +215,10 @@ def why_no_bound(scenario: Scenario) -> str:
 
 
 def _arrival(distance: Any, velocity: Any, acceleration: Any) -> FloatArray:
-    """Return the time in which a uniformly accelerated object covers a distance; infinite if it never does."""
+    """Return the travel time at constant acceleration.
+
+    Infinite if the object never covers the distance.
+    """
     # It solves distance + velocity t + acceleration t^2 / 2 = 0 for a velocity below 0.
     square = np.asarray(velocity**2 - 2 * acceleration * distance)
     with np.errstate(invalid="ignore"):

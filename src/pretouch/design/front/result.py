@@ -1,4 +1,4 @@
-"""Define the result of a Pareto front computation: its points, its knee and its end points."""
+"""Define the result of a Pareto front computation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class FrontStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class FrontPoint(Value):
-    """One encounter that a Pareto plot marks, with its parameters and its quantities at contact.
+    """A marked encounter of a Pareto plot.
 
     Args:
         name: `knee`, `choice`, or `least` with the quantity whose smallest value it has.
@@ -60,7 +60,10 @@ class FrontPoint(Value):
     result: ContactResult
 
     def to_dict(self) -> dict[str, Any]:
-        """Return parameters and quantities of the point as one JSON object, in SI units."""
+        """Return the Pareto point as a JSON object.
+
+        Numbers are in SI units.
+        """
         names = ("name", "gain", "natural_frequency", "damping_ratio", "distance_to_front", "feasible", "depth")
         document = {name: getattr(self, name) for name in names}
         return {**document, **self.values, **({} if self.bound is None else self.bound.to_dict())}
@@ -71,7 +74,9 @@ class FrontPoint(Value):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ParetoFront(Answer):
-    """Result of `pareto_front`: points that cannot improve in one quantity without becoming worse in another.
+    """Result of `pareto_front`: the best compromises between contact quantities.
+
+    No point can improve in one quantity without becoming worse in another.
 
     Args:
         problem: the task and the bounds of the gain.
@@ -131,7 +136,10 @@ class ParetoFront(Answer):
 
     @property
     def marked(self) -> tuple[FrontPoint, ...]:
-        """The points that a plot of the Pareto front marks: the knee and the user's choice, if they exist."""
+        """The points marked in a plot of the Pareto front.
+
+        They are the knee and the user's choice, if they exist.
+        """
         return tuple(point for point in (self.knee, self.choice) if point is not None)
 
     @property
@@ -140,13 +148,22 @@ class ParetoFront(Answer):
         return tuple(self.number.entry(name).unit for name in self.quantities)
 
     def of(self, quantity: str) -> FloatArray:
-        """Return the magnitude of one quantity at every point of the Pareto front, in SI units."""
+        """Return one quantity at every point of the Pareto front.
+
+        The result is its magnitude in SI units.
+
+        Raises:
+            InvalidInputError: the front does not contain the quantity.
+        """
         if quantity not in self.quantities:
             raise InvalidInputError(f"quantity: found {quantity!r}, expected one of {', '.join(self.quantities)}")
         return np.asarray(self.values[:, self.quantities.index(quantity)])
 
     def meets(self, **limits: float) -> BoolArray:
-        """Return which points of the Pareto front meet additional limits, such as `displacement=0.05` in SI units."""
+        """Return which Pareto points meet additional limits.
+
+        Limits are in SI units, such as `displacement=0.05`.
+        """
         meets = np.ones(len(self.gain), dtype=bool)
         for name, limit in limits.items():
             meets &= self.of(name) <= limit
@@ -176,7 +193,7 @@ class ParetoFront(Answer):
 
     @property
     def free_units(self) -> dict[str, str]:
-        """The parameters that a search for a Pareto front may vary, with their SI units."""
+        """SI units of the possible parameters of a Pareto search."""
         return {"gain": self.number.unit, "natural_frequency": "rad/s", "damping_ratio": ""}
 
     def _chosen(self, point: FrontPoint) -> str:
@@ -189,7 +206,10 @@ class ParetoFront(Answer):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the Pareto front as one JSON object with numbers in SI units and None for missing numbers."""
+        """Return the Pareto front as a JSON object.
+
+        Numbers are in SI units. Missing numbers are None.
+        """
         bound, least = self.bound, None
         if bound is not None:
             speed = bound.least_contact_speed

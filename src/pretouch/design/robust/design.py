@@ -1,4 +1,7 @@
-"""Find the gain that minimizes the mean, a quantile or the worst case of the objective for uncertain inputs."""
+"""Find the optimal gain for uncertain inputs.
+
+The gain minimizes the mean, a quantile or the worst case of the objective.
+"""
 
 from __future__ import annotations
 
@@ -36,9 +39,10 @@ _SAMPLES_OF_EVALUATOR: Final = 256  # with `evaluate`: a sampled loop needs a hu
 @check_arguments
 @with_file_location
 def design_robust_gain(task: Task) -> RobustDesign:
-    """Find the gain D_p that minimizes a risk measure of an objective, such as its mean, over uncertain encounters.
+    """Find the optimal gain for uncertain encounters.
 
-    A risk measure is the mean, a quantile, the tail mean or the worst case.
+    The gain D_p minimizes a risk measure of the objective. A risk measure is the mean, a quantile, the tail mean or the
+    worst case.
 
     The measure is taken over samples of the uncertain inputs, which are the same for every gain. The gain is searched
     as by `design_gain`, and then validated on fresh samples. A worst case is not sampled: the worst encounter is
@@ -104,7 +108,7 @@ def design_robust_gain(task: Task) -> RobustDesign:
 
 
 def _with_defaults(task: Task) -> Task:
-    """Check the task of a robust design, and return the task with default values for missing options."""
+    """Check the task of a robust design, and add defaults."""
     options = task.robust
     measure = checked_measure(Expected() if options.measure is None else options.measure)
     limits = limits_of(task.constraints)
@@ -118,7 +122,7 @@ def _with_defaults(task: Task) -> Task:
 
 
 def _draw(task: Task, count: int, seed: int, sampling: str) -> dict[str, FloatArray]:
-    """Draw random samples of the uncertain inputs; the result is empty if only the sensor noise is random."""
+    """Draw random samples of the uncertain inputs."""
     if task.uncertainty:
         return sample_inputs(task.uncertainty, count, seed=seed, sampling=sampling)
     check_draw(count, seed=seed, sampling=sampling)
@@ -133,9 +137,8 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
         if task.evaluate is not None or task.scenario.obstacle.course:
             what = "an obstacle with a course" if task.evaluate is None else "evaluate"
             raise InvalidInputError(
-                f"measure: found WorstCase with {what}, expected Expected, Quantile or ConditionalValueAtRisk: the "
-                "search for the worst encounter needs gradients, which exist only in continuous time and for an "
-                "obstacle with constant acceleration"
+                f"measure: WorstCase does not work with {what}; use Expected, Quantile or ConditionalValueAtRisk. The "
+                "search of WorstCase needs gradients, which exist only in continuous time and without a course"
             )
         for limit in limits:
             if limit.probability < 1:
@@ -148,6 +151,6 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
         if type(distribution) is Interval:
             raise InvalidInputError(
                 f"uncertainty {name}: an interval has no probabilities, but the risk measure {measure.label!r} "
-                "needs probabilities; use Uniform if all values are equally likely, or the risk measure "
+                "needs probabilities. Use Uniform if all values are equally likely, or the risk measure "
                 "WorstCase"
             )

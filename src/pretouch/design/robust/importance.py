@@ -31,7 +31,9 @@ _FEWEST: Final = 4 * _PARTS
 # inputs. If encounters have noise, the noise is one more input: B has other noise than A.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputImportance(Value):
-    """Share of one uncertain input in the variance of the objective, as Sobol indices.
+    """Influence of one uncertain input on the objective.
+
+    It is the input's share in the variance of the objective, as Sobol indices.
 
     Args:
         name: the input, the name of several inputs that were estimated together, or "noise".
@@ -53,7 +55,11 @@ class InputImportance(Value):
 
 
 def rank_uncertain_inputs(problem: RobustProblem, gain: float) -> tuple[InputImportance, ...]:
-    """Rank uncertain inputs by their share in the variance of the objective, largest share first."""
+    """Rank uncertain inputs by their influence on the objective.
+
+    Returns:
+        The inputs, with the largest share in the variance first.
+    """
     # Each of the two sets has the number of samples of the task, but at least _FEWEST. Shares are NaN if an encounter
     # ends without contact.
     task, uncertainty = problem.task, problem.task.uncertainty
@@ -114,7 +120,7 @@ def _shares(f_a: FloatArray, f_b: FloatArray, f_c: FloatArray) -> tuple[float, f
 
 
 def _linear_shares(problem: RobustProblem, gain: float) -> dict[str, float] | None:
-    """Estimate each input's share in the variance of the objective, from gradients at the mean values."""
+    """Estimate the variance share of each input from gradients."""
     task, uncertainty = problem.task, problem.task.uncertainty
     if not problem.has_slopes():
         return None

@@ -1,4 +1,7 @@
-"""Combine the objective values of many encounters into one number, such as their mean or a quantile."""
+"""Combine the objectives of many encounters into one number.
+
+Examples are the mean and a quantile.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +20,10 @@ from pretouch._core.numbers import FloatArray, checked_probability, float_or_arr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure(ABC):
-    """Base class of risk measures, such as the mean, which reduce the objectives of many encounters to one number.
+    """Base class of risk measures, such as the mean.
 
-    A risk measure must not fall unless some objective falls.
+    A risk measure reduces the objectives of many encounters to one number. A risk measure must not fall unless some
+    objective falls.
     """
 
     @property
@@ -28,21 +32,33 @@ class Measure(ABC):
         """The name of the risk measure in reports."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return name, label and parameters of the risk measure as one JSON object."""
+        """Return the risk measure as a JSON object.
+
+        It contains name, label and parameters.
+        """
         return {**with_kind(self), "label": self.label}
 
     @abstractmethod
     def of(self, values: Any) -> Any:
-        """Compute the risk measure of objectives along the last axis; it is infinite if relevant ones are infinite."""
+        """Compute the risk measure along the last axis.
+
+        It is infinite if relevant objectives are infinite.
+        """
 
     @abstractmethod
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Estimate the risk measure from independent samples; return the estimate and its confidence interval."""
+        """Estimate the risk measure from independent samples.
+
+        Return the estimate and its confidence interval.
+        """
 
     def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
-        """Return the difference of the risk measure between two gains in the same encounters, and its standard error.
+        """Compare the risk measure of two gains in the same encounters.
 
-        A bootstrap over the pairs gives the standard error; NaN if the difference is not finite.
+        A bootstrap over the pairs gives the standard error.
+
+        Returns:
+            The difference and its standard error, which is NaN if the difference is not finite.
         """
         difference = float(self.of(others) - self.of(values))
         if not math.isfinite(difference):
@@ -52,7 +68,14 @@ class Measure(ABC):
 
 
 def checked_measure(measure: Any) -> Measure:
-    """Return a risk measure; raise an error if its class overrides `of`, but not `label` and `estimate`."""
+    """Check a user-defined risk measure, and return it.
+
+    Returns:
+        The measure.
+
+    Raises:
+        InvalidInputError: it is no Measure, or its class overrides `of` without `label` and `estimate`.
+    """
     if not isinstance(measure, Measure):
         raise InvalidInputError(
             f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a "
@@ -92,7 +115,10 @@ class Expected(Measure):
         return float_or_array(np.mean(values, axis=-1))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the mean of values and its confidence interval by Student's t distribution."""
+        """Return the mean with its confidence interval.
+
+        The interval uses Student's t distribution.
+        """
         from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is imported only for a validation
 
         middle = float(np.mean(values))
@@ -103,7 +129,7 @@ class Expected(Measure):
         return middle, middle - half, middle + half
 
     def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
-        """Return the mean of paired differences, and the standard error of this mean."""
+        """Return the mean of paired differences and its standard error."""
         differences = others - values
         if not np.isfinite(differences).all() or len(differences) < 2:
             return float(np.mean(others) - np.mean(values)), math.nan
@@ -121,7 +147,9 @@ class _AtProbability(Measure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantile(_AtProbability):
-    """The quantile of the objective, which a given share of the encounters does not exceed.
+    """The quantile of the objective.
+
+    A given share of the encounters does not exceed it.
 
     Args:
         probability: in (0, 1).
@@ -141,7 +169,10 @@ class Quantile(_AtProbability):
         return sample_quantile(values, self.probability)
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the quantile, and a confidence interval that is valid for every distribution."""
+        """Return the quantile with its confidence interval.
+
+        The interval is valid for every distribution.
+        """
         # The interval lies between order statistics.
         from scipy.stats import binom  # noqa: PLC0415 - SciPy is imported only for a validation
 
@@ -157,7 +188,9 @@ class Quantile(_AtProbability):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionalValueAtRisk(_AtProbability):
-    """The tail mean, that is, the mean of the values beyond a quantile (Rockafellar and Uryasev, J. Risk 2 (2000) 21).
+    """The mean of the values beyond a quantile.
+
+    This is the tail mean of Rockafellar and Uryasev, J. Risk 2 (2000) 21.
 
     Args:
         probability: probability of the quantile, in (0, 1): 0.9 averages the worst 10 %.
@@ -173,7 +206,7 @@ class ConditionalValueAtRisk(_AtProbability):
         return f"mean of the worst {100 * (1 - self.probability):g} %"
 
     def of(self, values: Any) -> Any:
-        """Return the tail mean, that is, the mean of the values beyond a quantile."""
+        """Return the mean of the values beyond a quantile."""
         # With the quantile q of probability p, it is q + mean(max(f - q, 0)) / (1 - p).
         f = np.asarray(values, dtype=np.float64)
         q = np.asarray(sample_quantile(f, self.probability))[..., None]
@@ -182,7 +215,10 @@ class ConditionalValueAtRisk(_AtProbability):
         return float_or_array(q[..., 0] + beyond / (1 - self.probability))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the tail mean, and its confidence interval for large numbers of samples."""
+        """Return the tail mean with its confidence interval.
+
+        The interval is valid for large numbers of samples.
+        """
         # The interval is that of the mean of q + max(f - q, 0) / (1 - p).
         q = sample_quantile(values, self.probability)
         if not math.isfinite(q):
@@ -206,18 +242,24 @@ class WorstCase(Measure):
         return float_or_array(np.max(values, axis=-1))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the largest value with an infinite upper bound, because samples cannot bound a worst case."""
+        """Return the largest value with an infinite upper bound.
+
+        Samples cannot bound a worst case.
+        """
         del confidence
         largest = float(np.max(values))
         return largest, largest, math.inf
 
     def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
-        """Return the difference of the largest values of two samples, and NaN as its unknown standard error."""
+        """Return the difference of the largest values of two samples.
+
+        Its standard error is unknown and therefore NaN.
+        """
         return float(np.max(others) - np.max(values)), math.nan
 
 
 def sample_quantile(values: Any, probability: float) -> Any:
-    """Return the quantile of a sample along the last axis, for a given probability."""
+    """Return the quantile of samples along the last axis."""
     # It is the smallest value such that at least this share of the values does not exceed it.
     f = np.asarray(values, dtype=np.float64)
     rank = min(max(math.ceil(probability * f.shape[-1] - 1e-9), 1), f.shape[-1]) - 1

@@ -1,4 +1,4 @@
-"""Define results of a robust design: random encounters with one gain, and the risk measure for each gain."""
+"""Define the results of a robust design for many encounters."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from ..quantities import quantity_of, size_of
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RobustOutcomes(Value):
-    """Results of one gain in many new random encounters, which the design did not use.
+    """Results of one gain in many new random encounters.
+
+    The design did not use these encounters.
 
     Args:
         gain: the law's number, such as D_p [N s].
@@ -36,12 +38,18 @@ class RobustOutcomes(Value):
     impact: ImpactModel | None
 
     def magnitude(self, quantity: str) -> FloatArray:
-        """Return the magnitude of one quantity in every encounter, in SI units; infinite without contact."""
+        """Return one quantity in every random encounter.
+
+        The result is its magnitude in SI units. It is infinite without contact.
+        """
         values = np.asarray(size_of(quantity, quantity_of(quantity, self.state, self.impact)))
         return np.where(self.reached, np.broadcast_to(values, self.reached.shape), np.inf)
 
     def reaches(self, quantity: str, share: float) -> float:
-        """Return the value that a quantity does not exceed in the given share of the encounters, in SI units."""
+        """Return the quantile of one quantity over the encounters.
+
+        The given share of the encounters does not exceed this value in SI units.
+        """
         return float(np.sort(self.magnitude(quantity))[math.ceil(share * len(self.objective)) - 1])
 
     def __repr__(self) -> str:
@@ -50,7 +58,9 @@ class RobustOutcomes(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RobustTradeOff(Value):
-    """The risk measure of the objective as a function of the gain, computed for the random encounters of the design.
+    """The risk measure as a function of the gain.
+
+    It is computed for the random encounters of the design.
 
     Args:
         gain: the law's number, such as D_p [N s], ascending, shape (n,).

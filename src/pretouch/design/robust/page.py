@@ -1,4 +1,7 @@
-"""Build the report of a robust design: the gain, its validation, and the most important inputs."""
+"""Build the report of a robust design.
+
+It shows the gain, its validation and the most important inputs.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,11 @@ from .validation import LimitOutcome, Validation
 
 
 def importance_section(importance: tuple[InputImportance, ...]) -> PageSection | None:
-    """Return a report table with the share of each uncertain input in the variance of the objective."""
+    """Report the influence of each uncertain input on the objective.
+
+    Returns:
+        The report section with shares in the variance; None for fewer than two inputs.
+    """
     ranked = [entry for entry in importance if math.isfinite(entry.total)]
     if len(ranked) < 2:
         return None
@@ -58,7 +65,11 @@ def importance_section(importance: tuple[InputImportance, ...]) -> PageSection |
 
 
 def price_section(design: RobustDesign) -> PageSection | None:
-    """Return the report section on the gains that would be optimal if one uncertain input were known exactly."""
+    """Report the benefit of exact knowledge of an uncertain input.
+
+    Returns:
+        The report section; None without such inputs.
+    """
     if not design.prices:
         return None
     caption = (
@@ -112,7 +123,7 @@ _NEXT: Final = {
 
 
 def _findings(v: Validation) -> Iterator[str]:
-    """Yield one sentence per limit that states which share of new random encounters meets the limit."""
+    """State how often random encounters meet each limit."""
     for outcome in v.limits:
         c, p = outcome.required.constraint, outcome.required.probability
         required = "always" if p == 1 else f"{100 * p:g} %"
@@ -207,7 +218,10 @@ def _outcome(design: RobustDesign, v: Validation) -> PageSection:
 
 
 def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
-    """Yield table rows that compare the objective and the contact quantities of several gains."""
+    """Yield table rows that compare several gains.
+
+    Compared are the objective and the contact quantities.
+    """
     runs = design.compared.values()
     unbounded = ", the largest of the samples" if v.low == v.value else ""
     interval = f" ({v.low:.4g} to {v.high:.4g})" if math.isfinite(v.high) else unbounded
@@ -225,11 +239,10 @@ def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
 
 def _constraints(v: Validation) -> PageSection:
     note = (
-        '"At least" is a lower bound of the probability that the limit is met, with a confidence of '
-        f'{100 * v.confidence:g} % (Clopper and Pearson). "Demonstrated" means that this bound reaches the '
-        'required probability. "Within chance" means that the samples do not contradict the required '
-        "probability. If an optimal design lies on a constraint, fresh samples often cannot demonstrate the "
-        "required probability: require a slightly larger probability."
+        f'"At least" is a {100 * v.confidence:g} % lower confidence bound of the probability that the limit is met '
+        '(Clopper and Pearson). "Demonstrated" means that this bound reaches the required probability. "Within '
+        'chance" means that the samples do not contradict the required probability. If the optimum lies on a '
+        "constraint, fresh samples often cannot demonstrate the required probability: require a slightly larger one."
     )
     head = ("constraint", "limit", "required in", "met in", "at least", "quantile at the required share", "state")
     return _section("Constraints", head, (_limit_row(o, v) for o in v.limits), note)
@@ -249,7 +262,10 @@ def _limit_row(outcome: LimitOutcome, v: Validation) -> Row:
 
 
 def _worst(design: RobustDesign) -> PageSection | None:
-    """Return the report section about the worst encounter; None unless the design minimized the worst case."""
+    """Return the report section about the worst encounter.
+
+    None unless the design minimized the worst case.
+    """
     w, units = design.worst, input_units(design.sensor)
     if w is None:
         return None

@@ -1,4 +1,7 @@
-"""Compute how much better a gain could be if an uncertain input, such as the object's speed, were known exactly."""
+"""Compute the benefit of exact knowledge of an uncertain input.
+
+An example of an input is the object's speed.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,9 @@ _TAIL = 0.01  # probability of each tail that the range of an unbounded input ex
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Price(Value):
-    """Comparison of the robust gain with the gain that would be optimal if one uncertain input were known exactly.
+    """Comparison of the robust gain with exact knowledge of an input.
+
+    For each value of this input, another gain would be optimal.
 
     Args:
         name: the input.
@@ -47,7 +52,10 @@ class Price(Value):
 
     @property
     def loss(self) -> FloatArray:
-        """Relative increase of the objective if the robust gain replaces the optimal gain, for each input value."""
+        """Relative loss of the robust gain for each input value.
+
+        It is the increase of the objective over that of the optimal gain.
+        """
         return self.robust / self.best - 1
 
     def __repr__(self) -> str:
@@ -56,7 +64,15 @@ class Price(Value):
 
 
 def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float | None) -> Price:
-    """Compare one gain with the optimal gain for each of many values of an uncertain input."""
+    """Compare one gain with the optimal gain for each input value.
+
+    Returns:
+        The comparison over the values of this input.
+
+    Raises:
+        InvalidInputError: the count is no whole number >= 2.
+        ResultUnavailableError: there is no gain.
+    """
     # The other inputs keep their given values.
     # Inputs that were estimated together with this input take their likeliest values. The optimal gains ignore
     # constraints, so that the loss is never negative; constraints may cause part of the loss.
@@ -87,7 +103,11 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
 
 
 def price_of_gain(problem: GainProblem, price: Price, gain: float) -> Price:
-    """Compare another gain with the optimal gains of an earlier comparison, without a new search."""
+    """Compare another gain with earlier optimal gains.
+
+    Returns:
+        The comparison, without a new search.
+    """
     task = problem.task
     return replace(price, robust=_objectives(task, _ensemble(task, price.name, price.value), gain))
 
@@ -106,7 +126,7 @@ def _objectives(task: Task, ensemble: Ensemble, gain: float) -> FloatArray:
 
 
 def _distribution_of(uncertainty: Uncertainty, name: str) -> tuple[JointDistribution, tuple[str, ...]]:
-    """Return the distribution of an uncertain input, and the names of all inputs that share this distribution."""
+    """Return an uncertain input's distribution and all inputs that share it."""
     for key, joint in uncertainty.items():
         if name in joint.inputs(key):
             return joint, joint.inputs(key)

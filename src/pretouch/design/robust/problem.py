@@ -1,4 +1,7 @@
-"""Define the search problem of a robust design, which evaluates a gain over many sampled encounters."""
+"""Define the search problem of a robust design.
+
+It evaluates each gain over many sampled encounters.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ _STRIDE: Final = 0.5  # step in u between gains in the search for the end of the
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobustProblem(GainProblem):
-    """A search problem in which each gain is evaluated in many random encounters.
+    """A search problem with many random encounters per gain.
 
     Args:
         ensemble: the encounters.
@@ -38,7 +41,7 @@ class RobustProblem(GainProblem):
 
     @classmethod
     def over(cls, task: Task, axis: GainAxis, values: Mapping[str, Any], **options: Any) -> RobustProblem:
-        """Make the search problem of a task for many sampled values of its uncertain inputs."""
+        """Make the search problem for sampled values of uncertain inputs."""
         # The options are those of `make_ensemble`.
         names = ("method", "horizon", "law", "evaluate")
         settings = {**{name: getattr(task, name) for name in names}, **options}
@@ -46,7 +49,10 @@ class RobustProblem(GainProblem):
 
     @property
     def measure(self) -> Measure:
-        """The risk measure, such as the mean, that combines the objectives of all encounters."""
+        """The risk measure of the design, such as the mean.
+
+        It combines the objectives of all encounters.
+        """
         return self.task.robust.measure or Expected()
 
     @property
@@ -55,7 +61,13 @@ class RobustProblem(GainProblem):
         return limits_of(self.task.constraints)
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Compute the risk measure and the constraints for several gains, given as values of the search variable."""
+        """Compute the risk measure and the constraints for several gains.
+
+        The gains are values of the search variable.
+
+        Returns:
+            The risk measure, and the ratio |quantity| / limit of each constraint.
+        """
         gains = self.axis.gain(coordinate)
         parts = list(self._parts(gains))
         return Landscape(
@@ -64,31 +76,49 @@ class RobustProblem(GainProblem):
         )
 
     def values(self, gain: float) -> tuple[FloatArray, FloatArray]:
-        """Return objective and constraint ratios |quantity| / limit of every encounter for one gain."""
+        """Return objective and constraint ratios of every encounter.
+
+        All encounters have the same gain. The ratios are |quantity| / limit.
+        """
         # Objectives have the shape (n,) and ratios (k, n); both are infinite without contact.
         objective, ratios, _ = self._evaluate(np.array([gain]))
         return objective[0], ratios[:, 0]
 
     def criterion(self, which: int) -> Criterion:
-        """Return the search criterion for the objective (index -1) or for the ratio |quantity| / limit of one limit."""
+        """Return the search criterion of the objective or a limit.
+
+        Index -1 is the objective. Other indices are limits, with the ratio |quantity| / limit.
+        """
         if which < 0:
             return merit(self.task.goal, self.ensemble.speed, self.task.impact)
         return ratio(self.limits[which].constraint, self.task.impact)
 
     def has_slopes(self, which: int = -1) -> bool:
-        """Return True if the objective (index -1) or a constraint has exact derivatives with respect to every input."""
+        """Return True if a search criterion has exact derivatives.
+
+        Index -1 is the objective. Other indices are constraints.
+        """
         return self.is_differentiable and self.criterion(which).has_gradients
 
     def slope(self, result: ContactResult, name: str, which: int = -1) -> FloatArray:
-        """Return the derivative of the objective (index -1) or a ratio |quantity| / limit with respect to an input."""
+        """Differentiate a search criterion with respect to an input.
+
+        Index -1 is the objective. Other indices are ratios |quantity| / limit.
+
+        Returns:
+            The derivative in each encounter.
+        """
         of = along(partial(self.ensemble.slope, result), name, self.ensemble.scenario.obstacle.velocity)
         return self.criterion(which).slope(result.end, of)
 
     def lowest_needed(self) -> float:
-        """Return the value of the search variable beyond which no stronger gain can be optimal.
+        """Find the strongest gain that can be optimal.
 
         Gains are evaluated from the weakest to the strongest. Part of the measure can only grow with the gain; the
         search ends when this part exceeds the best measure so far.
+
+        Returns:
+            Its value of the search variable.
         """
         low, high = self.axis.span
         if not self._touch_later():
@@ -107,7 +137,7 @@ class RobustProblem(GainProblem):
         return low
 
     def _touch_later(self) -> bool:
-        """Return True if a stronger mitigating gain provably makes contact later in every encounter."""
+        """Return True if stronger gains provably delay contact in every encounter."""
         ensemble = self.ensemble
         if ensemble.evaluator is not None or ensemble.law != DAMPER or ensemble.method == "uniform-motion":
             return False  # the proof holds only for L(1) with L(2) in continuous time, from the given state
@@ -118,7 +148,7 @@ class RobustProblem(GainProblem):
         return all(bool(touches_later(*ensemble.at(i)).all()) for i in range(len(ensemble)))
 
     def _parts(self, gains: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-        """Yield risk measures, ratios |quantity| / limit and lower bounds for stronger gains, per block of gains."""
+        """Evaluate risk measure and constraints in blocks of gains."""
         block = _BLOCK if self.ensemble.evaluator is None else _BLOCK_OF_EVALUATOR
         step = max(1, block // len(self.ensemble))
         for start in range(0, len(gains), step):
@@ -131,7 +161,7 @@ class RobustProblem(GainProblem):
             )
 
     def _evaluate(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return objectives, ratios |quantity| / limit, and lower bounds of the objectives for all stronger gains."""
+        """Evaluate objective and constraints of every encounter."""
         result = self.ensemble.contacts(gains[:, None])
         reached, state, speed = result.reached, result.end, self.ensemble.speed
         objective = appraise(self.task.goal, state, reached, speed, self.task.impact)

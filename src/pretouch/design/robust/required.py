@@ -20,7 +20,7 @@ _ROUNDING: Final = 1e-9  # a share times the number of runs may be just below a 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Required:
-    """A chance constraint: a constraint that must be met with a required probability.
+    """A chance constraint: a constraint with a required probability.
 
     Args:
         constraint: the constraint.
@@ -40,7 +40,10 @@ class Required:
             object.__setattr__(self, "probability", checked_probability(self.probability))
 
     def share(self, ratios: Any) -> Any:
-        """Return the ratio |quantity| / limit that the required share of the encounters does not exceed."""
+        """Return the constraint ratio at the required probability.
+
+        The required share of the encounters does not exceed this ratio |quantity| / limit.
+        """
         return (
             float_or_array(np.max(ratios, axis=-1))
             if self.probability == 1
@@ -49,7 +52,11 @@ class Required:
 
 
 def limits_of(constraints: Iterable[Constraint | Required]) -> tuple[Required, ...]:
-    """Convert constraints to chance constraints; every encounter must meet a constraint without a probability."""
+    """Convert constraints to chance constraints.
+
+    Returns:
+        The chance constraints; every encounter must meet a constraint without a probability.
+    """
     return tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints)
 
 
@@ -57,7 +64,9 @@ _MOST_RUNS: Final = 1_000_000  # more runs are not advised
 
 
 def runs_to_show(share: float, probability: float, confidence: float) -> int | None:
-    """Return how many runs are needed to demonstrate a probability at a given success rate; None if over a million.
+    """Return the number of runs that demonstrate a probability.
+
+    `share` is the rate of successful runs. None if over a million runs are needed.
 
     Examples:
         >>> runs_to_show(1.0, 0.99, 0.95), runs_to_show(0.95, 0.95, 0.95)
@@ -79,7 +88,10 @@ def runs_to_show(share: float, probability: float, confidence: float) -> int | N
 
 
 def least_probability(held: int, count: int, confidence: float) -> float:
-    """Return a lower confidence bound of a probability from a number of successes (Clopper and Pearson, 1934)."""
+    """Return a lower confidence bound of a probability.
+
+    It follows from a number of successes (Clopper and Pearson, 1934).
+    """
     from scipy.special import betaincinv  # noqa: PLC0415 - SciPy is imported only for a validation
 
     return 0.0 if held == 0 else float(betaincinv(held, count - held + 1, 1 - confidence))

@@ -1,4 +1,7 @@
-"""Define the result of a robust design: the gain, its validation, and the most important inputs."""
+"""Define the result of a robust design.
+
+It contains the gain, its validation and the most important inputs.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,9 @@ _BEYOND: Final = 17  # gains between the end of the scan and the strongest shown
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RobustDesign(Answer):
-    """Result of `design_robust_gain`: the robust gain and its validation on new random encounters.
+    """Result of `design_robust_gain`: the robust gain and its validation.
+
+    The validation uses new random encounters.
 
     Args:
         status: optimal, infeasible (no gain meets all constraints) or no-contact.
@@ -63,12 +68,18 @@ class RobustDesign(Answer):
 
     @property
     def gain(self) -> float | None:
-        """The robust gain, such as D_p [N s]; None if there is no optimum."""
+        """The robust gain, such as D_p [N s].
+
+        None if there is no optimum.
+        """
         return self.local_minima[0][0] if self.local_minima else None
 
     @property
     def value(self) -> float | None:
-        """The smallest risk measure of the objective that any feasible gain reaches; None if there is no optimum."""
+        """The smallest risk measure of any feasible gain.
+
+        None if there is no optimum.
+        """
         return self.local_minima[0][1] if self.local_minima else None
 
     @property
@@ -103,17 +114,26 @@ class RobustDesign(Answer):
 
     @property
     def strongest(self) -> float:
-        """The strongest gain that the search evaluated; no stronger gain within the bounds can be optimal."""
+        """The strongest gain that the search evaluated.
+
+        No stronger gain within the bounds can be optimal.
+        """
         return float(self.problem.axis.gain(self.scan.coordinate[0 if self.number.sign < 0 else -1]))
 
     @property
     def loss_of_nominal(self) -> LossOfNominal | None:
-        """The loss of the nominal gain compared with the robust gain in new random encounters; None if not finite."""
+        """The loss of the nominal gain compared with the robust gain.
+
+        Both are tested in new random encounters. None if the loss is not finite.
+        """
         return None if self.validation is None else self.validation.loss
 
     @cached_property
     def method(self) -> str:
-        """Name of the method that computed the motions: `closed-form`, `integration`, `uniform-motion` or `loop`."""
+        """Name of the method that computed the motions.
+
+        It is `closed-form`, `integration`, `uniform-motion` or `loop`.
+        """
         ensemble = self.problem.ensemble
         if self.on_evaluator:
             return ensemble.contacts(0.0 if self.gain is None else self.gain).method
@@ -122,7 +142,10 @@ class RobustDesign(Answer):
 
     @cached_property
     def trade_off(self) -> RobustTradeOff:
-        """The risk measure of the objective for many gains, including the robust gain and the nominal gain."""
+        """The risk measure of the objective for many gains.
+
+        The robust gain and the nominal gain are included.
+        """
         axis, u = self.problem.axis, self.scan.coordinate
         middle = 0.5 * (u[:-1] + u[1:])  # a curve of straight lines needs more gains than the search
         order = np.argsort(np.concatenate([u, middle]), kind="stable")
@@ -143,7 +166,10 @@ class RobustDesign(Answer):
 
     @property
     def nearest_gain(self) -> float | None:
-        """If the design is infeasible, the gain that comes closest to meeting all limits; otherwise None."""
+        """The gain closest to meeting all limits, if none does.
+
+        None unless the design is infeasible.
+        """
         worst = self.scan.landscape.worst_ratio
         best = int(np.argmin(worst))
         if self.status is not DesignStatus.INFEASIBLE or not np.isfinite(worst[best]):
@@ -152,7 +178,10 @@ class RobustDesign(Answer):
 
     @property
     def reachable(self) -> tuple[tuple[Required, float, float], ...]:
-        """For each constraint, the smallest limit that some gain meets with the required probability."""
+        """The smallest achievable limit of each constraint.
+
+        Each entry has the constraint, this limit, and a gain that meets it with the required probability.
+        """
         reachable = []
         for limit, ratios in zip(self.limits, self.scan.landscape.ratios, strict=True):
             best = int(np.argmin(ratios))
@@ -162,7 +191,9 @@ class RobustDesign(Answer):
         return tuple(reachable)
 
     def outcomes(self, gain: float | None = None) -> RobustOutcomes:
-        """Compute the results of one gain in new random encounters, which the design did not use.
+        """Test one gain in new random encounters.
+
+        The design did not use these encounters.
 
         Args:
             gain: the law's number, such as D_p [N s]; the robust gain by default.
@@ -187,7 +218,9 @@ class RobustDesign(Answer):
         )
 
     def price(self, name: str, *, count: int = 101, gain: float | None = None) -> Price:
-        """Compare a gain with the gain that would be optimal if one uncertain input were known exactly.
+        """Compare a gain with exact knowledge of one uncertain input.
+
+        With this knowledge, another gain would be optimal.
 
         Args:
             name: an uncertain input, such as `obstacle.velocity`.
@@ -222,17 +255,19 @@ class RobustDesign(Answer):
 
     @cached_property
     def importance(self) -> tuple[InputImportance, ...]:
-        """Share of each uncertain input in the variance of the objective at the robust gain, largest share first.
+        """Influence of each uncertain input on the objective.
 
-        The shares are Sobol indices from as many samples as in the design, and first-order estimates from gradients.
-        The first input is the one to measure better. Empty without a robust gain.
+        Each share in the variance is computed at the robust gain, largest share first. The shares are Sobol indices
+        from as many samples as in the design, and first-order estimates from gradients. The first input is the one to
+        measure better. Empty without a robust gain.
         """
         return () if self.gain is None else rank_uncertain_inputs(self.problem, self.gain)
 
     @cached_property
     def compared(self) -> dict[str, RobustOutcomes]:
-        """Results of the robust gain, of the nominal gain and without mitigation in the same new random encounters.
+        """Results of the robust gain and of other gains.
 
+        All results come from the same new random encounters. The other gains are the nominal gain and no mitigation.
         Without a robust gain, the gain that exceeds the limits least replaces it.
         """
         first = ("nearest gain", self.nearest_gain) if self.gain is None else ("robust gain", self.gain)
@@ -246,9 +281,10 @@ class RobustDesign(Answer):
 
     @cached_property
     def prices(self) -> tuple[Price, ...]:
-        """For each uncertain input, the loss that exact knowledge of this input would avoid, largest loss first.
+        """Avoidable loss of the robust gain for each uncertain input.
 
-        Empty without a robust gain, and with `evaluate`.
+        Exact knowledge of the input would avoid this loss. The largest loss comes first. Empty without a robust gain,
+        and with `evaluate`.
         """
         if self.gain is None or self.on_evaluator:
             return ()
@@ -288,7 +324,10 @@ class RobustDesign(Answer):
         return tuple(_warnings(self))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the design as one JSON object with numbers in SI units and None for missing numbers."""
+        """Return the robust design as a JSON object.
+
+        Numbers are in SI units. Missing numbers are None.
+        """
         names = ("status", "gain", "measure", "value", "method", "nominal_gain", "nearest_gain", "validation", "worst")
         more = ("importance", "local_minima", "scanned", "bounds", "samples", "seed", "uncertainty", "warnings")
         others = {
@@ -306,19 +345,19 @@ class RobustDesign(Answer):
 
 
 def _conflict(design: RobustDesign) -> str:
-    """Return a sentence on the limits that no gain meets with the required probability, or on conflicting limits."""
+    """Explain why no gain meets all limits."""
     reasons = []
     for required, magnitude, gain in design.reachable:
         c, p = required.constraint, required.probability
         unit = design.number.entry(c.quantity).unit
         if magnitude > c.limit:
             reasons.append(
-                f"the {c.name} cannot be limited to {format_quantity(c.limit, unit)} "
-                f"in {100 * p:g} % of the samples; the smallest limit that a gain meets as often is "
+                f"{c.name} cannot be limited to {format_quantity(c.limit, unit)} "
+                f"in {100 * p:g} % of the samples. The smallest limit that a gain meets as often is "
                 f"{format_quantity(magnitude, unit)}, with {design.number.equals(gain)}"
             )
     if reasons:
-        return "; ".join(reasons)
+        return f"the {'. The '.join(reasons)}"
     names = " and ".join(required.constraint.name for required, *_ in design.reachable)
     return f"the limits of {names} can each be met with the required probability, but no gain meets all of these limits"
 
@@ -339,9 +378,8 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
         if not v.may_hold(o):
             yield caution(
                 "PT310",
-                f"the limit of the {o.required.constraint.name} is met in only {share_in_words(o.held)} of the "
-                f"fresh samples, but must be met in {100 * o.required.probability:g} %; use more samples, or "
-                "require a slightly larger probability",
+                f"the {o.required.constraint.name} limit is met in only {share_in_words(o.held)} of the fresh samples "
+                f"({100 * o.required.probability:g} % required): use more samples or a slightly larger probability",
             )
     if design.gain in design.bounds:
         yield caution(

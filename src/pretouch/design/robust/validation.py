@@ -19,7 +19,9 @@ _ROUNDING: Final = 1e-12  # relative amount by which a value may exceed a limit,
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitOutcome(Value):
-    """The share of new random encounters that meet one constraint at the designed gain.
+    """Share of new random encounters that meet one constraint.
+
+    All encounters have the designed gain.
 
     Args:
         required: the constraint and the probability with which it must hold.
@@ -36,7 +38,10 @@ class LimitOutcome(Value):
     magnitude: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the validation result of one constraint as one JSON object, in SI units."""
+        """Return the validation of a constraint as a JSON object.
+
+        Numbers are in SI units.
+        """
         c, p = self.required.constraint, self.required.probability
         constraint = {"name": c.name, "limit": c.limit, "unit": self.limited.unit, "probability": p}
         return {**constraint, "held": self.held, "held_at_least": self.low, "magnitude": self.magnitude}
@@ -44,7 +49,9 @@ class LimitOutcome(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LossOfNominal(Value):
-    """Loss of the nominal gain compared with the robust gain in the same new random encounters.
+    """Loss of the nominal gain compared with the robust gain.
+
+    Both are tested in the same new random encounters.
 
     Args:
         relative: relative increase of the measure over that of the robust gain; negative if the nominal gain is better.
@@ -57,7 +64,9 @@ class LossOfNominal(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Validation(Value):
-    """Test of a robust gain in new random encounters, which the design did not use.
+    """Test of a robust gain in new random encounters.
+
+    The design did not use these encounters.
 
     Args:
         samples: number of samples.
@@ -84,12 +93,12 @@ class Validation(Value):
     reached: float
 
     def may_hold(self, outcome: LimitOutcome) -> bool:
-        """Return False if the sampled encounters contradict the required probability of a constraint."""
+        """Return False if samples contradict the required probability."""
         missed = self.samples - round(outcome.held * self.samples)
         return 1 - least_probability(missed, self.samples, self.confidence) >= outcome.required.probability
 
     def state_of(self, outcome: LimitOutcome) -> str:
-        """Return text that says whether the sampled encounters demonstrate the required probability of a constraint."""
+        """Say whether samples demonstrate the required probability of a constraint."""
         if outcome.held < outcome.required.probability:
             return "missed, within chance" if self.may_hold(outcome) else "missed"
         if outcome.low >= outcome.required.probability:
@@ -97,14 +106,21 @@ class Validation(Value):
         return "met in every sample" if outcome.held == 1 else "met, not demonstrated"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the results of the validation as one JSON object, in SI units."""
+        """Return the validation of a gain as a JSON object.
+
+        Numbers are in SI units.
+        """
         names = ("samples", "confidence", "value", "low", "high", "nominal", "nominal_breaks", "reached")
         document = {name: getattr(self, name) for name in names}
         return {**document, "loss_of_nominal": self.loss, "constraints": self.limits}
 
 
 def validate(problem: RobustProblem, gain: float, nominal: float | None) -> Validation:
-    """Test the robust gain and the nominal gain in new random encounters, which the design did not use."""
+    """Test robust and nominal gain in new random encounters.
+
+    Returns:
+        The validation in encounters that the design did not use.
+    """
     confidence, number = problem.task.robust.confidence, problem.task.law.number
     objective, ratios = problem.values(gain)
     value, low, high = problem.measure.estimate(objective, confidence)

@@ -1,4 +1,7 @@
-"""Find the gain with the smallest worst-case objective if each uncertain input lies within an interval."""
+"""Find the gain with the smallest worst-case objective.
+
+Each uncertain input lies within an interval.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ _STEP: Final = 1e-4  # step of differences that replace a gradient, as a share o
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorstEncounter(Value):
-    """The worst possible encounter with one gain, with an upper bound of its objective.
+    """The worst possible encounter with one gain.
 
     Args:
         inputs: the inputs of the encounter by name, in SI.
@@ -52,7 +55,11 @@ class WorstEncounter(Value):
 
 
 def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
-    """Return the range of each uncertain input; raise an error for an unbounded input or for too many inputs."""
+    """Return the range of each uncertain input.
+
+    Raises:
+        InvalidInputError: an input is unbounded, or there are too many inputs.
+    """
     if len(uncertainty) > _MOST_INPUTS:
         raise InvalidInputError(
             f"uncertainty: found {len(uncertainty)} inputs for a worst case, expected at most {_MOST_INPUTS}, "
@@ -76,7 +83,11 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
 # worse than the set, it joins the set, and the gain is optimized again. So the last minimum is a lower bound for all
 # gains, and the certified maximum is an upper bound for the optimal gain. Their difference is the optimality gap.
 def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, list[Minimum], WorstEncounter | None]:
-    """Find the gain with the smallest worst-case objective, and the encounter in which this worst case occurs."""
+    """Find the gain with the smallest worst-case objective.
+
+    Returns:
+        The problem, the scan, its minima, and the encounter in which the worst case occurs.
+    """
     # The last problem, its scan and its minima are returned as well.
     box = box_of(task.uncertainty)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
@@ -100,7 +111,10 @@ def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, 
 
 
 def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
-    """Return the start points of the worst-case search: corners, middle and inner points of the input ranges."""
+    """Return the start points of the worst-case search.
+
+    They are corners, middle and inner points of the input ranges.
+    """
     corners = np.array(list(product(*box.values())))
     middle = np.array([[0.5 * (low + high) for low, high in box.values()]])
     inside = sample_inputs({name: Interval(low=low, high=high) for name, (low, high) in box.items()}, _INSIDE)
@@ -108,7 +122,7 @@ def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
 
 
 def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], gain: float, which: int) -> Function:
-    """Return a function of the uncertain inputs: the objective (index -1) or a ratio |quantity| / limit."""
+    """Express the objective or a constraint by the uncertain inputs."""
     # The function also returns the gradient.
     names = tuple(box)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
@@ -142,7 +156,7 @@ def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], ga
 def _worst(
     maximum: CertifiedMaximum, lower: float, names: tuple[str, ...], problem: RobustProblem, gain: float
 ) -> WorstEncounter:
-    """Return the worst encounter with one gain, and a lower bound of the worst-case objective of every gain."""
+    """Return the worst encounter with one gain."""
     values = problem.values(gain)[0]
     points = np.stack([problem.ensemble.values[name] for name in names], axis=1)
     deciding = np.unique(points[values >= lower * (1 - _DECIDING)], axis=0)

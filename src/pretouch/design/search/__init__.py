@@ -1,4 +1,4 @@
-"""Find the globally optimal gain, alone or together with other parameters, with evidence of optimality.
+"""Search for the globally optimal gain and other parameters.
 
 `search_axis` scans one coordinate and refines each minimum. Compiled code solves the problems that it supports
 (`compiled`), and families of encounters that differ in one input are interpolated (`family`); arrays of other

@@ -32,9 +32,9 @@ Function: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CertifiedMaximum:
-    """The largest value of a function within ranges of its inputs, with a proven upper bound.
+    """The largest value of a function, with a proven bound.
 
-    Value and bound are infinite if the function is infinite somewhere.
+    The inputs of the function vary within ranges. Value and bound are infinite if the function is infinite somewhere.
     """
 
     point: FloatArray  # location of the maximum, shape (d,)
@@ -45,7 +45,11 @@ class CertifiedMaximum:
 
 
 def maximize_on_box(function: Function, low: FloatArray, high: FloatArray, *, tolerance: float) -> CertifiedMaximum:
-    """Find the largest value of a function within ranges of its inputs, and prove an upper bound."""
+    """Maximize a function within ranges of its inputs.
+
+    Returns:
+        The maximum, with a proven upper bound.
+    """
     d = len(low)
     upper = np.array(list(product((False, True), repeat=d))).reshape(-1, d)
     waiting = [(low[None].astype(np.float64), high[None].astype(np.float64))]
@@ -86,7 +90,7 @@ def maximize_on_box(function: Function, low: FloatArray, high: FloatArray, *, to
 
 
 def _range_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Estimate the range of the gradient in each box of inputs, from the middle and the corners of the box."""
+    """Estimate the range of the gradient in each box."""
     change = np.abs(slopes[:, 1:] - slopes[:, :1]).max(axis=1)
     beyond = _BEYOND * change
     return slopes.min(axis=1) - beyond, slopes.max(axis=1) + beyond, change
@@ -95,7 +99,7 @@ def _range_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _halve(
     lows: FloatArray, highs: FloatArray, change: FloatArray, collapsed: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Halve each box of inputs along the input that makes the upper bound least precise."""
+    """Halve each box of inputs along one input."""
     # Boxes that have just lost a dimension stay whole.
     width = highs - lows
     axis = np.argmax(change * width, axis=1)

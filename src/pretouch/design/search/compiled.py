@@ -61,7 +61,9 @@ find_gains: Final = kernel(
 
 
 def search_compiled(problem: GainProblem) -> FloatArray | None:
-    """Find the optimal gain of each encounter by a search in compiled code.
+    """Search for the optimal gain in compiled code.
+
+    Each encounter gets its own gain.
 
     Args:
         problem: the problem, with one encounter or an array of encounters.
@@ -99,7 +101,10 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
 
 
 def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, float]] | None:
-    """Return the terms of the objective for the compiled search; None if that search cannot solve the problem."""
+    """Return the objective's terms for the compiled search.
+
+    None if that search cannot solve the problem.
+    """
     if problem.task.evaluate is not None or problem.task.sensor.valid_range[0] > 0:
         return None
     if problem.task.scenario.obstacle.course:
@@ -121,14 +126,21 @@ def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, flo
 
 
 def limit_rows(problem: GainProblem, limits: Iterable[Constraint]) -> list[tuple[float, float, float]] | None:
-    """Convert limits to the format of the compiled search; None if it cannot compute a limited quantity."""
+    """Convert limits to the format of the compiled search.
+
+    Returns:
+        One row per limit; None if that search cannot compute a limited quantity.
+    """
     found = [(_row(c.quantity, problem.task.impact), c.limit) for c in limits]
     rows = [(row[0], row[1] / limit, row[2]) for row, limit in found if row is not None]
     return rows if len(rows) == len(found) else None
 
 
 def _row(quantity: str, impact: ImpactModel | None) -> tuple[float, float, float] | None:
-    """Return how to compute a quantity from the compiled result: row, factor and exponent; None if impossible."""
+    """Return how to compute a quantity from the compiled result.
+
+    The numbers are row, factor and exponent. None if impossible.
+    """
     factor, exponent = 1.0, 1.0
     if quantity == "impact_force" and isinstance(impact, ElasticImpact):
         quantity, factor, exponent = "relative_velocity", float(impact.peak_force(1.0)), impact.speed_exponent
@@ -139,7 +151,10 @@ def _row(quantity: str, impact: ImpactModel | None) -> tuple[float, float, float
 
 
 def _inputs(scenario: Scenario, size: int) -> FloatArray:
-    """Return the ten numbers that describe each encounter for the compiled search, relative to the reference motion."""
+    """Return the encounter inputs of the compiled search.
+
+    Each encounter has ten numbers, relative to the reference motion.
+    """
     columns = scenario.relative_columns()
     if scenario.shape == ():
         return np.array(columns).reshape(10, 1)
@@ -151,7 +166,7 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
 
 @cache_by_curve(256)
 def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, Any, Any, float, float, bool, Any]:
-    """Return the arguments of the compiled search that describe the sensor curve, and the arrays of curve data."""
+    """Describe the sensor curve for the compiled search."""
     slope, ends, falling = float(sensor.log_slope(0.0)), sensor.valid_range, falls(sensor, reach)
     if linear:
         return slope, None, None, *ends, falling, None

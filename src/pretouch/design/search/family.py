@@ -41,7 +41,13 @@ _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, PO
 
 
 def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
-    """Find the optimal gains [N s] of many encounters that differ in one input, by interpolation over this input."""
+    """Interpolate the optimal gains of many similar encounters.
+
+    The encounters differ in one input.
+
+    Returns:
+        The gains [N s], the objectives, and whether each interpolation is accurate.
+    """
     # The result is None if they differ in more than one input, are few, or the compiled search does not support them.
     varied = list(_varied_inputs(problem.task.scenario))
     if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or supported_terms(problem) is None:
@@ -59,7 +65,10 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
 
 
 def _cover(family: _Family, low: float, high: float, which: Any, out: FloatArray) -> None:
-    """Interpolate optimal gains over an interval of one input, halving the interval if the error is too large."""
+    """Interpolate optimal gains over an interval of one input.
+
+    Halve the interval if the error is too large.
+    """
     place = family.place if which is None else family.place[which]
     if len(place) < _FEW or not low < high:
         return
@@ -83,7 +92,7 @@ def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArr
 
 
 def _is_confirmed(problem: GainProblem, gain: FloatArray, value: FloatArray) -> BoolArray:
-    """Compute encounters with interpolated gains, and return for which of them the interpolation is accurate."""
+    """Return for which encounters interpolated gains are accurate."""
     task, result = problem.task, problem.run(gain.reshape(problem.task.scenario.shape))
     solved = task.goal.value(result.end, abs(task.scenario.obstacle.velocity), task.impact).reshape(-1)
     if not task.limits:
@@ -106,13 +115,19 @@ class _Family:
     place: FloatArray  # coordinate of every encounter, shape (n,)
 
     def at(self, place: FloatArray) -> GainProblem:
-        """Return the search problem for other values of the input in which the encounters differ."""
+        """Return the search problem for other values of one input.
+
+        The encounters differ in this input.
+        """
         value = self.sign * np.exp(place) if self.sign else place
         return self.problem.changed(scenario=scenario_with(self.problem.task.scenario, {self.name: value}))
 
     def interpolate(self, low: float, high: float, members: FloatArray) -> FloatArray | None:
-        """Fit polynomials to gain and objective over an interval of one input; None if the fit is inaccurate."""
-        # They are Chebyshev coefficients, shape (2, nodes).
+        """Fit polynomials to gain and objective over one input.
+
+        Returns:
+            Chebyshev coefficients, shape (2, nodes); None if the fit is inaccurate.
+        """
         probes = members[np.linspace(0, len(members) - 1, _PROBES).astype(np.int64)]
         nodes = 0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes
         designs = search_compiled(self.at(np.concatenate([nodes, probes])))
@@ -138,7 +153,10 @@ def _family(problem: GainProblem, name: str, value: Any) -> _Family:
 
 
 def _varied_inputs(scenario: Scenario) -> Iterator[tuple[str, Any]]:
-    """Yield name and value of each encounter input that is an array of several numbers."""
+    """Yield each encounter input that is an array.
+
+    Each item has the name and the value of the input.
+    """
     for part in ("admittance", "obstacle", "plant", "reference"):
         body: Any = getattr(scenario, part)
         for f in declared(body.__class__):

@@ -21,7 +21,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Freedom:
-    """The free parameters of a search, each scaled to the range from 0 to 1.
+    """The free parameters of a search, scaled from 0 to 1.
 
     The gain comes first. Points have the shape (n, size).
     """
@@ -33,7 +33,10 @@ class Freedom:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the free parameters, in the order of the search coordinates."""
+        """The names of the free search parameters.
+
+        Their order is that of the search coordinates.
+        """
         free = (("natural_frequency", self.natural_frequency), ("damping_ratio", self.damping_ratio))
         return ("gain", *(name for name, bounds in free if bounds is not None))
 
@@ -53,7 +56,13 @@ class Freedom:
         return float(np.clip((self.axis.coordinate(gain) - low) / (high - low), 0.0, 1.0))
 
     def admittance(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Convert search coordinates between 0 and 1 to natural frequencies [rad/s] and damping ratios."""
+        """Convert search coordinates to natural frequencies and damping ratios.
+
+        Search coordinates are between 0 and 1.
+
+        Returns:
+            The natural frequencies [rad/s] and the damping ratios.
+        """
         fixed = self.scenario.admittance
         column = iter(at.T[1:])
         frequency = (
@@ -67,7 +76,10 @@ class Freedom:
         return frequency, np.full(len(at), ratio)
 
     def scenarios(self, at: FloatArray) -> Scenario:
-        """Return the encounters for several search points, each with the admittance of its search point."""
+        """Return the encounters for several search points.
+
+        Each has the admittance of its search point.
+        """
         if self.size == 1:
             return self.scenario
         frequency, ratio = self.admittance(at)
@@ -81,7 +93,11 @@ class Freedom:
         return scenario, float(self.gain(at[None])[0])
 
     def chain(self, at: FloatArray) -> tuple[tuple[tuple[str, float], ...], ...]:
-        """Return the derivatives of physical inputs, such as the stiffness, with respect to each search coordinate."""
+        """Differentiate physical inputs with respect to each search coordinate.
+
+        Returns:
+            For each search coordinate, names and derivatives of the inputs, such as the stiffness.
+        """
         point = at[None]
         low, high = self.axis.span
         gain = float(self.gain(point)[0])
@@ -97,13 +113,19 @@ class Freedom:
         return tuple(inputs)
 
     def lattice(self, gains: int) -> FloatArray:
-        """Return a regular grid of search points that includes the bounds of all free parameters."""
+        """Return a regular grid of search points.
+
+        It includes the bounds of all free parameters.
+        """
         counts = {1: (), 2: (17,), 3: (13, 9)}[self.size]
         columns = [np.linspace(0.0, 1.0, count) for count in (gains, *counts)]
         return np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, self.size)
 
     def spread(self, count: int) -> FloatArray:
-        """Return search points that are spread evenly over all free parameters (a low-discrepancy sequence)."""
+        """Return evenly spread search points.
+
+        They are a low-discrepancy sequence over all free parameters.
+        """
         # The points are multiples of the inverse powers of x, modulo 1, where x^(size + 1) = x + 1 generalizes the
         # golden section (H. Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, 1992).
         x = float(np.roots([1.0, *([0.0] * (self.size - 1)), -1.0, -1.0]).real.max())
@@ -118,7 +140,11 @@ def make_freedom(
     damping_ratio: Sequence[float] | None,
     law: ContinuousLaw = DAMPER,
 ) -> Freedom:
-    """Check the bounds of gain, natural frequency and damping ratio, and return the free parameters of the search."""
+    """Return the free parameters of a search.
+
+    Raises:
+        InvalidInputError: the parameters cannot be free, or the scenario has several encounters.
+    """
     axis = GainAxis.between(bounds, law.number)
     if law == DRAG and not (natural_frequency is None and damping_ratio is None):
         raise InvalidInputError(
@@ -166,7 +192,7 @@ def _is_log(bounds: Range) -> bool:
 
 
 def _between(bounds: Range, at: FloatArray) -> FloatArray:
-    """Convert scaled values between 0 and 1 to values of a parameter between its bounds."""
+    """Convert scaled values to values between two bounds."""
     low, high = bounds
     value = low * np.exp(np.log(high / low) * at) if _is_log(bounds) else low + (high - low) * at
     return np.asarray(np.where(at == 1, high, np.clip(value, low, high)))

@@ -1,4 +1,7 @@
-"""Map gains to a search coordinate, which is logarithmic far from zero and linear around zero."""
+"""Map gains to a search coordinate.
+
+The coordinate is logarithmic far from zero and linear around zero.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +23,9 @@ _AT_END = 1e-9  # distance from a bound, as a share of the range of u, within wh
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainAxis:
-    """The search variable for the gain: linear for weak gains, and logarithmic for strong gains.
+    """The search variable of a gain design.
 
-    The coordinate is u = asinh(gain / s) with a gain s.
+    It is linear for weak gains, and logarithmic for strong gains. The coordinate is u = asinh(gain / s) with a gain s.
 
     A gain is the law's number, such as D_p [N s].
 
@@ -36,7 +39,14 @@ class GainAxis:
 
     @classmethod
     def between(cls, bounds: Sequence[float], number: LawNumber | None = None) -> GainAxis:
-        """Make the search variable for gains between two bounds, at least one of which must be a mitigating gain."""
+        """Make the search variable for gains between two bounds.
+
+        Returns:
+            The search variable.
+
+        Raises:
+            InvalidInputError: the bounds are not in ascending order, or all gains between them are not mitigating.
+        """
         unit = "N*s" if number is None else number.unit
         low, high = bounds
         low, high = finite(low, "bounds", unit), finite(high, "bounds", unit)
@@ -46,14 +56,17 @@ class GainAxis:
             shown = pretty_unit(unit)
             raise InvalidInputError(
                 f"bounds: the range from {low:g} to {high:g} {shown} makes the robot chase the object, "
-                f"because a {number.name} that mitigates the impact is {number.mitigating}. Did you mean "
+                f"because a mitigating {number.name} is {number.mitigating}. Did you mean "
                 f"{0.0 - high:g} to {0.0 - low:g} {shown}?"
             )
         return cls(low=low, high=high)
 
     @property
     def scale(self) -> float:
-        """The magnitude of the gain at which the search variable changes from linear to logarithmic."""
+        """The gain at which the search variable becomes logarithmic.
+
+        It is a magnitude. The search variable is linear for weaker gains.
+        """
         small, large = sorted((abs(self.low), abs(self.high)))
         return small if self.low * self.high > 0 else 1e-3 * large
 
@@ -64,7 +77,10 @@ class GainAxis:
 
     @property
     def span(self) -> tuple[float, float]:
-        """The two bounds of the gain as values of the search variable, the lower bound first."""
+        """The bounds of the gain as search variable values.
+
+        The lower bound comes first.
+        """
         low, high = self.coordinate(np.array(self.ends))
         return float(low), float(high)
 
@@ -73,7 +89,11 @@ class GainAxis:
         return np.asarray(np.arcsinh(np.asarray(gain) / self.scale))
 
     def gain(self, coordinate: FloatArray | float) -> FloatArray:
-        """Convert a value of the search variable to a gain, which never lies outside the bounds."""
+        """Convert a value of the search variable to a gain.
+
+        Returns:
+            The gain, which never lies outside the bounds.
+        """
         # It is exactly a bound if the coordinate is that of the bound up to rounding.
         gain = np.clip(self.scale * np.sinh(coordinate), self.low, self.high)
         for bound, end in zip(self.ends, self.span, strict=True):
@@ -81,7 +101,7 @@ class GainAxis:
         return gain
 
     def is_end(self, coordinate: FloatArray | float) -> BoolArray:
-        """Return which values of the search variable equal a bound of the gain."""
+        """Return which search values equal a bound of the gain."""
         low, high = self.span
         return np.asarray(np.minimum(np.abs(coordinate - low), np.abs(coordinate - high)) <= _AT_END * (high - low))
 

@@ -25,7 +25,7 @@ Evaluation: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def _cached_rows(trials: Trials, scale: FloatArray) -> Evaluation:
-    """Return a function that computes objectives, constraints and derivatives, and caches its last result."""
+    """Cache the last evaluation of a search point."""
     last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 
     def evaluate(at: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -40,7 +40,11 @@ def _cached_rows(trials: Trials, scale: FloatArray) -> Evaluation:
 
 
 def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Minimize a weighted sum of objectives within limits and bounds; return None if the result is not feasible."""
+    """Minimize a weighted sum of objectives within limits.
+
+    Returns:
+        The point and its objectives; None if the result is not feasible.
+    """
     count, ratios = len(trials.measures), len(trials.constraints)
     rows = _cached_rows(trials, np.ones(count + ratios))
     first = float(weights @ rows(start)[0][:count]) or 1.0
@@ -57,7 +61,11 @@ def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> tuple[Flo
 def advance(
     trials: Trials, start: FloatArray, origin: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Search along a given direction for a point of the Pareto front; return None if the search fails."""
+    """Search along a direction for a Pareto point.
+
+    Returns:
+        The point and its quantities; None if the search fails.
+    """
     # The search minimizes t subject to quantities <= origin + t scale (Pascoletti and Serafini 1984).
     count = len(trials.measures)
     rows = _cached_rows(trials, np.concatenate([scale, np.ones(len(trials.constraints))]))
@@ -96,7 +104,7 @@ def _minimize(value: Any, slope: Any, start: FloatArray, slack: Any, bounds: Any
 def _to_feasible(
     trials: Trials, at: FloatArray, merit: Callable[[FloatArray], float]
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return the better of a point and its copy on nearby bounds, with objectives; None if neither is feasible."""
+    """Move a point to nearby bounds if that is better."""
     if not np.isfinite(at).all():
         return None
     moved = np.where(at <= _NEAR, 0.0, np.where(at >= 1 - _NEAR, 1.0, at))
@@ -108,9 +116,10 @@ def _to_feasible(
 
 
 def kkt_residual(trials: Trials, at: FloatArray, weights: FloatArray) -> tuple[float, tuple[str, ...], FloatArray]:
-    """Return by how much a point violates the first-order optimality conditions (Karush, Kuhn and Tucker).
+    """Measure the violation of the first-order optimality conditions.
 
-    The multipliers are the nonnegative least-squares solution, independent of the search.
+    These are the conditions of Karush, Kuhn and Tucker. The multipliers are the nonnegative least-squares solution,
+    independent of the search.
 
     Returns:
         The largest component of the gradient of the Lagrangian in coordinates in [0, 1], relative to the value; the

@@ -65,13 +65,19 @@ def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]
 
 
 def settle_one(problem: GainProblem) -> tuple[float, float] | None:
-    """Find the optimal gain of one encounter on a fixed grid of gains; return None if the result is uncertain."""
+    """Find the optimal gain of one encounter.
+
+    The search evaluates a fixed grid of gains.
+
+    Returns:
+        The gain and its objective; None if the result is uncertain.
+    """
     gain, objective, settled = _design_block(problem, EXACT.first)
     return (float(gain[0]), float(objective[0])) if settled[0] else None
 
 
 def _design_block(problem: GainProblem, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Find the optimal gains of many encounters on a fixed grid of gains, and return which of them are certain."""
+    """Find the optimal gains of many encounters."""
     u = np.linspace(*problem.axis.span, count)
     scanned = problem.landscape(u[None])
     every, merit = scanned.objective, scanned.merit

@@ -43,9 +43,10 @@ class Minimum(Value):
 
 
 def search_axis(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) -> tuple[Scan, list[Minimum]]:
-    """Evaluate objective and constraints at many values of one variable, and refine the local minima.
+    """Find the local minima of a function of one variable.
 
-    The search is global if the scan resolves the function.
+    Objective and constraints are evaluated at many values of the variable. The search is global if the scan resolves
+    the function.
 
     Args:
         evaluate: a function that maps coordinates to a Landscape.
@@ -61,7 +62,7 @@ def search_axis(evaluate: Evaluate, low: float, high: float, effort: Effort = EX
 
 
 def refine(function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort = EXACT) -> list[Minimum]:
-    """Refine the local minima of a function of one variable that is known at many points.
+    """Refine the local minima of a function of one variable.
 
     Args:
         function: a function that maps coordinates to values; infinite where it is undefined.
@@ -88,7 +89,7 @@ def refine(function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort =
 
 
 def _zoom(function: OnAxis, low: float, high: float, effort: Effort) -> tuple[float, float, bool]:
-    """Narrow the bracket of a local minimum, and finish with a polynomial fit if the function is smooth."""
+    """Narrow the bracket of a local minimum."""
     left, right = low, high
     best = (low, math.inf)
     for _ in range(24):
@@ -111,7 +112,7 @@ def _zoom(function: OnAxis, low: float, high: float, effort: Effort) -> tuple[fl
 
 
 def _polish(function: OnAxis, left: float, right: float) -> tuple[float, float] | None:
-    """Minimize a polynomial that is fitted over a narrow bracket; return None if the function has a corner there."""
+    """Minimize a polynomial fitted over a narrow bracket."""
     middle, half = 0.5 * (left + right), 0.5 * (right - left)
     values = function(middle + half * NODES)
     span = float(np.ptp(values))

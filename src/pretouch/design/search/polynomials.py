@@ -20,7 +20,11 @@ NODES: Final = _SMOOTH.nodes
 
 
 def minimize_polynomials(values: FloatArray, fit: float = FIT, *, steps: int = 8) -> tuple[FloatArray, BoolArray]:
-    """Fit a polynomial to each sampled function, and return its minimum and whether this minimum is certain."""
+    """Fit polynomials to sampled functions, and return their minima.
+
+    Returns:
+        The minima, and which of them are certain.
+    """
     # The functions are sampled at NODES, shape (m, 17).
     # Newton's method solves df/dz = 0 between the neighbors of the lowest node. Bisection replaces steps that leave
     # this interval, as at minima flatter than a parabola. A polynomial must fit the values to `fit` of their range.
@@ -50,6 +54,10 @@ def minimize_polynomials(values: FloatArray, fit: float = FIT, *, steps: int = 8
 
 
 def interpolate(values: FloatArray, z: FloatArray) -> FloatArray:
-    """Interpolate several functions that are sampled at Chebyshev nodes, each function at its own point."""
+    """Interpolate several functions between Chebyshev nodes.
+
+    Returns:
+        The value of each function at its own point.
+    """
     with np.errstate(invalid="ignore"):  # a function that is undefined at some node is NaN
         return chebyshev_sum(_THROUGH.to_terms @ values.T, z)

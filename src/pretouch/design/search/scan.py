@@ -21,7 +21,7 @@ _EDGE: Final = 1e-3  # share of the axis: largest interval in which feasibility 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effort:
-    """Settings of a search over one variable, such as the number of points and the resolution.
+    """Settings of a search over one variable.
 
     Args:
         first: number of coordinates of the first scan.
@@ -48,7 +48,7 @@ class Effort:
     smooth: bool = True
 
     def counts(self, lowest: float) -> float:
-        """Return the function value above which the search does not refine intervals and minima."""
+        """Return the function value above which refinement is unnecessary."""
         return math.inf if math.isinf(self.relevant) else self.relevant * lowest
 
 
@@ -80,7 +80,7 @@ would need three times as many gains. Nine coordinates per round reach the same 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Landscape(Value):
-    """Objective and ratios |quantity| / limit at many values of the search variable.
+    """Objective and constraints at many values of the search variable.
 
     Args:
         objective: the objective, shape (n,), or several, shape (k, n); infinite without contact.
@@ -92,27 +92,36 @@ class Landscape(Value):
 
     @property
     def reached(self) -> BoolArray:
-        """An array with True for values of the search variable that result in contact."""
+        """Which values of the search variable result in contact."""
         return np.isfinite(self.objective)
 
     @property
     def worst_ratio(self) -> FloatArray:
-        """The largest ratio |quantity| / limit of all constraints; infinite without contact, 0 without constraints."""
+        """The largest constraint ratio for each value of the search variable.
+
+        The ratio is |quantity| / limit. It is infinite without contact, and 0 without constraints.
+        """
         worst = self.ratios.max(axis=0) if len(self.ratios) else np.zeros_like(self.objective)
         return np.where(self.reached, worst, np.inf)
 
     @property
     def feasible(self) -> BoolArray:
-        """An array with True for values of the search variable that result in contact and meet every constraint."""
+        """Which values of the search variable are feasible.
+
+        They result in contact and meet every constraint.
+        """
         return self.reached & (self.worst_ratio <= HELD)
 
     @property
     def merit(self) -> FloatArray:
-        """The objective at feasible values of the search variable, and infinity at all other values."""
+        """The objective at feasible values of the search variable.
+
+        It is infinite at all other values.
+        """
         return np.where(self.feasible, self.objective, np.inf)
 
     def joined(self, other: Landscape, order: IntArray) -> Landscape:
-        """Return the union of two sets of evaluated points, in a given order."""
+        """Combine two sets of evaluated points in a given order."""
         return Landscape(
             objective=np.concatenate([self.objective, other.objective], axis=-1)[..., order],
             ratios=np.concatenate([self.ratios, other.ratios], axis=1)[:, order],
@@ -139,11 +148,12 @@ class Scan(Value):
 
 
 def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) -> Scan:
-    """Evaluate a function on a grid, and halve the grid's intervals until interpolation is accurate.
+    """Evaluate a function on an adaptive grid.
 
-    An interval is halved while the cubic through four neighbors misses an objective in its middle by more than
-    `resolved`, or while feasibility changes over it and it is wider than 1e-3 of the axis. Halving ends at intervals
-    of 1e-6 of the axis, and at the largest number of coordinates, `largest`.
+    The grid is refined until interpolation is accurate. An interval is halved while the cubic through four neighbors
+    misses an objective in its middle by more than `resolved`, or while feasibility changes over it and it is wider than
+    1e-3 of the axis. Halving ends at intervals of 1e-6 of the axis, and at the largest number of coordinates,
+    `largest`.
 
     Args:
         evaluate: a function that maps coordinates to a Landscape.
@@ -179,7 +189,10 @@ def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) ->
 
 
 def _relative_error(predicted: FloatArray, new: FloatArray, found: Landscape, share: float) -> FloatArray:
-    """Return the relative error of predicted values; 0 if the error is not finite."""
+    """Return the relative error of predicted values.
+
+    It is 0 if the error is not finite.
+    """
     size = np.abs(new)
     if share:
         values = found.objective[..., found.reached.reshape(-1, found.objective.shape[-1]).all(axis=0)]
@@ -190,7 +203,11 @@ def _relative_error(predicted: FloatArray, new: FloatArray, found: Landscape, sh
 
 
 def predict(u: FloatArray, f: FloatArray, intervals: IntArray) -> FloatArray:
-    """Interpolate a function in the middle of intervals by the cubic polynomial through the four nearest points."""
+    """Interpolate a function in the middle of intervals.
+
+    Returns:
+        The values, from the cubic polynomial through the four nearest points.
+    """
     nodes = np.clip(intervals - 1, 0, len(u) - 4)[:, None] + np.arange(4)
     x = u[nodes]
     away = 0.5 * (u[intervals] + u[intervals + 1])[:, None] - x

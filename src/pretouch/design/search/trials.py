@@ -1,4 +1,4 @@
-"""Evaluate the objective, the constraints and their derivatives for trial values of the free parameters."""
+"""Evaluate objective, constraints and derivatives for trial parameters."""
 
 from __future__ import annotations
 
@@ -37,7 +37,10 @@ class Trials:
 
     @property
     def criteria(self) -> tuple[Criterion, ...]:
-        """The objectives to minimize, followed by the ratio |quantity| / limit of every constraint."""
+        """The objectives to minimize, followed by the constraint ratios.
+
+        A constraint ratio is |quantity| / limit.
+        """
         return (*self.measures, *(ratio(c, self.encounters.task.impact) for c in self.constraints))
 
     def run(self, at: FloatArray) -> ContactResult:
@@ -45,24 +48,37 @@ class Trials:
         return self.encounters.solve(self.freedom.scenarios(at), self.freedom.gain(at))
 
     def rows(self, at: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return objectives and ratios |quantity| / limit of each search point, and whether it results in contact."""
+        """Return objectives and constraint ratios of each search point.
+
+        Constraint ratios are |quantity| / limit. Return also which points result in contact.
+        """
         result = self.run(at)
         reached = np.asarray(result.reached)
         rows = self.rows_of(result)
         return np.where(reached[:, None], np.reshape(rows, (len(at), -1)), np.inf), reached
 
     def feasible(self, rows: FloatArray) -> BoolArray:
-        """Return for each search point whether the encounter ends in contact and meets every limit."""
+        """Return which search points are feasible.
+
+        They end in contact and meet every limit.
+        """
         ratios = rows[:, len(self.measures) :]
         return np.asarray(np.isfinite(rows).all(axis=1) & (ratios <= HELD).all(axis=1))
 
     def values(self, at: FloatArray) -> FloatArray:
-        """Return the objectives to minimize for each search point; infinite if the point is not feasible."""
+        """Return the objectives to minimize for each search point.
+
+        They are infinite if the point is not feasible.
+        """
         rows, _ = self.rows(at)
         return np.where(self.feasible(rows)[:, None], rows[:, : len(self.measures)], np.inf)
 
     def differentiate(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return objectives and ratios |quantity| / limit at one search point, with their derivatives."""
+        """Differentiate objectives and constraints at one search point.
+
+        Returns:
+            Values and derivatives; the value of a constraint is |quantity| / limit.
+        """
         # They are infinite, with zero derivatives, without contact.
         # Derivatives are exact if the result has gradients for all quantities of a row, else differences are used.
         if not self._has_gradients:

@@ -1,1 +1,1 @@
-"""Read a proximity sensor from a serial port, standard input, a ROS 2 topic or an I2C bus."""
+"""Read a sensor over serial, standard input, ROS 2 or I2C."""

@@ -19,10 +19,13 @@ _READ_FLAG: Final = 0x0001  # Linux, linux/i2c.h: I2C_M_RD
 
 
 class I2cBus(Protocol):
-    """Interface of an I2C bus that can write to a device and read its answer in one transfer."""
+    """Interface of an I2C bus for write and read transfers."""
 
     def transfer(self, address: int, data: bytes, count: int = 0) -> bytes:
-        """Write bytes to an I2C device, then read `count` bytes after a repeated start condition."""
+        """Write bytes to an I2C device, and read its answer.
+
+        The answer of `count` bytes follows after a repeated start condition.
+        """
 
     def close(self) -> None:
         """Release the I2C bus."""
@@ -127,7 +130,7 @@ class I2cSource:
         self._bus.close()
 
     def why_silent(self) -> str:
-        """Return a clause that explains why no readings arrive, and what to do."""
+        """Explain why no readings arrive, and what to do."""
         return "the bus does not answer: check the wiring and the supply"
 
     @property
@@ -146,7 +149,7 @@ class I2cSource:
 
 
 class _Message(ctypes.Structure):
-    """One message of an I2C transfer, with the layout of the Linux structure `i2c_msg`."""
+    """One I2C message, in the layout of Linux `i2c_msg`."""
 
     _fields_ = (
         ("address", ctypes.c_uint16),
@@ -183,7 +186,7 @@ class LinuxBus:
             raise InvalidInputError(f"{path}: {remedies.get(error.errno or 0, error.strerror)}") from None
 
     def transfer(self, address: int, data: bytes, count: int = 0) -> bytes:
-        """Write bytes to an I2C device, then read `count` bytes after a repeated start condition."""
+        """Write bytes to an I2C device, and read its answer."""
         import fcntl  # noqa: PLC0415 - not on Windows
 
         sent, received = ctypes.create_string_buffer(data, len(data)), ctypes.create_string_buffer(max(count, 1))

@@ -1,4 +1,7 @@
-"""Parse readings from lines of text: a number, columns of a table, or a JSON object on each line."""
+"""Parse sensor readings from lines of text.
+
+Each line has one number, columns of a table, or a JSON object.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ _NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineFormat(Value):
-    """Format of text lines: which column or key has the sensor output, and which one has the distance.
+    """Format of text lines with sensor readings.
 
     Args:
         column: number of the column from 1, its name in a header line, or a key of JSON objects; empty if each line
@@ -47,7 +50,9 @@ class LineFormat(Value):
 
 
 class LineParser:
-    """Parser that splits bytes into lines, converts lines to readings, and counts lines without a reading.
+    """Parser of sensor readings in lines of text.
+
+    Lines without a reading are counted.
 
     Args:
         name: the source, for messages.
@@ -62,7 +67,10 @@ class LineParser:
         self._example = b""
 
     def feed(self, data: bytes) -> list[SourceReading]:
-        """Parse the complete lines in new bytes; keep an incomplete last line until the rest of it arrives."""
+        """Return the readings in newly received bytes.
+
+        An incomplete last line is kept until the rest of it arrives.
+        """
         self._bytes += len(data)
         self._no_text += sum(byte not in _TEXT for byte in data)
         *lines, self._rest = (self._rest + data).replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n")
@@ -75,7 +83,10 @@ class LineParser:
         return [reading for line in lines if (reading := self._parse(line)) is not None]
 
     def finish(self) -> None:
-        """Skip and count an incomplete last line at the end of the input, because its number may be cut off."""
+        """Skip an incomplete last line at the end of input.
+
+        Its number may be cut off, so the line is only counted.
+        """
         self._half += bool(self._rest.strip())
         self._rest = b""
 
@@ -93,16 +104,16 @@ class LineParser:
         return tuple(notes)
 
     def why_silent(self) -> str:
-        """Return part of a sentence that explains why the received bytes contain no readings."""
+        """Explain why the received bytes contain no readings."""
         if self._bytes >= _FEW and self._no_text > _NO_TEXT * self._bytes:
             return (
-                f"{self._no_text} of {self._bytes} received bytes are not text, so the baud rate is probably wrong: "
-                "set the baud rate of the device with --baud, often 9600 or 115200"
+                f"{self._no_text} of {self._bytes} bytes are not text: probably the baud rate is wrong, so set --baud "
+                "(often 9600 or 115200)"
             )
         if self._skipped:
             return (
-                f"{self._skipped} lines arrived without a reading, for example {self._shown}: send one number, columns "
-                "or a JSON object per line, and choose the column or key with --column"
+                f"{self._skipped} lines had no reading, for example {self._shown}: send one number per line, or choose "
+                "a column or JSON key with --column"
             )
         if self._bytes:
             return f"{self._bytes} bytes arrived without a line end: send a line feed after each reading"
@@ -118,7 +129,7 @@ class LineParser:
         self._example = self._example or line
 
     def _parse(self, line: bytes) -> SourceReading | None:
-        """Return the reading in one line of text; count a line without a reading as skipped."""
+        """Return the reading in a line of text, or None."""
         text = line.strip().decode("utf-8", "replace")
         if not text or text.startswith("#"):
             return None
@@ -148,7 +159,7 @@ class LineParser:
         return self._of_cells(named, "columns")
 
     def _of_cells(self, cells: Mapping[str, str], kind: str) -> SourceReading | None:
-        """Return the reading of a line from its cells, which are named by column or key; None if there is none."""
+        """Return the reading from the cells of a line, or None."""
         distance = None
         if self._format.distance_column:
             cell = cells.get(self._format.distance_column)
@@ -162,7 +173,7 @@ class LineParser:
         return None if output is None else SourceReading(output, distance)
 
     def _only(self, cells: Mapping[str, str], kind: str) -> str:
-        """Return the only numeric column besides the distance; raise an error if there are several."""
+        """Return the name of the only numeric column besides the distance."""
         numbers = [name for name, cell in cells.items() if _number(cell) is not None and name not in self._header]
         numbers = [name for name in numbers if name != self._distance_number]
         if len(numbers) > 1:
@@ -179,10 +190,10 @@ class LineParser:
 
 
 def _cell(value: Any) -> str:
-    """Convert a value of a JSON object to the text of a table cell; null, for no object, becomes empty."""
+    """Return a JSON value as the text of a table cell."""
     return "" if value is None else str(value)
 
 
 def _number(cell: str) -> float | None:
-    """Return the finite number in a table cell; None if the cell does not contain one."""
+    """Return the finite number in a table cell, or None."""
     return float(cell) if _NUMBER.fullmatch(cell) and math.isfinite(float(cell)) else None

@@ -1,7 +1,7 @@
-"""Define the ROS 2 message types that pretouch reads from live topics, for the DDS library `cyclonedds`.
+"""Define the ROS 2 message types of live sensor topics.
 
-The members and their order are those of the message definitions of ROS 2. Members that a later version of ROS adds at
-the end, such as `variance` of Range, are ignored.
+The DDS library `cyclonedds` needs these definitions. The members and their order are those of the message definitions
+of ROS 2. Members that a later version of ROS adds at the end, such as `variance` of Range, are ignored.
 """
 
 # The library reads the annotations of a class at run time, so this module does not import them from __future__.
@@ -14,7 +14,7 @@ from typing import Any
 
 @cache
 def message_types() -> Any:
-    """Return an object whose attributes are the ROS message types, such as `Range`."""
+    """Return the ROS message types as attributes of an object."""
     from cyclonedds.idl import IdlStruct  # noqa: PLC0415 - an extra
     from cyclonedds.idl.annotations import autoid, final  # noqa: PLC0415
     from cyclonedds.idl.types import float32, float64, int32, uint8, uint32  # noqa: PLC0415
@@ -70,6 +70,6 @@ def message_types() -> Any:
 
 
 def reading_members() -> dict[Any, str]:
-    """Return a dictionary that maps each supported message type to the name of its member with the reading."""
+    """Return the member with the reading for each message type."""
     types = message_types()
     return {types.Range: "range", types.Float64: "data", types.Float32: "data"}

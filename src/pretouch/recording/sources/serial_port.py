@@ -1,4 +1,4 @@
-"""Read a sensor from a serial port, and explain why a port cannot be opened."""
+"""Read a sensor from a serial port."""
 
 from __future__ import annotations
 
@@ -33,7 +33,13 @@ class SerialSource:
             raise _cannot_open(self.name, baud, error) from None
 
     def read(self) -> list[SourceReading] | None:
-        """Wait up to a tenth of a second, and return the readings that have arrived."""
+        """Return the readings that have arrived.
+
+        The call waits up to a tenth of a second.
+
+        Raises:
+            SourceError: the connection was lost.
+        """
         try:
             return self._parser.feed(self._port.read(max(self._port.in_waiting, 1)))
         except (OSError, TypeError) as error:  # pyserial raises TypeError if the port is closed while it reads
@@ -48,7 +54,7 @@ class SerialSource:
         self._port.close()
 
     def why_silent(self) -> str:
-        """Return a clause that explains why no readings arrive, and what to do."""
+        """Explain why no readings arrive, and what to do."""
         return self._parser.why_silent()
 
     @property
@@ -58,13 +64,13 @@ class SerialSource:
 
 
 def _ports() -> list[tuple[str, str]]:
-    """Return the names and descriptions of all serial ports to which a device is connected."""
+    """Return the names and descriptions of all connected serial ports."""
     listed: Any = require("serial.tools.list_ports", extra="record").comports()
     return sorted((port.device, port.description) for port in listed if port.hwid != "n/a")
 
 
 def _only_port() -> str:
-    """Return the name of the only serial port; raise an error that lists the ports if there are several."""
+    """Return the name of the only serial port."""
     ports = _ports()
     if len(ports) == 1:
         return ports[0][0]
@@ -83,7 +89,7 @@ def _listed(ports: list[tuple[str, str]]) -> str:
 
 
 def _cannot_open(name: str, baud: int, error: Exception) -> InvalidInputError:
-    """Return an error that says why a serial port cannot be opened, and what to do."""
+    """Return an error for a serial port that cannot be opened."""
     number = getattr(error, "errno", None)
     if number == errno.EACCES:
         remedy = (

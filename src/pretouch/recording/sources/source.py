@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 
 class SourceReading(NamedTuple):
-    """One sensor reading, with the distance of the object if the source reports distances.
+    """One sensor reading and the distance of the object.
 
     `distance` is in m, infinite without an object, and None if the source reports no distance.
     """
@@ -25,13 +25,16 @@ class ReadingSource(Protocol):
     unit: str | None
 
     def read(self) -> list[SourceReading] | None:
-        """Wait up to a tenth of a second, and return the readings that have arrived; None after the last reading."""
+        """Return the readings that have arrived.
+
+        The call waits up to a tenth of a second. The result is None after the last reading.
+        """
 
     def close(self) -> None:
         """Release the device or file that the readings come from."""
 
     def why_silent(self) -> str:
-        """Return a clause that explains why no readings arrive, and what to do."""
+        """Explain why no readings arrive, and what to do."""
 
     @property
     def notes(self) -> tuple[str, ...]:

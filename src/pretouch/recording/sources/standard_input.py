@@ -15,7 +15,9 @@ _CHUNK: Final = 65536
 
 
 class StandardInput:
-    """Lines of text on standard input, for example the output of another program.
+    """Source of sensor readings from standard input.
+
+    The lines of text are, for example, the output of another program.
 
     Args:
         layout: where a line has the output and the distance.
@@ -28,7 +30,10 @@ class StandardInput:
         self._file = sys.stdin.fileno()
 
     def read(self) -> list[SourceReading] | None:
-        """Wait up to a tenth of a second, and return the readings that have arrived; None at the end of the input."""
+        """Return the readings that have arrived.
+
+        The call waits up to a tenth of a second. The result is None at the end of the input.
+        """
         if os.name != "nt" and not select.select([self._file], [], [], _WAIT)[0]:
             return []
         data = os.read(self._file, _CHUNK)
@@ -41,7 +46,7 @@ class StandardInput:
         """Do nothing, because standard input stays open."""
 
     def why_silent(self) -> str:
-        """Return a clause that explains why no readings arrive, and what to do."""
+        """Explain why no readings arrive, and what to do."""
         return self._parser.why_silent()
 
     @property

@@ -1,4 +1,7 @@
-"""Read a sensor from a live ROS 2 topic through DDS, without a ROS installation."""
+"""Read a sensor from a live ROS 2 topic.
+
+The connection uses DDS and needs no ROS installation.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,9 @@ _QUEUE: Final = 10_000  # messages that wait while the program is busy
 
 
 class TopicSource:
-    """A ROS 2 topic with messages of the type sensor_msgs/Range, std_msgs/Float64 or std_msgs/Float32.
+    """Source of sensor readings from a ROS 2 topic.
+
+    The messages have the type sensor_msgs/Range, std_msgs/Float64 or std_msgs/Float32.
 
     Args:
         topic: its name in ROS, such as `/proximity`, or in DDS, such as `rt/proximity`.
@@ -50,7 +55,10 @@ class TopicSource:
         self._field = members[kind]
 
     def read(self) -> list[SourceReading] | None:
-        """Wait up to a tenth of a second, and return the messages that have arrived."""
+        """Return the readings that have arrived.
+
+        The call waits up to a tenth of a second.
+        """
         end = time.monotonic() + _WAIT
         messages = self._reader.take(_QUEUE)
         while not messages and time.monotonic() < end:
@@ -64,7 +72,7 @@ class TopicSource:
         self._reader = self._participant = None
 
     def why_silent(self) -> str:
-        """Return a clause that explains why no messages arrive, and what to do."""
+        """Explain why no messages arrive, and what to do."""
         publishers = len(self._reader.get_matched_publications())
         if not publishers:
             return "the topic has no publisher any more: start the node that publishes the topic"
@@ -72,7 +80,10 @@ class TopicSource:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """A remark on how many messages of the publisher were lost; empty if none were lost."""
+        """A remark on messages that were lost.
+
+        Empty if no message was lost.
+        """
         lost = self._lost()
         return (f"{self.name}: {lost:,} messages were lost between the publisher and pretouch.",) if lost else ()
 
@@ -86,7 +97,7 @@ def _full_name(kind: Any) -> str:
 
 
 def _published_type(participant: Any, topic: str, kinds: Mapping[str, Any]) -> Any:
-    """Return the message type of a topic; if nobody publishes it, raise an error that lists the existing topics."""
+    """Return the message type of a published topic."""
     from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication  # noqa: PLC0415 - an extra
 
     publications: Any = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)

@@ -211,7 +211,7 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
                 pt.verify_gain(loop_task().replace(verify=pt.VerifyOptions(runs=2), gain=-0.7), changes=False).warnings
             ),
             "moves a robot at rest by up to",
-            "raise the controller floor from",
+            "but detects objects only from",
         ),
         (
             lambda: (

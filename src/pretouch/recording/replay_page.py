@@ -120,8 +120,8 @@ def _warnings(replay: Replay) -> Iterator[str]:
     if not replay.detections and replay.usable and xi is not None:
         yield caution(
             "PT605",
-            f"No reading was above the noise floor (largest {xi:.4g}, floor {format_output(floor)}): check that the topic "
-            "has the unit of the scenario, and that an object came near.",
+            f"No reading was above the noise floor (largest {xi:.4g}, floor {format_output(floor)}): check that the "
+            "topic has the unit of the scenario, and that an object came near.",
         )
     if timing.rate > 0 and timing.mean_rate / timing.held < _SLOWER * chain.rate:
         yield caution(

@@ -128,15 +128,15 @@ def rest_in_words(rest: RestMotion | None, law: Any) -> Iterator[str]:
     if rest.quiet_floor is None or rest.detected_from is None:
         yield caution(
             "PT406",
-            f"{rest.text}: reduce the noise. Or use a control law with a dead zone. No higher controller floor "
+            f"{rest.text}: reduce the noise, or use a control law with a dead zone. No higher controller floor "
             f"(detection threshold) was found that limits this motion to {still} and detects objects. {place}",
         )
         return
     yield caution(
         "PT406",
-        f"{rest.text}: raise the controller floor from {law.conditioning.floor:g} to {rest.quiet_floor:g}. This "
-        f"detection threshold above the offset limits this motion to {still}. Then only objects closer than "
-        f"{format_quantity(rest.detected_from, 'm', 3)} are detected. {place}",
+        f"{rest.text}: a controller floor of {rest.quiet_floor:g} instead of {law.conditioning.floor:g} limits this to "
+        f"{still}, but detects objects only from {format_quantity(rest.detected_from, 'm', 3)} on. The floor is the "
+        f"detection threshold above the offset. {place}",
     )
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from encounters import CURVES, KINDS, random_encounters
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.fields import declared
+from pretouch.design.later_contact import never_touches
 from pretouch.motion import (
     Admittance,
     ContactStatus,
@@ -189,6 +190,42 @@ def test_a_stronger_gain_touches_later_where_the_designs_rely_on_it(
     weak, strong = motion.result.end.time
     assert strong >= weak * (1 - 1e-12)
     assert (motion.relative_velocity <= 1e-9).all(), "l falls all along"
+
+
+@examples(100)
+@given(
+    mass=st.floats(0.1, 10),
+    omega=st.floats(0, 20),
+    ratio=st.floats(1, 4),
+    start=st.tuples(st.floats(-0.05, 0.05), st.floats(-0.5, 0.5)),
+    distance=st.floats(1e-4, 0.06),
+    velocity=st.floats(0, 1),
+    acceleration=st.floats(0, 2),
+    gain=st.floats(0.001, 2),
+    name=curves,
+)
+def test_a_receding_object_is_never_touched_where_the_designs_rely_on_it(
+    mass: float,
+    omega: float,
+    ratio: float,
+    start: tuple[float, float],
+    distance: float,
+    velocity: float,
+    acceleration: float,
+    gain: float,
+    name: str,
+) -> None:
+    """The theorem of docs/developers/fast-designs.md: critical damping or more, any plant, a receding obstacle."""
+    x0, u0 = start
+    scenario = Scenario(
+        admittance=Admittance(mass=mass, damping=2 * ratio * omega * mass, stiffness=mass * omega**2),
+        obstacle=Obstacle(position=x0 + distance, velocity=velocity, acceleration=acceleration),
+        plant=Plant(position=x0, velocity=u0),
+    )
+    assume(bool(never_touches(scenario, CURVES[name])))
+    motion = solve_motion(scenario, CURVES[name], -gain, horizon=20.0)
+    assert not motion.result.reached
+    assert (motion.relative_velocity[:-1] >= -1e-9).all(), "l rises all along"  # the last may leave the range
 
 
 @examples(40)

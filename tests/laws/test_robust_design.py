@@ -220,6 +220,7 @@ def test_no_contact_is_a_status_and_a_quantile_leaves_some_out() -> None:
         measure=Quantile(probability=0.5),
     )
     assert never.status is DesignStatus.NO_CONTACT
+    assert not any(never.outcomes(gain).reached.any() for gain in (BOUNDS[0], -1.0, BOUNDS[1]))  # solved, not proved
 
 
 # --- what is promised

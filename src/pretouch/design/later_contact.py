@@ -1,4 +1,4 @@
-"""Test for which encounters a stronger gain provably delays contact."""
+"""Test which encounters provably have a later contact with a stronger gain, or no contact."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import ContactState, Scenario
-from pretouch.motion.curve import farthest
+from pretouch.motion.curve import LARGEST_START, farthest
 from pretouch.sensors import SensorModel
 from pretouch.sensors.model import cache_by_curve
 
@@ -24,18 +24,30 @@ def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
     return np.asarray(premises_hold(scenario) & falling)
 
 
-def premises_hold(scenario: Scenario) -> BoolArray:
+def never_touches(scenario: Scenario, sensor: SensorModel) -> BoolArray:
+    """Return for which encounters no mitigating gain provably results in contact."""
+    # The proof is in docs/developers/fast-designs.md.
+    start, end = farthest(scenario, sensor), min(sensor.valid_range[1], LARGEST_START)
+    falling = sensor.valid_range[0] <= 0 and falls(sensor, start) and falls(sensor, end)
+    in_range = np.asarray(scenario.distance) <= end  # else solving raises an error
+    return np.asarray(premises_hold(scenario, receding=True) & falling & in_range)
+
+
+def premises_hold(scenario: Scenario, *, receding: bool = False) -> BoolArray:
     """Return for which encounters a stronger gain delays contact.
 
-    The sensor output must fall with the distance.
+    With `receding`, return for which encounters the distance never falls. The sensor output must fall with the
+    distance in both cases.
     """
     # The premise that ln xi falls with the distance is tested by `falls`.
     if scenario.obstacle.course:
         return np.zeros(scenario.shape, dtype=bool)
-    m, d, k, x0, u0, _, v, a, _, _ = scenario.relative_columns()
-    room = np.asarray(d) * d - 4.0 * np.asarray(m) * k
+    m, d, k, x0, u0, _, v, a, _, _ = map(np.asarray, scenario.relative_columns())
+    room = d * d - 4.0 * m * k
     sigma = 0.5 * (d - np.sqrt(np.maximum(room, 0.0)))
-    holds = (room >= 0) & (v < 0) & (np.asarray(a) <= 0) & (np.asarray(u0) > v) & (-d * v - k * x0 >= sigma * (u0 - v))
+    moves = (v >= 0) & (a >= 0) & (u0 <= v) if receding else (v < 0) & (a <= 0) & (u0 > v)
+    sign = 1.0 if receding else -1.0
+    holds = (room >= 0) & moves & (sign * (d * v + k * x0) >= sign * sigma * (v - u0))
     return np.asarray(np.broadcast_to(holds, scenario.shape))
 
 

@@ -17,7 +17,7 @@ from pretouch.motion import DAMPER, ContactResult
 from pretouch.uncertainty import Ensemble, make_ensemble
 
 from ..custom_objectives import appraise
-from ..later_contact import least_objective, premises_hold, touches_later
+from ..later_contact import least_objective, never_touches, premises_hold, touches_later
 from ..problem import Criterion, GainProblem, along, merit, ratio
 from ..search import GainAxis, Landscape
 from ..task import Task
@@ -69,6 +69,10 @@ class RobustProblem(GainProblem):
             The risk measure, and the ratio |quantity| / limit of each constraint.
         """
         gains = self.axis.gain(coordinate)
+        if self._never_touches:
+            return Landscape(
+                objective=np.full(gains.shape, np.inf), ratios=np.full((len(self.limits), *gains.shape), np.inf)
+            )
         parts = list(self._parts(gains))
         return Landscape(
             objective=np.concatenate([objective for objective, _, _ in parts]),
@@ -121,7 +125,7 @@ class RobustProblem(GainProblem):
             Its value of the search variable.
         """
         low, high = self.axis.span
-        if not self._touch_later():
+        if self._never_touches or not self._touch_later():
             return low
         best = np.inf
         count = int(np.ceil((high - low) / _STRIDE)) + 1
@@ -136,11 +140,28 @@ class RobustProblem(GainProblem):
                 return float(u)
         return low
 
+    @property
+    def _never_touches(self) -> bool:
+        """Whether every encounter provably ends without contact with every gain of the axis."""
+        ensemble = self.ensemble
+        if not self._has_theorems or (self.axis.gain(np.array(self.axis.span)) > 0).any():
+            return False
+        return bool(premises_hold(ensemble.scenario, receding=True).all()) and all(
+            never_touches(*ensemble.at(i)).all() for i in range(len(ensemble))
+        )
+
+    @property
+    def _has_theorems(self) -> bool:
+        """Whether the theorems on later and missing contacts apply to this kind of encounter."""
+        # They hold for L(1) with L(2) in continuous time, from the given state.
+        ensemble = self.ensemble
+        return ensemble.evaluator is None and ensemble.law == DAMPER and ensemble.method != "uniform-motion"
+
     def _touch_later(self) -> bool:
         """Return True if stronger gains provably delay contact in every encounter."""
         ensemble = self.ensemble
-        if ensemble.evaluator is not None or ensemble.law != DAMPER or ensemble.method == "uniform-motion":
-            return False  # the proof holds only for L(1) with L(2) in continuous time, from the given state
+        if not self._has_theorems:
+            return False
         if ensemble.likeness is not None:
             return bool(touches_later(ensemble.scenario, ensemble.likeness.sensor).all())
         if ensemble.many is not None:

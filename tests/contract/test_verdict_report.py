@@ -99,7 +99,7 @@ def test_a_report_contains_the_numbers_of_the_verdict(one: pt.Verdict) -> None:
         assert cells[2:5] == [every, share_in_words(check.held), share_in_words(check.low)]
     words = parse(page).words
     assert f"{s.margin:.3g} gain margin" in words
-    assert "Each change was simulated on the same 40 runs" in words
+    assert "Each change was simulated in 40 runs" in words
 
 
 def test_the_change_that_helps_most_stands_out_with_its_numbers() -> None:

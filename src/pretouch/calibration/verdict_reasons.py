@@ -211,6 +211,6 @@ def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
             "PT109",
             f"Averaged readings deviate from the best model, {fits[0].model}, by {100 * prepared.noise.misfit:.0f} % "
             "of the signal, more than noise explains: check how the distances were set. This deviation is an RMS "
-            f"value. Over one step of distance, the virtual force has about the same error.{table}",
+            f"value. The virtual force has about the same relative error.{table}",
         )
     ]

@@ -57,7 +57,7 @@ def _tasks(files: list[Path], *, parts: bool) -> dict[str, Task]:
 
     if not parts and len(files) < 2:
         raise InvalidInputError(
-            "found 1 scenario file, expected two or more; to compare the built-in sensor parts in this file, run: "
+            "found 1 scenario file, expected two or more. To compare the built-in sensor parts in this scenario, run: "
             f"pretouch compare {files[0]} --parts"
         )
     stems = [file.stem for file in files]

@@ -204,7 +204,7 @@ class _Steps:
         return () if self.distances is None else read_distances(self.distances)
 
     def plan(self, wanted: tuple[float, ...], done: tuple[float, ...]) -> DistancePlan:
-        """Return the plan of the remaining distances.
+        """Return the distances that must still be recorded.
 
         The distances are those of a list, or those that the user types.
         """

@@ -84,7 +84,7 @@ class ScenarioSource:
         return _lines_of(self.text)
 
     def placed(self, error: InvalidInputError) -> InvalidInputError:
-        """Add the line in the scenario file to an error."""
+        """Add the line number in the scenario file to an error message."""
         if isinstance(error, ScenarioFileError):  # converted already by a nested verb
             return error
         message = self.explained(error)

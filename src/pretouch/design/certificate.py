@@ -1,4 +1,4 @@
-"""Define the evidence of a design, such as its local minima."""
+"""Define the evidence that a gain is optimal, such as all local minima."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compute evidence of optimality and sensitivities of a gain design."""
+"""Compute the evidence that a gain is optimal, and its sensitivities."""
 
 from __future__ import annotations
 

@@ -135,7 +135,7 @@ def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None)
 
 
 def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactModel | None) -> tuple[str, Any]:
-    """Convert impact force derivatives to contact velocity derivatives."""
+    """Compute derivatives of the impact force from those of the velocities."""
     if quantity != "impact_force":
         return quantity, rate
     if impact is None:

@@ -207,7 +207,7 @@ class LetterReport(Described, Value):
         return {a: sum(r.counts[a] for r in self.reproductions) for a in Agreement}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the report on the letter as a dictionary.
+        """Return the comparison with the letter as a dictionary.
 
         It contains every number as a plain value.
         """

@@ -81,7 +81,9 @@ def _reduction_finding(reductions: dict[str, float]) -> Finding:
     for name in MODELS:
         error = 100 * ((100 - printed[name]) / (100 - printed["inverse-power"]) - 1)
         less, true = PRINTED[name], PRINTED["inverse-power"]
-        steps.append((f"error of the remaining speed if the reduction is {less} % instead of {true} %", error, "%"))
+        steps.append(
+            (f"error of the remaining speed if {less} % is used as the reduction instead of {true} %", error, "%")
+        )
     near = all(abs(part - printed[name]) < 1.0 < abs(100 - part - printed[name]) for name, part in reductions.items())
     remain, less = (
         ", ".join(f"{v:.1f}" for v in values)

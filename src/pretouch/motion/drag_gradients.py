@@ -19,7 +19,7 @@ from .layout import RELATIVE_INPUTS, ContactStatus
 
 
 class DragRows(Picklable):
-    """Derivatives of contact time and velocity under the virtual drag.
+    """Derivatives of contact time and contact velocity with a virtual drag.
 
     They are NaN if an encounter does not end in contact, touches with l' = 0, or does not start with an approach.
 

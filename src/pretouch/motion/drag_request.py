@@ -1,4 +1,4 @@
-"""Check the inputs of a solver call for the virtual drag."""
+"""Check the inputs of the solver for the virtual drag."""
 
 from __future__ import annotations
 

@@ -305,7 +305,7 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
     shared = len(curve_of) == 1
     if width not in _WIDTHS or not (shared or len(curve_of) == n):
         raise ValueError(
-            f"windows: found a table with {width} columns and sensor curves for {len(curve_of)} encounters. "
+            f"windows: found a table of curve pieces with {width} columns, and curves for {len(curve_of)} encounters. "
             f"Expected a number of columns from {sorted(_WIDTHS)}, and sensor curves for all {n} encounters"
         )
     if not (_is_valid(starts, curve_of, rows) if shared else _are_valid(starts, curve_of, rows)):

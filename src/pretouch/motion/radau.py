@@ -74,7 +74,7 @@ def evaluate(coefficients: FloatArray, at: FloatArray) -> FloatArray:
 
 
 def first_root(values: FloatArray, passed: BoolArray) -> FloatArray:
-    """Find the first zero crossing of interpolated values in each step.
+    """Find where interpolated values first cross zero in each step.
 
     The values of every step must cross zero.
 

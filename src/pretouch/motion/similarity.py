@@ -1,4 +1,4 @@
-"""Scale encounters with similar sensor curves to one reference sensor.
+"""Scale encounters so that all have the same sensor curve.
 
 All of them can then be solved with one sensor curve.
 

@@ -80,7 +80,7 @@ def read_columns(path: Path, wanted: str) -> tuple[str, str, FloatArray, FloatAr
     clock = next((i for i, title in enumerate(header) if TIME.fullmatch(title)), None)
     if clock is None:
         raise InvalidInputError(
-            f"{path}: found no time column among {', '.join(header)}; name the column with the times: time [s]"
+            f"{path}: found no time column among {', '.join(header)}; rename the column with the times to time [s]"
         )
     index = _index_of(path, header, wanted, clock)
     time, values = (np.array([_number(row, i) for row in rows]) for i in (clock, index))

@@ -1,4 +1,4 @@
-"""Compute the joint motion for the reference motions of sensor sites."""
+"""Compute joint motions so that sensor sites follow their references."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ class JointPath:
         return JointReference(position, motions @ velocities, motions @ accelerations + turning @ velocities, obstacle)
 
     def _anchor(self, step: FloatArray) -> None:
-        """Continue the computed path by a change of the sites' positions.
+        """Extend the joint path until the sites have moved by a given step.
 
         The steps are at most 1 mm long.
         """

@@ -1,4 +1,4 @@
-"""Combine a sensor site with its controller and sensor model.
+"""Combine a sensor on the robot with its controller.
 
 The sensor model includes sampling, noise and delay.
 """

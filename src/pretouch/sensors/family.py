@@ -49,7 +49,7 @@ class Family(ABC):
 
     @property
     def name(self) -> str:
-        """The name of the sensor curve that this family fits."""
+        """The name of the kind of sensor curve, such as `inverse-power`."""
         return str(self.curve.name)
 
     @property

@@ -298,7 +298,7 @@ def _number(value: Any, name: str, unit: str) -> float:
 
 
 def _limit(value: Any, name: str) -> float:
-    """Check that a distance limit [m] is a single number or infinity."""
+    """Check that a limit of the distance is one number, which may be infinite."""
     return float(value) if isinstance(value, float) and math.isinf(value) else _number(value, name, "m")
 
 

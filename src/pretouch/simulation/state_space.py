@@ -151,7 +151,7 @@ class LinearPlant(PlantModel):
         """Return the state-space model of the robot."""
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return coefficients that contain only the mass [kg].
+        """Return the coefficients of the robot, of which only the mass has an effect.
 
         The state-space model describes the rest.
         """

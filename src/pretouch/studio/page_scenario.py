@@ -84,7 +84,7 @@ def _obstacles(task: Task, document: dict[str, Any]) -> Iterator[str]:
         yield 'the page computes only the objectives "excursion" and "time" with a velocity_scale'
     others = [constraint.name for constraint in task.limits if constraint.name not in LIMITS]
     if others:
-        yield f"the page computes only the limits {', '.join(LIMITS)}, and [constraints] has {', '.join(others)}"
+        yield f"the page knows only the limits {', '.join(LIMITS)}, but [constraints] has {', '.join(others)}"
 
 
 def _fitted_curve(task: Task) -> dict[str, Any]:

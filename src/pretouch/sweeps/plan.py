@@ -1,4 +1,4 @@
-"""Check the inputs of a sweep and divide its grid.
+"""Check the inputs of a sweep, and divide its grid into blocks.
 
 The grid of inputs is divided into chunks.
 """

@@ -78,7 +78,7 @@ def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, An
 
 
 class _Probes:
-    """Pseudorandom contact states that identify a user-defined objective."""
+    """Random contact states, whose objectives tell objectives apart."""
 
     def column(self, name: str) -> FloatArray:
         """Return reproducible pseudorandom values of one quantity at contact."""

@@ -1,4 +1,4 @@
-"""Warn if an encounter uses distances that the calibration does not cover."""
+"""Warn about motions through distances without calibration readings."""
 
 from __future__ import annotations
 

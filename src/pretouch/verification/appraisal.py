@@ -379,7 +379,7 @@ def simulated_quantity(
 
 @dataclass(frozen=True, slots=True)
 class _Runs(Value):
-    """Quantities of simulated runs under the names that `ContactState` uses."""
+    """Quantities of simulated runs, named as in `ContactState`."""
 
     result: SimulationResult
     gain: float

@@ -1,4 +1,4 @@
-"""Search for the best gain and the most helpful loop change.
+"""Search for the gain and the loop change that help most.
 
 Every candidate is simulated with the same noise as the verdict.
 """

@@ -126,7 +126,7 @@ def changes_section(v: Verdict) -> PageSection | None:
     if not v.changes:
         return None
     n = v.compared_runs
-    note = f"Each change was simulated on the same {n} run{'' if n == 1 else 's'}, with the same encounters and noise."
+    note = f"Each change was simulated in {n} run{'' if n == 1 else 's'}, with the same encounters and noise."
     if n < v.runs:
         note += (
             f" These are the first of {v.runs} runs in total; changes of the gain were simulated on all {v.runs} runs."

@@ -268,7 +268,7 @@ def _reached(v: Verdict) -> str:
     if v.reached is None:
         return ""
     text = (
-        f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and it occurs in "
+        f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and occurs in "
         f"{share_in_words(v.reached.simulated)} of the simulated runs (in total {_runs(v)})"
     )
     text += f"; {v.reached.missing} end without the predicted contact." if v.reached.missing else "."

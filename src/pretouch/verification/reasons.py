@@ -75,7 +75,7 @@ def _failures(v: Verdict) -> Iterator[str]:
 
 
 def _harm_reasons(v: Verdict) -> Iterator[str]:
-    """Yield the reasons against a gain that does not make contact softer."""
+    """Yield the reasons why a gain does not soften the contact."""
     effect, quiet = v.effect, v.noiseless_effect
     if effect is not None and effect.is_harder:
         yield f"contact is harder than without mitigation{_harder(effect)}"

@@ -27,7 +27,7 @@ from .result import DragDesign, predict_drag
 def drag_by(
     sensor: SensorModel, distance: float, mass: float, *, impact: ImpactModel | None = None, **effect: Any
 ) -> DragDesign:
-    """Find the virtual drag that meets one requirement.
+    """Find the virtual drag with a given contact speed, excursion or acceleration.
 
     The requirement, such as a largest excursion, determines the coefficient phi.
 

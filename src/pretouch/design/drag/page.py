@@ -1,4 +1,4 @@
-"""Build the report on a virtual drag design."""
+"""Build the report on a designed virtual drag."""
 
 from __future__ import annotations
 

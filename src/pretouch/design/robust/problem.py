@@ -1,4 +1,4 @@
-"""Define the search problem of a robust design.
+"""Define the optimization problem of a robust design.
 
 It evaluates each gain over many sampled encounters.
 """

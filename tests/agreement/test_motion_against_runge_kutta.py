@@ -119,6 +119,8 @@ def test_no_contact_is_reported_only_where_there_is_none(name: str) -> None:
     found = find_contact(batch.scenario, sensor, batch.gain, horizon=HORIZON)
     without = np.flatnonzero(~found.reached)
     assert set(without // PER_CASE) == set(range(len(kinds))), "each kind must hold encounters without contact"
+    if name == "mittag-leffler":  # its slope takes 20 times as long as the others
+        without = without[::5]
     part, gain = _part(batch.scenario, without), batch.gain[without]
     coarse, fine = (integrate(part, sensor, gain, found.end.time[without], n) for n in (1500, 3000))
     scale = np.abs(found.end.distance[without])

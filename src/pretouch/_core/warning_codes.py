@@ -67,7 +67,7 @@ def split_code(text: str) -> tuple[str, str]:
 
 
 def with_context(context: str, text: str) -> str:
-    """Prepend a context, such as a sensor site, to a warning.
+    """Return a warning that also names its context, such as a sensor site.
 
     The context, such as the name of a sensor site, follows the warning code.
     """

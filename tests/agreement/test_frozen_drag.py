@@ -187,7 +187,7 @@ def test_what_is_not_known_is_asked_for() -> None:
         suspends_admittance=True,
     )
     with pytest.raises(
-        InvalidInputError, match=r"^relative_velocity: .* because the damping of the control law virtual-drag depends"
+        InvalidInputError, match=r"^relative_velocity: .* The damping of the control law virtual-drag depends"
     ):
         gain_limit(CURVE, LETTER, TIMING, distance=0.0, law=DRAG)
     with pytest.raises(InvalidInputError, match=r"^law: the damping of the control law shock is unknown"):

@@ -338,7 +338,8 @@ def test_a_plant_that_is_held_off_goes_along_until_the_admittance_lets_go() -> N
 def test_a_force_that_is_no_number_is_refused_in_one_sentence(wrong: Any) -> None:
     with pytest.raises(
         InvalidInputError,
-        match=r"force: the custom law own returned .*, expected .*\. The distance is .* m, and the rate d ln xi/dt is",
+        match=r"force: the custom law own returned .*, expected .*\. Its inputs were a distance of .* m and a rate "
+        r"d ln xi/dt of",
     ) as told:
         find_contact(APPROACH, POWER, 1.0, law=own(lambda *_: wrong))
     assert "\n" not in str(told.value)

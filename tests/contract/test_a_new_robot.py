@@ -268,7 +268,7 @@ def test_a_soft_joint_lowers_the_stability_limit_and_a_verdict_says_so(tmp_path:
         ({"b": [[0.0] * 4, [2000.0, 90.0, 1.0, -0.5]]}, "causes an acceleration of -0.5 m/s"),
         (
             {"b": [[0.0] * 4, [1000.0, 90.0, 1.0, 0.5]]},
-            "a: the robot model does not follow its commanded motion, a virtual object",
+            "a: the robot model does not follow the commanded motion of a virtual object",
         ),
         ({"b": [[0.0] * 4, [2000.0, 90.0, 1.0, math.nan]]}, "b: found .*nan.*"),
         ({"states": ("x",)}, "states: found 1, expected 2 to 32"),

@@ -96,7 +96,7 @@ def test_a_sensor_that_reports_distances_is_led_to_a_scenario_that_needs_no_cali
     assert "with pretouch init --part VL53L0X. Correct rate and noise in [chain] of this file." in " ".join(out.split())
     code, out, _ = run("init", "--part", "VL53L0X")
     assert code == 0
-    assert out.startswith("scenario.toml: this first scenario file uses the sensor part VL53L0X, which needs no")
+    assert out.startswith("scenario.toml: this first scenario file uses the sensor part VL53L0X. This part needs no")
     assert "replace it by your calibration" not in out
     assert "pretouch record" not in Path("scenario.toml").read_text()
     assert run("design", "scenario.toml", "--no-report")[0] == 0
@@ -146,7 +146,7 @@ def test_notes_are_wrapped_and_count_rows_without_an_output(run):
     header = "distance [mm],the output of the sensor without a unit,first,second,temperature,gain"
     Path("gap.csv").write_text("\n".join([header, *rows]) + "\n")
     out = run("fit", "gap.csv", "--columns", "output=2", "--labels", "none", "--no-report")[1]
-    assert "note: Rows or cells that are not used, because their output is missing (empty, nan or -): 1.\n" in out
+    assert "note: Rows or cells without an output (empty, nan or -): 1. They are not used.\n" in out
     assert "note: The column 'the output of the sensor without a unit' of sensor outputs has no unit, so" in out
     assert max(map(len, out.splitlines())) <= 100
 
@@ -301,8 +301,8 @@ def test_gathered_distances_are_told_once(run):
     Path("dense.csv").write_text("\n".join(["distance [mm],output [V]", *rows]) + "\n")
     out = run("fit", "dense.csv", "--no-report")[1]
     note = (
-        "note: The readings at 400 distances were combined into 50 groups of neighboring distances, and averaged. "
-        "Each group is 0.793 mm to 2.08 mm wide."
+        "note: The readings at 400 distances were combined into 50 groups of neighboring distances. "
+        "The readings of each group were averaged. The narrowest group is 0.793 mm wide, and the widest group 2.08 mm."
     )
     assert (" ".join(out.split()).count(note), out.count("combined")) == (1, 1)
 

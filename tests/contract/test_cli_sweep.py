@@ -223,7 +223,7 @@ def test_the_picture_of_a_sweep_is_legible(kind: str, results: tuple[str, ...]) 
 
 def test_what_cannot_be_drawn_is_refused() -> None:
     axes = {"obstacle.velocity": [-0.3, -0.2], "gain": [-0.5, -0.4], "admittance.mass": [1.0, 2.0]}
-    with pytest.raises(InvalidInputError, match="but this dataset has 3"):
+    with pytest.raises(InvalidInputError, match="found 3 axes with several values, but a figure can"):
         plots.sweep(sweep(Task(ENCOUNTER, CURVED), axes))
     flat = sweep(Task(ENCOUNTER, CURVED, gain=-0.5, horizon=5.0), {"obstacle.velocity": [0.3, 0.2]})
     with pytest.raises(InvalidInputError, match="time: no encounter of this sweep has a value"):

@@ -203,7 +203,7 @@ def test_what_does_not_hold_is_said() -> None:
     assert row(report_html(broken), "acceleration", "Constraints") == ["2.016 m/s\u00b2", "1 m/s\u00b2", "exceeded"]
     assert not broken.holds
     pushed = pt.design_drag(OTHERS["pushed"])
-    assert "accelerates at 0.5 m/s\u00b2 in the direction toward the robot" in str(pushed)
+    assert "accelerates toward the robot at 0.5 m/s\u00b2" in str(pushed)
     assert shown(row(report_html(pushed), "contact speed", "The contact")[1:2]) == near(followed(PHI, 0.5)[0])
     assert "no contact" in pt.design_drag(OTHERS["braking"]).headline
     slow = pt.design_drag(TASK.replace(drag_effect=pt.DragEffect(acceleration=2.0, largest_speed=0.1)))
@@ -213,7 +213,7 @@ def test_what_does_not_hold_is_said() -> None:
 def test_what_accelerates_is_the_object_relative_to_the_reference() -> None:
     for own, theirs, said in (
         (0.5, 0.5, ()),
-        (0.5, 0.0, ("at 0.5 m/s\u00b2 in the direction toward the robot",)),
+        (0.5, 0.0, ("toward the robot at 0.5 m/s\u00b2",)),
         (0.0, 0.05, ("away from the robot",)),
     ):
         bodies = {
@@ -231,8 +231,8 @@ def test_what_accelerates_is_the_object_relative_to_the_reference() -> None:
         (4.0, 0.0, None, True, ()),
         (2.02, 0.0, 0.3, True, ()),
         (2.01, 0.0, 0.31, False, ()),
-        (4.0, -0.5, None, True, ("accelerates at 0.5 m/s\u00b2 in the direction toward the robot",)),
-        (4.0, 0.05, None, True, ("accelerates at 0.05 m/s\u00b2 in the direction away from the robot",)),
+        (4.0, -0.5, None, True, ("accelerates toward the robot at 0.5 m/s\u00b2",)),
+        (4.0, 0.05, None, True, ("accelerates away from the robot at 0.05 m/s\u00b2",)),
         (4.0, 0.0, 0.29, True, ("up to 0.29 m/s, but this object approaches at 0.3 m/s",)),
     ],
 )

@@ -56,7 +56,7 @@ BAD = {
     "other": ("cube_law:Cube", 'the kind of the law is "cube", but must equal'),
     "undeclared": (
         "cube_law:Undeclared",
-        "the class has the field other, which a scenario file cannot set; declare this field by pretouch.fields",
+        "a scenario file cannot set the field other of the class; declare this field by pretouch.fields",
     ),
 }
 

@@ -337,7 +337,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "log span": (lambda: panel(line(x=X + 1), x_log=True, spans=[Span(start=0, end=2)]), r"^span: found 0, but a log"),
     "curve outside": (
         lambda: panel(line(label="a"), y_limits=(5, 6)),
-        r"^curve 'a': y: the values from .* outside y_limits",
+        r"^curve 'a': y: all values lie outside y_limits; .* The values range from",
     ),
     "no curves": (panel, r"^curves: found none"),
     "one curve": (lambda: panel(curves=line()), r"^curves: found a single Curve, expected a list"),
@@ -353,7 +353,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "map of a row": (lambda: Map(x=[0, 1], y=[0], values=[[0, 1]]), r"^map: values: found 2 finite values of shape"),
     "map turned": (
         lambda: Map(x=[0, 1], y=[0, 1, 2], values=np.ones((2, 3))),
-        r"found .* of shape \(2, 3\), expected an array of the shape \(3, 2\)\. The array needs one row for each y",
+        r"found .* of shape \(2, 3\), expected an array of 3 rows \(one for each y\) and 2 columns",
     ),
     "map of nothing": (lambda: Map(x=[0, 1], y=[0, 1], values=np.full((2, 2), np.nan)), r"found 0 finite values"),
     "map on log": (

@@ -292,12 +292,13 @@ def test_columns_are_chosen_by_header_number_and_unit(file, text, columns):
         ),
         (
             {"output": "output"},
-            "for the output column, which is ambiguous, because the columns 2 and 3 of the file sensor.csv have the",
+            "for the output column. This name is ambiguous, because the columns 2 and 3 of the file sensor.csv have",
         ),
         ({"distance": "[V]"}, "columns: found the unit 'V' for the distance, expected a unit of length such as mm"),
         (
             {"distance": "1 [cm]", "output": 2},
-            "'cm' in the option, but 'mm' in the column header 'distance [mm]'; give only one unit",
+            "two units for the distance, 'cm' in the option and 'mm' in the column header 'distance [mm]'; give only "
+            "one unit",
         ),
         ({"distance": 2, "output": 2}, "columns: column 2 is given as the distance and also as the output"),
     ],
@@ -337,7 +338,7 @@ def test_a_choice_that_cannot_be_is_refused(file, columns, message):
         ("Bench 4\nSerial 5\na,b\n0,2\n5,1\n", "line 1: found 'Bench 4', but a header such as"),
         ("Bench 4\nSerial 5\na,b\n0,2\n5,1\n", "The first row of numbers is in line 4. Put # before every line above"),
         ("Bench 4\nSerial 5\n0 2\n5 1\n", "line 1: found 'Bench 4', but a header such as"),
-        ("1,2\n2,3\ndistance [mm],output [V]\n0,2\n", "line 1: there are numbers ('1,2') above the header"),
+        ("1,2\n2,3\ndistance [mm],output [V]\n0,2\n", "line 1: found the numbers '1,2' above the header in line 3"),
         ("Bench 4\ndistance,output [V]\n0,2\n", "line 2: found 'distance', a distance without a unit"),
         ("distance,output [V]\n0,2\n", f'or use --columns "distance=1 [mm]" {REMEDY}'),
         ("distance [mm],drive current [mA],gain\n0,8,2\n", f'--columns "distance=1,output=2" {REMEDY}'),

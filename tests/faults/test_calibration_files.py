@@ -91,7 +91,7 @@ def test_further_columns_tell_curves_apart(tmp_path):
     assert read_calibration(path, select={"day": 2}).outputs.tolist() == [6.0]
     assert len(read_calibrations(path, labels=["day"])) == 2
     with pytest.raises(
-        CalibrationDataError, match=r"3 curves, but exactly one is needed; .*the labels are day: 1, 2; side: a, b"
+        CalibrationDataError, match=r"3 curves, but exactly one is needed\. .*The labels are day: 1, 2; side: a, b"
     ):
         read_calibration(path)
     with pytest.raises(CalibrationDataError, match="select: the file has no label column named 'size'"):

@@ -149,7 +149,7 @@ def test_one_distance_far_beyond_all_others_is_a_typing_error_or_means_no_object
     code, out, err = run("fit", "sensor.csv")
     assert (code, out) == (2, "")
     assert (
-        "sensor.csv: found the distance 99.999 m, which is implausible, because it is 1,111 times the next smaller "
+        "sensor.csv: the distance 99.999 m is implausible. It is 1,111 times the next smaller "
         "distance of 0.09 m. Correct the distance, or" in err
     )
     assert "write inf if no object was present" in err

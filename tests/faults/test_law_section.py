@@ -112,7 +112,7 @@ def test_a_margin_that_leaves_no_drag_is_placed(write):
     assert told.startswith(f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: no drag within ")
     assert "has the required gain margin of 1e+06. At a sensor rate of " in told
     assert " Hz, the strongest drag with this margin is " in told
-    assert ", but the bounds are 0.001 to 0.2 N*s^2. Choose" in told
+    assert ". The bounds of [gain] are 0.001 to 0.2 N*s^2. Choose" in told
     assert ". Choose a smaller margin" in told
 
 

@@ -240,7 +240,7 @@ def test_a_margin_that_leaves_no_gain_is_placed(write):
             f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: no gain within "
         )
         assert "has the required gain margin of 1000. At a sensor rate of " in told
-        assert ", but the bounds are -10 to -0.01 N*s. Choose" in told
+        assert ". The bounds of [gain] are -10 to -0.01 N*s. Choose" in told
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
         (
             {"sample": {"obstacle.velocity": [-0.3, -0.2], "plant.velocity": [0.0]}},
             {"gain": -0.5},
-            "found 2 values of obstacle.velocity, 1 values of plant.velocity along the axis sample",
+            "the axis sample has 2 values of obstacle.velocity, 1 values of plant.velocity, but all inputs",
         ),
         ({"obstacle.velocity": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "as the name of an axis of paired inputs"),
         ({"time": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "the axis name 'time' is already the name of a result"),
@@ -148,7 +148,8 @@ def test_a_library_that_is_not_installed_is_named_with_what_installs_it(
     extra = "dask" if library == "distributed" else "sweep"
     with pytest.raises(
         MissingExtraError,
-        match=rf"needs the library {library}, which is not installed.*pip install 'pretouch\[{extra}\]'",
+        match=rf"{library}: this Python library is required, but it is not installed; "
+        rf"install it with: pip install 'pretouch\[{extra}\]'",
     ):
         pt.sweep(
             pt.Task(SCENARIO, CURVED),

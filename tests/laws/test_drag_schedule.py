@@ -74,7 +74,10 @@ def test_a_constant_is_the_best_of_the_rising_ones_where_reflectance_is_hardly_k
     assert 0 <= found.gap + 1e-12 < 1e-5
     assert found.lower_bound > found.constant.excursion - 1e-5
     assert found.verdict.startswith("a constant virtual drag with an excursion of ")
-    assert "Every rising drag schedule with the same steps of ln xi needs at least" in found.verdict
+    assert (
+        "Every rising drag schedule with the same steps of ln xi (xi: sensor output) needs an excursion of at least"
+        in found.verdict
+    )
 
 
 def test_that_a_constant_is_best_follows_from_thresholds_alone() -> None:

@@ -400,7 +400,7 @@ def test_an_obstacle_at_rest_has_no_speed_to_scale_with(letter_first_order: Expo
         plant=Plant(position=-0.1),
     )
     objective = time_objective(time_scale=1.0, velocity_scale="obstacle speed")
-    with pytest.raises(InvalidInputError, match="if the obstacle is at rest and its speed is 0"):
+    with pytest.raises(InvalidInputError, match="but the obstacle is at rest and its speed is 0"):
         design_gain(Task(scenario, letter_first_order, objective, bounds=BOUNDS))
 
 

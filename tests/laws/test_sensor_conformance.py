@@ -275,7 +275,7 @@ UNLAWFUL = {
     ),
     "slope 10 % off": (
         _custom(straight, lambda d: 1.1 * forty(d)),
-        r"the average slope is -44 1/m between .* but ln xi changes by -40 1/m there\. The slope must be the",
+        r"between .* the average slope is -44 1/m, but ln xi changes by -40 1/m\. The slope must be the",
     ),
     "slope 0.3 % off": (_custom(straight, lambda d: 1.003 * forty(d)), r"the average slope is -40\.12 1/m"),
     "jump": (_custom(lambda d: -40 * d - 0.1 * (d > 0.02), forty), "The slope must be the derivative of ln xi"),

@@ -295,7 +295,7 @@ class TestSecondOrder:
 
     def test_a_range_behind_the_turning_point_is_refused(self) -> None:
         with pytest.raises(
-            InvalidInputError, match=r"found 0\.08 m, expected less than 0\.0780591 m, which is the turning point"
+            InvalidInputError, match=r"found 0\.08 m, expected less than 0\.0780591 m, the turning point of the curve"
         ):
             replace(TABLE_I, minimum_distance=0.08)
 
@@ -496,22 +496,22 @@ class TestTable:
             (
                 (0.0, 0.02, 0.01),
                 (3.0, 2.0, 1.0),
-                "distances: found 0.02 followed by 0.01, but these values must be strictly inc",
+                "distances: found the value 0.02 followed by the value 0.01, expected strictly increasing values",
             ),
             (
                 (0.0, 0.01, 0.01),
                 (3.0, 2.0, 1.0),
-                "distances: found 0.01 followed by 0.01, but these values must be strictly inc",
+                "distances: found the value 0.01 followed by the value 0.01, expected strictly increasing values",
             ),
             (
                 (0.0, 0.01, 0.02),
                 (3.0, 1.0, 2.0),
-                "outputs: found 1 followed by 2, but these values must be strictly decreasing",
+                "outputs: found the value 1 followed by the value 2, expected strictly decreasing values",
             ),
             (
                 (0.0, 0.01, 0.02),
                 (3.0, 2.0, 2.0),
-                "outputs: found 2 followed by 2, .* smooth the table or fit a curve first",
+                "outputs: found the value 2 followed by the value 2, .* smooth the table or fit a curve first",
             ),
             ((0.0, 0.01), (1.0, 0.0), "outputs: found 0, which must be positive"),
             ((0.0, 0.01), (1.0, -1.0), "outputs: found -1, which must be positive"),
@@ -554,7 +554,7 @@ FIRST = {"scale": 0.458, "rate": -61.0}
         (
             InversePower,
             POWER | {"maximum_distance": 0.0},
-            "maximum_distance: found 0 m, expected a distance above minimum_distance, which is 0 m",
+            "maximum_distance: found 0 m, expected more than the minimum_distance of 0 m",
         ),
         (ExponentialFirstOrder, FIRST | {"rate": 61.0}, "rate: found 61 1/m, which must be negative"),
         (ExponentialFirstOrder, FIRST | {"rate": 0.0}, "rate: found 0 1/m, which must be negative"),

@@ -86,8 +86,9 @@ def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
         (
             [velocity_limit(0.1, 0.99)],
             NARROWLY,
-            "60 runs, which does not demonstrate the required 99 %. These runs demonstrate only a probability of "
-            "95.12 % (95 % confidence); with the same share, 299 runs are enough",
+            "60 runs. This does not demonstrate the required probability of 99 %. The runs demonstrate only a "
+            "probability of 95.12 % (95 % confidence). To demonstrate it with the same share of runs, simulate 299 "
+            "runs",
         ),
         ([pt.Constraint(name="excursion", limit=0.0985)], NARROWLY, "is met with a margin of only"),
     ],

@@ -242,9 +242,9 @@ def test_a_prediction_outside_of_the_range_of_the_sensors_is_explained(exponent:
     on_loop, in_time = (format_quantity(v, "m/s", 3) for v in (check.predicted, check.witness.predicted))
     assert f"On the sampled loop without noise, the contact speed is {on_loop} with the fitted curve" in check.text
     assert "in continuous time: on 100 sensor curves that fit the readings, the contact speed is " in check.text
-    assert f"the fitted curve predicts {in_time}" in check.text
+    assert f"The fitted curve predicts {in_time}" in check.text
     assert (f"the fitted curve predicts a {way} contact than most of these sensors" in check.text) is bool(way)
-    assert (", which is outside of this range; a difference of up to 15 % counts as agreement." in check.text) is bool(
-        way
-    )
-    assert ("; up to 15 % harder counts as agreement" in check.text) is (way == "softer")
+    assert (
+        ". This prediction is outside of the range. A difference of up to 15 % counts as agreement." in check.text
+    ) is bool(way)
+    assert (" (a contact up to 15 % harder counts as agreement)." in check.text) is (way == "softer")

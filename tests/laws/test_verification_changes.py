@@ -207,8 +207,8 @@ def test_a_change_has_one_sentence_with_its_numbers() -> None:
         "damping to 254.6 N s/m.",
         "offset": "Subtract the exact offset of the sensor, 0.12 (unit of the readings) instead of 0.1, and "
         "track its drift.",
-        "largest-rate": "Set the controller's largest_rate to 48 1/s, which is twice the largest rate |d ln xi / dt| "
-        "of an approach plus noise.",
+        "largest-rate": "Set the controller's largest_rate to 48 1/s. This value is twice the largest rate "
+        "|d ln xi / dt| of the sensor signal xi in an approach, plus noise.",
     }
 
 

@@ -207,7 +207,7 @@ def test_a_loop_without_effect_does_not_hold() -> None:
     assert verdict(QUICK, gain=0.0, runs=1, changes=False).status is pt.VerdictStatus.DOES_NOT_HOLD
     one = pt.simulate_encounter(task)
     assert one.warnings[-1].startswith(
-        "PT415: The gain has no effect in this run: the contact speed is 0.5 m/s, and it is "
+        "PT415: The gain has no effect in this run: the contact speed is 0.5 m/s with this gain and "
     )
 
 
@@ -281,7 +281,7 @@ def test_simulate_warns_of_a_loop_that_is_unstable_or_nearly_and_of_a_force_far_
         return " ".join(pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=slow, gain=gain)).warnings)
 
     strongest = f"{limit.strongest:.3g} N s"
-    assert f"where the strongest stable gain is {strongest}" in warnings(1.05 * limit.strongest)
+    assert f": the strongest stable gain there is {strongest}" in warnings(1.05 * limit.strongest)
     assert "The gain margin of the sampled loop is only 1.05 at" in warnings(limit.strongest / 1.05)
     assert "gain margin" not in warnings(limit.strongest / 2.1)
     wild = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=loop_of(relative_noise=0.1), gain=-0.7463))

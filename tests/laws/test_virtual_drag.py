@@ -226,7 +226,9 @@ def test_the_limit_on_acceleration_has_three_branches(limit: float) -> None:
     assert roots
     sensor = InversePower(scale=1.0, distance_offset=l_0, exponent=n)
     if l_d / (l_0 * beta) * max(roots) > math.log(1e9):
-        with pytest.raises(InvalidInputError, match=r"Even the strongest drag .contact speed / approach speed = 1e-09"):
+        with pytest.raises(
+            InvalidInputError, match=r"even the strongest drag .* ratio 1e-09 .contact speed / approach speed"
+        ):
             drag_by(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
         return
     found = drag_by(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
@@ -268,9 +270,9 @@ def test_drags_of_an_array_are_those_of_one_each(effect: str, values: tuple[floa
 
 
 def test_a_limit_of_an_array_that_no_drag_reaches_is_named() -> None:
-    with pytest.raises(InvalidInputError, match=r"the limit of 1e\+09 m .* strongest drag"):
+    with pytest.raises(InvalidInputError, match=r"the limit of 1e\+09 m, even with the strongest drag"):
         drag_by(POWER, 0.0422, 1.0, excursion=[0.05, 1e9, 0.06])
-    with pytest.raises(InvalidInputError, match=r"the limit of .*, 1e\+09 1/m, .* strongest drag"):
+    with pytest.raises(InvalidInputError, match=r"strongest drag .* The limit of .* is 1e\+09 1/m"):
         drag_by(POWER, 0.0422, 1.0, acceleration=[2.0, 1e9], largest_speed=1.0)
 
 
@@ -282,7 +284,7 @@ def test_a_limit_of_an_array_that_no_drag_reaches_is_named() -> None:
         ({"ratio": 1.2}, "ratio: found 1.2, .* a virtual drag reduces the speed"),
         ({"acceleration": 2.0}, r"largest_speed: the largest approach speed \[m/s\] is missing"),
         ({"impact_force": 2.0, "largest_speed": 1.0}, "found none"),
-        ({"excursion": 1e9}, "Even with the strongest drag"),
+        ({"excursion": 1e9}, "even with the strongest drag"),
     ],
 )
 def test_a_design_without_a_meaning_is_refused(given: dict[str, float], message: str) -> None:
@@ -462,7 +464,7 @@ def test_rails_speak_of_two_designs_of_one_encounter() -> None:
     assert rails.peak == pytest.approx(reached.max(), rel=1e-6)
     assert rails.peak >= max(weak.peak, strong.peak) * (1 - 1e-12)
     assert rails.contact_speed_bound(0.3, 1.0) == weak.contact_speed_bound(0.3, 1.0)
-    with pytest.raises(InvalidInputError, match="expected positive ascending numbers"):
+    with pytest.raises(InvalidInputError, match="expected 0 < weak drag <= strong drag"):
         DragLimits(weak=strong, strong=weak)
     with pytest.raises(InvalidInputError, match="differ only in their drag"):
         DragLimits(weak=weak, strong=strong.seen_from(0.05))

@@ -108,6 +108,6 @@ def require(module: str, *, extra: str = "sweep") -> Any:
             raise  # the original message is more specific
         name = module.partition(".")[0]
         raise MissingExtraError(
-            f"{name}: this function needs the library {name}, which is not installed; install it with: pip "
+            f"{name}: this Python library is required, but it is not installed; install it with: pip "
             f"install 'pretouch[{extra}]'"
         ) from None

@@ -103,8 +103,8 @@ def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
         return (
             ""
             if kind == name
-            else f'the class has the kind "{kind}", but its kind must equal the name of the entry point; use the '
-            "same name for both"
+            else f'the kind of the class is "{kind}", but must equal the name of the entry point; use the same name '
+            "for both"
         )
 
     return problem
@@ -121,7 +121,7 @@ def _incomplete(value: Any) -> str:
     for f in fields(value) if isinstance(value, type) and is_dataclass(value) else ():
         if f.init and not f.metadata and f.default is MISSING and f.default_factory is MISSING:
             return (
-                f"the class has the field {f.name}, which a scenario file cannot set; declare this field by "
+                f"a scenario file cannot set the field {f.name} of the class; declare this field by "
                 "pretouch.fields.quantity"
             )
     return ""

@@ -172,7 +172,7 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
     """
     if array.dtype != dtype or not array.flags.c_contiguous:
         raise TypeError(
-            f"the compiled function needs a contiguous array of the type {dtype}, but received an array of the "
+            f"the compiled function needs a contiguous array of the type {dtype}. It received an array of the "
             f"type {array.dtype} with the strides {array.strides}"
         )
     if _DATA_OFFSET is None:

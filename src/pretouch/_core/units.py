@@ -192,7 +192,7 @@ def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
     if tokens and tokens[0] in {"^", "**"}:
         if len(tokens) < 2 or not re.fullmatch(r"[-+]?\d{1,4}", tokens[1]) or abs(int(tokens[1])) > _LARGEST_POWER:
             raise UnitError(
-                f"{text!r} is not a valid unit: exponents must be integers with a magnitude of at most {_LARGEST_POWER}"
+                f"{text!r} is not a valid unit: exponents must be integers from -{_LARGEST_POWER} to {_LARGEST_POWER}"
             )
         unit = _combine(Unit(1.0, _NONE), unit, int(tokens[1]))
         tokens = tokens[2:]
@@ -233,7 +233,7 @@ def missing_unit(text: str, unit: str) -> str:
 
     Examples:
         >>> missing_unit("42.2", "m")
-        'a number with its unit, such as "42.2 mm", or 42.2 without quotes, which is in m'
+        'a number with its unit, such as "42.2 mm", or 42.2 without quotes (unit: m)'
         >>> missing_unit("42.2 mm", "m"), missing_unit("0.95", "")
         ('', '')
     """
@@ -242,7 +242,7 @@ def missing_unit(text: str, unit: str) -> str:
         return ""
     number, base = match.group(1), written_unit(unit)
     example = f"{number} {_LIKELY.get(unit, base)}"
-    return f'a number with its unit, such as "{example}", or {float(number):.15g} without quotes, which is in {base}'
+    return f'a number with its unit, such as "{example}", or {float(number):.15g} without quotes (unit: {base})'
 
 
 def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) -> float:

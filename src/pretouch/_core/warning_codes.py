@@ -485,7 +485,7 @@ _TABLE: Final = (
         "Some joints of the robot model have no actuator.",
         "pretouch treats these joints as free, which changes the moved mass.",
         "Add the actuators, or lock the joints.",
-        "No actuator moves the following joints, so pretouch lets them move freely: wrist",
+        "No actuator moves some joints, so pretouch lets them move freely (wrist)",
     ),
     (
         "PT504",
@@ -493,7 +493,7 @@ _TABLE: Final = (
         "While the robot moves back along the axis, the sensor also turns or moves sideways.",
         "The prediction is along one axis, so predicted and simulated contact speeds differ.",
         "Simulate the robot, or choose an axis and a posture in which the sensor moves straight.",
-        "The sensor leaves its axis: per 100 mm of motion it turns by 4.1 deg and moves sideways by 12 mm",
+        "Per 100 mm of motion, the sensor turns by 4.1 deg and moves 12 mm off its axis: simulate the robot.",
     ),
     (
         "PT505",
@@ -509,7 +509,7 @@ _TABLE: Final = (
         "In the simulation of the whole robot, a joint range or a singularity ends the motion along the axis.",
         "The robot stops before the law has reduced the contact speed, and touches harder than predicted.",
         "Choose a weaker gain or a posture with a longer retreat.",
-        "Before contact, the reference motion of the site fingertip stops at a joint range of the robot.",
+        "Before contact, the reference motion of the site fingertip stops at a joint range of the robot",
     ),
     (
         "PT507",
@@ -517,7 +517,7 @@ _TABLE: Final = (
         "The contact speed of the simulated robot differs from the prediction by more than 5 %.",
         "A gain that was designed for one axis then does not have the designed effect on this robot.",
         "Rely on the simulation. Other warnings of the result name the reason, if it is known.",
-        "The simulated contact speed of the site fingertip is 12 % higher than its prediction.",
+        "The simulated contact speed of the site fingertip is 12 % higher than its prediction: rely on the simulation.",
     ),
     (
         "PT508",
@@ -525,7 +525,7 @@ _TABLE: Final = (
         "Some hinges of the robot model have no range.",
         "pretouch treats them as turning without end, so the robot may have less room to retreat than stated.",
         "Add the range to each joint that has one.",
-        "The following hinges have no range in the model, so pretouch lets them turn without limit: elbow",
+        "Some hinges have no range in the model, so pretouch lets them turn without limit (elbow)",
     ),
     # --- recordings
     (

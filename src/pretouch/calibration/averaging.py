@@ -255,7 +255,8 @@ def condense(calibration: Calibration) -> Calibration:
     distinct, source = len(calibration.distinct_distances), calibration.source
     note = (
         f"The readings at {distinct} distances were combined into {count} groups of neighboring "
-        f"distances, and averaged. Each group is {widths[0]} to {widths[1]} wide."
+        "distances. The readings of each group were averaged. "
+        f"The narrowest group is {widths[0]} wide, and the widest group {widths[1]}."
     )
     return replace(
         calibration,

@@ -53,7 +53,7 @@ class ColumnOption:
             return header_unit
         if header_unit is not None and header_unit != self.unit:
             raise CalibrationDataError(
-                f"columns: the unit of the {self.key} is {self.unit!r} in the option, but {header_unit!r} in the "
+                f"columns: found two units for the {self.key}, {self.unit!r} in the option and {header_unit!r} in the "
                 f"column header {title!r}; give only one unit"
             )
         return self.unit
@@ -160,8 +160,9 @@ def _find(table: TextTable, number: int | None, names: tuple[str, str], message:
         at = [i for i, title in enumerate(among) if title == wanted]
         if len(at) > 1:
             raise CalibrationDataError(
-                f"{message}, which is ambiguous, because the columns {' and '.join(str(i + 1) for i in at[:2])} of the "
-                f"file {table.file} have the same name; give the column number instead"
+                f"{message}. This name is ambiguous, because the columns "
+                f"{' and '.join(str(i + 1) for i in at[:2])} of the file {table.file} have the same name. Give the "
+                "column number instead"
             )
         if at:
             return at[0]

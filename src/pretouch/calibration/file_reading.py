@@ -74,14 +74,16 @@ def read_calibration(
     for key in wanted:
         if key not in keys:
             available = ", ".join(sorted(keys)) or "none, because the file contains one curve"
-            raise CalibrationDataError(f"select: the file has no label column named {key!r} (available: {available})")
+            raise CalibrationDataError(
+                f"select: the file has no label column named {key!r}; available label columns: {available}"
+            )
     selected = [curve for curve_labels, curve in curves if wanted.items() <= curve_labels.items()]
     if len(selected) == 1:
         return selected[0]
     values = "; ".join(f"{k}: {', '.join(dict.fromkeys(curve_labels[k] for curve_labels, _ in curves))}" for k in keys)
     raise CalibrationDataError(
         f"{Path(path).name}: the file contains {len(selected)} curves{f' for {wanted}' if wanted else ''}, but "
-        f"exactly one is needed; choose one curve by its labels with select={{...}}; the labels are {values}"
+        f"exactly one is needed. Choose one curve by its labels with select={{...}}. The labels are {values}"
     )
 
 
@@ -264,7 +266,7 @@ def _curve(
     without_object = np.isinf(readings.distances)
     label = ", ".join(f"{name}={value}" for name, value in labels.items())
     dropped = int((~present).sum())
-    missing = f"Rows or cells that are not used, because their output is missing (empty, nan or -): {dropped}."
+    missing = f"Rows or cells without an output (empty, nan or -): {dropped}. They are not used."
     _refuse_stray_distance(table, readings.distances[present & ~without_object])
     if not (present & ~without_object).any():
         raise CalibrationDataError(
@@ -302,7 +304,7 @@ def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
     if len(distinct) < _FEW or distinct[-1] <= _STRAY * distinct[-2]:
         return
     message = (
-        f"{table.file}: found the distance {distinct[-1]:g} m, which is implausible, because it is "
+        f"{table.file}: the distance {distinct[-1]:g} m is implausible. It is "
         f"{distinct[-1] / distinct[-2]:,.0f} times the next smaller distance of {distinct[-2]:g} m. Correct the "
         "distance, or write inf if no object was present"
     )

@@ -31,8 +31,8 @@ def calibration_page(report: CalibrationReport) -> Page:
     else:
         parameters = tuple(block for fit in report.fits for block in _parameters(fit, report))
         note = Paragraph(
-            text=f"In a scenario file, these lines describe the fitted sensor curve {best.model}. They place the "
-            "contact surface at the nearest usable distance.",
+            text=f"In a scenario file, these lines describe the fitted sensor curve {best.model}. With these lines, "
+            "contact is at the nearest usable distance of the sensor.",
             quiet=True,
         )
         blocks = (

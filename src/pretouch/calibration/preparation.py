@@ -82,7 +82,8 @@ def prepare(
     needed = _FEWEST_DISTANCES + (offset_estimate is None)
     count = len(curve.distance) - near.index
     if not count:
-        clipped = f"No distance is usable, because {near.reason}: measure at larger distances, or amplify less."
+        remedy = "measure at larger distances, or lower the gain of the sensor"
+        clipped = f"No distance is usable, because {near.reason}: {remedy}."
         return _without_signal(calibration, curve, near, offset_estimate, caution("PT110", clipped))
     if count < needed:
         because = f", because {near.reason}" if near.index else ""
@@ -313,9 +314,10 @@ def _why_no_signal(
         reasons.append(
             caution(
                 "PT110",
-                f"The output is above the signal floor of {floor} at {count} of {_FEWEST_POINTS} required distances: "
+                f"The output exceeds the noise at only {count} of {_FEWEST_POINTS} required distances: "
                 "measure in finer steps near the sensor. Repeat readings, and record the output with no object. "
-                f"{largest}The offset is {offset.in_words(unit)}, and the noise of one reading is {sigma}.",
+                f"An averaged output contains a signal if it is above {floor}. {largest}The offset is "
+                f"{offset.in_words(unit)}, and the noise of one reading is {sigma}.",
             )
         )
     return tuple(reasons)

@@ -79,7 +79,7 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
                 "PT107",
                 f"The uncertainty of the sensor slope g is {size} at the distance "
                 f"{format_quantity(slope.worst_at, 'm', 3)}, but a design needs at most {100 * _ALLOWED:.0f} %: "
-                f"{remedy}.{detail} The limit holds from {near} to {far}, where most of the virtual force acts.",
+                f"{remedy}.{detail} This limit applies from {near} to {far}, where most of the virtual force acts.",
             )
         )
     gap = _largest_gap(prepared, best, float(slope.distances[-1]))
@@ -89,8 +89,9 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
             caution(
                 "PT108",
                 f"Between the distances {near} and {far}, the readings are {100 * abs(share):.0f} % "
-                f"{('flatter' if share > 0 else 'steeper')} than the best model, {best.model}. The true "
-                "curve has another shape, and the table model follows this shape.",
+                f"{('flatter' if share > 0 else 'steeper')} than the best model, {best.model}: use the "
+                "table model, or check how the distances were set. The true curve has another shape, and the table "
+                "model follows this shape.",
             )
         )
     return warnings

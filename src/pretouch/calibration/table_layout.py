@@ -294,8 +294,8 @@ def _refuse_ambiguity(table: TextTable, marks: dict[int, DistanceMark], others: 
         first, last = (table.header[i] for i in (min(marks), max(marks)))
         raise CalibrationDataError(
             f"{table.place}: the distances may be in the column {table.header[corner]!r} or in the headers "
-            f'{first!r} to {last!r}. Use --columns "distance={corner + 1}" if they are in the column, or '
-            f"{columns_hint('distance=[mm]')} if they are in the headers"
+            f'{first!r} to {last!r}. If they are in the column, use --columns "distance={corner + 1}". If they are in '
+            f"the headers, use {columns_hint('distance=[mm]')}"
         )
 
 
@@ -309,7 +309,7 @@ def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, Di
         first = next((unit for unit in header_units if unit != option_unit), option_unit)
         if option_unit is not None and first != option_unit:
             raise CalibrationDataError(
-                f"columns: the unit of the distance is {option_unit!r} in the option, but {first!r} in the "
+                f"columns: found two units for the distance, {option_unit!r} in the option and {first!r} in the "
                 "headers; give only one unit"
             )
         if bare and len(header_units) > 1:

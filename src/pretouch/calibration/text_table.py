@@ -188,9 +188,9 @@ def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -
         cells = _cells(line, delimiter)
         if len(cells) == width and sum(is_number(cell) for cell in cells) > 1:
             raise CalibrationDataError(
-                f"{file}, line {i}: there are numbers ({quoted(line)}) above the header, which is in line "
+                f"{file}, line {i}: found the numbers {quoted(line)} above the header in line "
                 f"{header[0]}. Put # before every line that is not part of the table",
-                problem=f"{file}, line {i}: there are numbers above the header, which is in line {header[0]}",
+                problem=f"{file}, line {i}: found numbers above the header in line {header[0]}",
             )
     first, last = lines[0], lines[index - 1]
     which, are = (f"Line {first[0]}", "is") if index == 1 else (f"Lines {first[0]} to {last[0]}", "are")

@@ -141,7 +141,7 @@ def find_reservations(
         reasons.append(
             caution(
                 "PT104",
-                f"The readings at {bad} distances are inconsistent with every curve through the other readings; "
+                f"The readings at {bad} distances are inconsistent with every curve through the other readings: "
                 "measure again at these distances.",
             )
         )
@@ -166,14 +166,16 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
     lowest = float(curve.output[at])
     kind, level = offset.kind, _level(prepared.calibration, offset.value)
     if offset.value < 0 and offset.high < 0 and min([lowest, *prepared.calibration.no_object]) >= 0:
-        reasons.append(caution("PT103", f"The {kind} offset of {level} is negative, but no reading is: {record}."))
+        reasons.append(
+            caution("PT103", f"The {kind} offset of {level} is negative, but no reading is negative: {record}.")
+        )
     if offset.kind == "declared" and offset.value > lowest + 4 * noise.output / math.sqrt(float(curve.count[at])):
         reading = _level(prepared.calibration, lowest)
         reasons.append(
             caution(
                 "PT103",
-                f"The {kind} offset of {level} is larger than some readings, such as {reading}, so these readings "
-                f"contain no signal: {record}.",
+                f"The {kind} offset of {level} is larger than some readings, such as {reading}: {record}. These "
+                "readings contain no signal.",
             )
         )
     if offset.kind == "fitted" and prepared.flattens:

@@ -227,8 +227,8 @@ def _peak(curve: AveragedCurve, start: int, option: float | str | None) -> tuple
         index = int(np.searchsorted(curve.distance, distance * (1 - 1e-12)))
         if index >= len(curve.distance) or not math.isfinite(distance):
             raise InvalidInputError(
-                f"near_field_peak: found {distance:g} m, but the peak must be at a smaller distance than the "
-                f"last measured distance, {curve.distance[-1]:g} m"
+                f"near_field_peak: found {distance:g} m, expected at most the last measured distance of "
+                f"{curve.distance[-1]:g} m"
             )
         return index, "declared"
     part = curve.part(slice(start, None))
@@ -263,8 +263,8 @@ def window_of(
             f"{value} {calibration.unit}".rstrip() for value in (f"{offset.value:.4g}", f"{floor - offset.value:.3g}")
         )
         reason = (
-            f"at distances from {beyond} on, the output exceeds the offset of {base} by less than {floor_sigmas:g} "
-            f"standard errors, that is, by less than {least}"
+            f"from the distance {beyond} on, the output exceeds the offset of {base} by less than {floor_sigmas:g} "
+            f"standard errors, or {least}"
         )
     return UsableWindow(
         distances=tuple(float(curve.distance[i]) for i in used),

@@ -111,8 +111,8 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
     """Fit several calibration curves and print the results."""
     if shown.output is not None:
         raise InvalidInputError(
-            f"--output: the file {request.path.name} contains {len(curves)} curves, but a report covers only one "
-            f"curve; choose a curve with --select, for example {selection_of(curves[0].label)}"
+            f"--output: a report covers only one curve, but the file {request.path.name} contains {len(curves)} "
+            f"curves. Choose a curve with --select, for example {selection_of(curves[0].label)}"
         )
     width = max(len(curve.label) for curve in curves)
     usable, objects = 0, []
@@ -130,8 +130,8 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
         print_text(as_json({"file": request.path.name, "usable": usable, "curves": objects}))
     else:
         print_text(
-            f"\n{usable} of {len(curves)} calibration curves are usable; choose a curve with --select to get its "
-            "report and figures"
+            f"\n{usable} of {len(curves)} calibration curves are usable. To get the report and figures of a curve, "
+            "choose it with --select"
         )
     end(good=usable > 0)
 

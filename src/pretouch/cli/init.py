@@ -119,7 +119,8 @@ def _init(
     start = min(reach, 0.3) if given["distance"] is None else size("distance", "m", asks=False)
     if not start > 0:
         raise InvalidInputError(
-            f"--recess: a recess of {near:g} m is too large, because the sensor can be used only up to {far:g} m"
+            f"--recess: a recess of {near:g} m is too large, because the usable range of the sensor ends at {far:g} m. "
+            "Choose a smaller recess"
         )
     scenario = FirstScenario(
         calibration="" if request is None else Path(os.path.relpath(request.path, output.parent)).as_posix(),
@@ -153,7 +154,7 @@ def _init(
         return
     source = "your calibration" if request is not None else "a typical sensor curve; replace it by your calibration"
     if request is None and chosen is not None and chosen.chain.measures_distance:
-        source = f"the sensor part {chosen.name}, which needs no calibration, because it reports distances"
+        source = f"the sensor part {chosen.name}. This part needs no calibration, because it reports distances"
     print_text(
         f"{output}: this first scenario file uses {source}.\n\nCheck the values in the file. Then run\n"
         f"  pretouch design {output}    to choose the gain, and\n"
@@ -163,7 +164,7 @@ def _init(
         from .summary import warning_lines  # noqa: PLC0415 - keeps `pretouch --help` quick
 
         lines = [
-            f"\nThe calibration in {request.path} is usable with reservations:",
+            f"\nThe calibration in {request.path} is usable, but with these reservations:",
             *(x for w in warnings for x in warning_lines(w)),
         ]
         print_text("\n".join(lines))

@@ -59,8 +59,7 @@ class _Origin:
         ]
         if len(chosen) > 1:
             raise InvalidInputError(
-                f"{' and '.join(chosen)}: these options choose {len(chosen)} sources of readings, but only one is "
-                "allowed"
+                f"{' and '.join(chosen)}: found {len(chosen)} sources of readings, expected only one of these options"
             )
         layout = LineFormat(column=self.column, distance_column=self.distance_column, distance_unit=self.distance_unit)
         if self.topic:

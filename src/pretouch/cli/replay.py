@@ -114,7 +114,8 @@ def replay(
 def _refuse_swapped(file: Path, recording: Path) -> None:
     if file.suffix != ".toml" and recording.suffix == ".toml":
         raise InvalidInputError(
-            f"{file}: expected the scenario file before the recording; run: pretouch replay {recording} {file}"
+            f"{file}: found the recording first, expected the scenario file first. Run: "
+            f"pretouch replay {recording} {file}"
         )
 
 
@@ -158,7 +159,8 @@ def _write(
     if chain is not None:
         if not result.chain:
             raise InvalidInputError(
-                f"{chain}: the recording has too few readings to describe the sensor chain; record longer"
+                f"{chain}: the section [chain] cannot be estimated, because the recording has too few readings. "
+                "Make a longer recording"
             )
         written.append(f"Section [chain]: {write_text(chain, result.chain, overwrite=shown.force)}")
     if calibration is not None and pairs is not None:

@@ -152,7 +152,7 @@ def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
         name, values = read_axis(text, units)
         if name in axes:
             raise InvalidInputError(
-                f"--axis: the input {name} is given twice, but can have only one axis; remove one of the --axis options"
+                f"--axis: the input {name} is given twice, expected once; remove one of its two --axis options"
             )
         axes[name] = values
     return axes
@@ -168,7 +168,7 @@ def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
     long = [name for name, values in axes.items() if len(values) > 1]
     if len(long) not in {1, 2}:
         raise InvalidInputError(
-            f"--figure: a figure can show one or two axes with several values, but this sweep has {len(long)} such axes"
+            f"--figure: found {len(long)} axes with several values, expected one or two such axes for a figure"
         )
     if path.exists() and not force:
         raise OutputExistsError(
@@ -218,8 +218,8 @@ def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Pres
         if shown.output is None:
             raise
         raise InvalidInputError(  # a large sweep is read here for the first time
-            f"{shown.output}: the dataset cannot be loaded (error: {' '.join(str(error).split())[:200]}) and "
-            "may be damaged; choose another name with --output, or remove the file"
+            f"{shown.output}: the dataset cannot be loaded and may be damaged. Remove the file, or choose another "
+            f"name with --output. The error is: {' '.join(str(error).split())[:200]}"
         ) from None
     print_text(text)
     for what, path in () if shown.json else (("Dataset", shown.output), ("Figure", figure)):

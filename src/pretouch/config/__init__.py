@@ -359,9 +359,9 @@ class _Builder(Reading):
             if window is not None and window.l_max <= (recess + high) * (1 + _ROUNDING):
                 cause = f", the end of the calibrated range ({window.end_reason})"
                 extending = (
-                    " To start there, calibrate at larger distances, or extrapolate the curve (unless it is a table) "
-                    f'with maximum_distance = "{1e3 * scenario.distance:.4g} mm". Every result then begins with a '
-                    "warning that no readings support the extrapolated range."
+                    " Or calibrate at larger distances. A curve that is not a table can also be extrapolated: set "
+                    f'maximum_distance = "{1e3 * scenario.distance:.4g} mm". Every result then begins with a '
+                    "warning about the extrapolation."
                 )
             end = f"{1e3 * high:.4g} mm{cause}"
             self.refuse(
@@ -399,17 +399,17 @@ class _Builder(Reading):
         if slope > 1 / _STEEPEST:
             self.refuse(
                 ("sensor",),
-                f"the sensor output is too steep at a distance of {nearest:g} m. It falls by a factor of e within "
-                f"{1 / slope:.3g} m, expected at least {_STEEPEST:g} m. Check the parameters of the curve and their "
-                "units",
+                f"the sensor curve is too steep at the distance {nearest:g} m. There, the output falls by a factor of "
+                f"e within {1 / slope:.3g} m, expected at least {_STEEPEST:g} m. Check the parameters of the curve and "
+                "their units",
             )
 
     def _check_impact(self, quantity: str, path: KeyPath) -> None:
         if QUANTITIES[quantity].needs_impact and "impact" not in self.data:
             self.refuse(
                 path,
-                f"the quantity {quantity} needs the section [impact] of the scenario file; add this section with "
-                'robot_mass = "4 kg", for example',
+                f"the quantity {quantity} needs the section [impact] of the scenario file; add this section, for "
+                'example with robot_mass = "4 kg"',
             )
 
 

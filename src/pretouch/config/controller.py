@@ -83,9 +83,9 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
     if "floor" not in values and not floor > 0:
         file.refuse(
             ("controller", "floor"),
-            "the floor of the controller is missing. It is the smallest sensor output that counts as an object, "
-            f"above drift and background reflections. Its default is {_FLOOR:g} standard deviations of the noise, "
-            "but the section [chain] has no noise. Add, for example: floor = 30.0",
+            "the floor is missing. The floor is the smallest sensor output that counts as an object. Its default is "
+            f"{_FLOOR:g} standard deviations of the noise, but the section [chain] has no noise. Add a floor above "
+            "drift and background reflections, for example: floor = 30.0",
         )
     if chain.period < period * (1 - _SAME) or not floor > 0:
         return None
@@ -95,8 +95,8 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
         if saturation <= offset + floor:
             file.refuse(
                 ("chain", "highest"),
-                f"the readings saturate at {saturation:g}, but must exceed {offset + floor:g}, the sum of the "
-                "controller's offset and floor, in the unit of the sensor output",
+                f"the readings saturate at {saturation:g}, expected more than {offset + floor:g}. This limit is the "
+                "sum of the controller's offset and floor, in the unit of the sensor output",
             )
             return None
     return file.attempt(

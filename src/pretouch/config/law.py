@@ -45,7 +45,7 @@ def law_fields(
             why = "the obstacle does not approach" if certain else "the approach speed is uncertain"
             file.refuse(
                 ("law", "largest_speed"),
-                f"the largest approach speed is missing, and the scenario does not determine it, because {why}; "
+                f"the largest approach speed is missing. It does not follow from the scenario, because {why}; "
                 'add, for example: largest_speed = "0.5 m/s"',
             )
     speed = values.get("largest_speed")
@@ -64,8 +64,8 @@ def sampled_law(file: Reading) -> Law | None:
     if not callable(sampled):
         file.refuse(
             ("law", "kind"),
-            f'the law "{law.kind}" cannot run on the sampled loop, because it has no method "sampled". Remove '
-            "the sections [chain] and [controller], or add the method to the law",
+            f'the law "{law.kind}" cannot run on the sampled loop, because it has no method "sampled". Add '
+            "this method to the law, or remove the sections [chain] and [controller]",
         )
         return None
     return file.attempt("law", lambda: sampled(values.get(law.number.key, 0.0)))

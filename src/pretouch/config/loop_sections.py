@@ -57,8 +57,8 @@ def _check_margin(values: Mapping[str, Any]) -> None:
     margin = values.get("stability_margin", 2.0)
     if not margin > 1:
         raise UnfitValueError(
-            f"found a gain margin of {margin:g}, expected a number above 1, such as 2. The loop becomes "
-            "unstable if the gain grows by this factor",
+            f"found a gain margin of {margin:g}, expected a number above 1, such as 2. If the gain grows by "
+            "this factor, the loop becomes unstable",
             "stability_margin",
         )
 
@@ -126,8 +126,7 @@ def _check_drag(values: Mapping[str, Any]) -> None:
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(
-            f"found the keys {ways[0]} and {ways[1]}, but only one of the keys {', '.join(EFFECTS)} and "
-            "drag is allowed",
+            f"found the keys {ways[0]} and {ways[1]}, expected only one of the keys {', '.join(EFFECTS)}, drag",
             ways[1],
         )
     if "largest_speed" in values and ways[:1] not in [[name] for name in AT_A_SPEED]:

@@ -28,8 +28,8 @@ def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: Cali
         file.refuse(
             ("chain", "part"),
             f"the sensor component reports readings in {part.unit}, but the outputs of the sensor curve "
-            f"are in {unit} ({_location(file, path)}). Use a curve in {part.unit}, or a component that "
-            f"reports {unit}",
+            f"are in {unit} ({_location(file, path)}). Use a sensor curve in {part.unit}, or a component that "
+            f"reports readings in {unit}",
         )
         return
     if part is not None and not unit:

@@ -47,13 +47,13 @@ def load_with_parts(path: str | os.PathLike[str]) -> dict[str, Task]:
     missing = [section for section in ("chain", "controller") if section not in data]
     if missing:
         raise InvalidInputError(
-            f"{path}: found no section [{missing[0]}], expected [chain] and [controller], because sensor parts differ "
-            "in rate, delay and noise. Run pretouch init for a file that has both"
+            f"{path}: found no section [{missing[0]}], expected [chain] and [controller]. A comparison of sensor parts "
+            "needs their rate, delay and noise. To write a file with both sections, run: pretouch init"
         )
     if "scale" not in data.get("sensor", {}):
         raise InvalidInputError(
-            f"{path}: [sensor] has no key scale, but the comparison replaces the scale of the curve for each sensor "
-            "part. Replace a calibration by model and its parameters, such as pretouch fit prints"
+            f"{path}: the section [sensor] has no key scale, but the comparison changes this key for each sensor part. "
+            "If the section has a calibration, replace it by the model and the parameters that pretouch fit prints"
         )
     read = partial(load_document, Path(path), text, hashlib.sha256(content).hexdigest())
     base = read(data)

@@ -184,7 +184,7 @@ class Quantity:
             number = text.strip()
             return (
                 f'a number with its unit, such as "{number} {volts}" or "{number} {counts}", or the bare '
-                f"number {float(number):.15g}, which has the unit of the readings"
+                f"number {float(number):.15g} (in the unit of the readings)"
             )
         if instead and abs(float(text)) > self.largest_bare:
             return f'{instead.partition(", or ")[0]} or "{text.strip()} {self.unit}"'

@@ -389,7 +389,7 @@ def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, conte
         tag = _TAGS[name]
         selected = f'{tag} = "{content[tag]}"' if tag in content else f"the key {MODEL}"
         return (
-            f"this key belongs to the variant {quoted} of this section, but {selected} selects another variant; the "
+            f"this key belongs to the variant {quoted} of this section, but {selected} selects another variant. The "
             f"allowed keys are {takes}"
         )
     return f"found together with {', '.join(k for k in content if k != key)}, expected only {takes}"

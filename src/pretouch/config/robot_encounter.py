@@ -96,9 +96,9 @@ def _refuse_other_motion(path: Path, task: Task) -> None:
         wrong.append("obstacle.course")
     if wrong:
         raise ScenarioFileError(
-            f"{path}: the key {wrong[0]} is not possible with a whole robot. The robot starts at its reference "
-            "with a constant velocity and meets a freely moving object. Remove this key, or simulate the encounter in "
-            "Python with simulate_robot"
+            f"{path}: the key {wrong[0]} is not possible with a robot model. Remove this key, or simulate the "
+            "encounter in Python with simulate_robot. With a robot model, the robot starts at its reference with a "
+            "constant velocity, and the object moves freely"
         )
 
 
@@ -110,8 +110,8 @@ def _control(file: Reading, task: Task) -> tuple[Controller, SensorChain | None]
         return law.with_value(gain), task.loop.chain
     if task.law != DAMPER:
         raise InvalidInputError(
-            f"law: to simulate a robot with the control law {task.law.kind}, the scenario file needs the sections "
-            "[chain] and [controller]"
+            f"law: a robot simulation with the control law {task.law.kind} needs the sections [chain] and "
+            "[controller]; add both sections to the scenario file"
         )
     virtual = file.make("admittance", tuple(FREE))  # that of the file, without the recoil of a floating base
     floor = _BELOW * float(task.sensor.output(task.scenario.distance))

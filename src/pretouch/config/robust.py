@@ -71,7 +71,7 @@ def _required(
         if name not in limited:
             file.refuse(
                 ("robust", "required", name),
-                f"found a required probability, but no limit for {name}; add a limit for {name} to the section "
+                f"found a required probability for {name}, but no limit; add a limit for {name} to the section "
                 "[constraints]",
             )
     for constraint in constraints:
@@ -159,7 +159,7 @@ def _check_means(file: Reading, scenario: Scenario, sensor: SensorModel, uncerta
         if name in means:
             file.refuse(
                 ("uncertainty", *name.split(".")),
-                f"the uncertainty of the input {name} is given twice, once alone and once in "
+                f"the uncertainty of the input {name} is given twice: with its own key, and with the key "
                 f"sensor.{FROM_CALIBRATION}; remove one of the two keys",
             )
         means |= {member: [mean] for member, mean in zip(value.inputs(name), value.means(), strict=True)}

@@ -57,8 +57,8 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
         raise UnfitValueError(f"found {what}, expected exactly one of {', '.join(DISTRIBUTION_KINDS.names())}")
     if "between" in values and "normal" not in values:
         raise UnfitValueError(
-            f'the key "between" truncates a normal distribution, so it is allowed only with the key "normal", not with '
-            f'the key "{kinds[0]}"',
+            f'the key "between" is allowed only with the key "normal", not with the key "{kinds[0]}", because it '
+            "truncates a normal distribution",
             "between",
         )
     for key in ("uniform", "interval", "between"):
@@ -70,8 +70,8 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
     if "normal" in values and not values["normal"][1] > 0:
         deviation = values["normal"][1]
         raise UnfitValueError(
-            f"found a standard deviation of {deviation:g}, expected a list of two numbers: the mean, and a "
-            "standard deviation above 0",
+            f"found a standard deviation of {deviation:g}, expected a number above 0. The list contains the mean, "
+            "then the standard deviation",
             "normal",
         )
 
@@ -89,7 +89,7 @@ def _distribution_section(unit: str) -> Section:
                     number,
                     2,
                     2,
-                    f"a list of two {what}, which are the mean and the standard deviation, such as {example}",
+                    f"a list of two {what}: the mean and the standard deviation, such as {example}",
                 )
             ),
             "uniform": Key(list_of(number, 2, 2, pair)),

@@ -227,8 +227,8 @@ def _check_course(values: Mapping[str, Any]) -> None:
     for i, (before, after) in enumerate(pairwise(ends), 1):
         if not after > before:
             sentence = (
-                f"this stretch of the obstacle's motion ends at {after:g} s, but must end after the previous "
-                f"stretch, which ends at {before:g} s"
+                f"this stretch of the obstacle's motion ends at {after:g} s, but must end after {before:g} s, the "
+                "end of the previous stretch"
             )
             raise UnfitValueError(sentence, "course", i, "until")
 

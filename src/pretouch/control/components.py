@@ -77,8 +77,8 @@ class Conditioning:
             )
         if not abs(self.offset) + self.floor < _ANY_READING:
             raise InvalidInputError(
-                f"offset, floor: found an offset of {self.offset:g} and a floor of {self.floor:g}; the sum of "
-                "|offset| and floor must be below 1e12"
+                f"offset, floor: found an offset of {self.offset:g} and a floor of {self.floor:g}, expected "
+                "|offset| + floor below 1e12"
             )
         if not self.floor >= _ANY_FLOOR:
             raise InvalidInputError(

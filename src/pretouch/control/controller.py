@@ -148,8 +148,8 @@ class Controller:
         farthest = max(abs(x), ahead + stopping_distance(limits, abs(v)))
         if abs(v) > limits.speed or farthest > limits.excursion:
             raise InvalidInputError(
-                f"start: found position {x:g} m and velocity {v:g} m/s, from which the robot cannot stay within its "
-                f"limits. Start nearer to the reference or slower, or widen the limits {self.limits}"
+                f"start: the robot cannot stay within its limits from the position {x:g} m with the velocity {v:g} "
+                f"m/s. Start nearer to the reference, start slower, or widen the limits: {self.limits}"
             )
         sensing = start_sensing(self.conditioning.numbers(self.period))
         return _join_parts(ControllerState, sensing, start_drive(x, v), self.law.start())

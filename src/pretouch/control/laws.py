@@ -348,8 +348,8 @@ class VirtualDamper:
         if self.approach_only:
             yield (
                 "acts",
-                "the force acts only while an object approaches; a new approach begins after ln ξ of the sensor "
-                f"output ξ has fallen by {self.release:.4g}",
+                "the force acts only while an object approaches. A new approach begins after ln ξ, the logarithm of "
+                f"the sensor output, has fallen by {self.release:.4g}",
             )
         if self.ramp_time:
             yield "ramp of the gain", Measured(self.ramp_time, "s")

@@ -59,7 +59,7 @@ def _evidence(design: AdmittanceDesign) -> Iterator[Row]:
     active = ", ".join(f"{name.replace('_', ' ')} (multiplier {value:.3g})" for name, value in c.active)
     yield (
         "searched",
-        f"the search evaluated {c.grid} combinations of gain and admittance on a grid; none of {c.tests} further "
+        f"the search evaluated a grid of {c.grid} combinations of gain and admittance. None of {c.tests} further "
         "combinations is better than the optimum",
     )
     yield "active limits and bounds", active or "none: the optimum lies inside"

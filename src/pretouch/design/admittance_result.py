@@ -180,20 +180,20 @@ class AdmittanceDesign(Answer):
 
     @property
     def headline(self) -> str:
-        """A summary of the design in one or two sentences."""
+        """A summary of the design in one to three sentences."""
         if self.gain_design is None or self.objective is None:
             if self.status is DesignStatus.NO_CONTACT:
                 return "No gain and admittance within the bounds end in contact."
             excess = (
                 ""
                 if self.best_ratio is None
-                else f"; even the best gain and admittance exceed a limit by {100 * (self.best_ratio - 1):.3g} %"
+                else f" Even the best gain and admittance exceed a limit by {100 * (self.best_ratio - 1):.3g} %."
             )
-            return f"Infeasible: within the bounds, no gain and admittance together meet every constraint{excess}."
+            return f"Infeasible: within the bounds, no gain and admittance together meet every constraint.{excess}"
         text = (
             "The optimal admittance has a natural frequency of "
             f"{format_quantity(self.natural_frequency or 0.0, 'rad/s')} and a damping ratio of "
-            f"{self.damping_ratio:.4g}, and the optimal gain is {self.number.equals(self.gain or 0.0)}."
+            f"{self.damping_ratio:.4g}. The optimal gain is {self.number.equals(self.gain or 0.0)}."
         )
         if self.unchanged.objective is not None:
             change = 100 * (self.objective / self.unchanged.objective - 1)

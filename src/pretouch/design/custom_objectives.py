@@ -78,14 +78,14 @@ class CustomObjective(Objective):
             numbers = np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
-                f"objective: {self.name} failed for contact states of the shape {np.shape(state.time)} with the error "
-                f'"{error}". pretouch evaluates the objective for many contacts in one call: use functions that '
-                "accept arrays, such as those of NumPy"
+                f'objective: {self.name} failed with the error "{error}". pretouch evaluates the objective for many '
+                "contacts in one call: use functions that accept arrays, such as NumPy functions. In this call, the "
+                f"arrays of contact states had the shape {np.shape(state.time)}"
             ) from error
         if numbers.ndim and numbers.shape != np.shape(state.time):
             raise InvalidInputError(
-                f"objective: {self.name} returned an array of the shape {numbers.shape}, expected one value for each "
-                f"contact, that is, the shape {np.shape(state.time)}"
+                f"objective: {self.name} returned an array of the shape {numbers.shape}, expected the shape "
+                f"{np.shape(state.time)}: one value for each contact"
             )
         return np.broadcast_to(numbers, np.shape(state.time))
 
@@ -113,7 +113,7 @@ def _objective_problem(name: str, objective: Any) -> str:  # noqa: ARG001 - an o
         return ""
     return (
         f"found {short_repr(objective)}, expected a function of the state at contact, "
-        "or a class or instance with value(state, obstacle_speed, impact)"
+        "or a class or instance with the method value(state, obstacle_speed, impact)"
     )
 
 
@@ -174,8 +174,8 @@ def appraise(
         if wrong.any():
             time = np.broadcast_to(np.asarray(state.time), wrong.shape)[wrong]
             raise InvalidInputError(
-                f"objective: {objective.name} returned {float(value[wrong][0]):g} for a contact after "
-                f"{float(time[0]):g} s, expected 0 or a positive number; add a constant to the objective"
+                f"objective: {objective.name} returned {float(value[wrong][0]):g}, expected 0 or a positive number; "
+                f"add a constant to the objective. The time of this contact is {float(time[0]):g} s"
             )
     return np.where(reached, value, np.inf)
 

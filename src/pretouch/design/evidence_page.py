@@ -113,8 +113,8 @@ def sensitivity_section(design: GainDesign) -> PageSection:
     )
     striped = "less negative" if n.sign < 0 else "more positive"
     caption = (
-        f"Each bar shows by how much the optimal {n.name} changes if the magnitude of one input grows by 1 %. "
-        f"Striped bars show positive changes ({striped})."
+        f"Each bar belongs to one input. It shows the change of the optimal {n.name} if the magnitude of this input "
+        f"grows by 1 %. A striped bar means that the {n.name} becomes {striped}."
     )
     picture = Picture(figure="sensitivity", of=design, name=f"Sensitivity of the optimal {n.name}", caption=caption)
     head = ("input", "value", f"{n.name} change per +1 %", f"d{n.symbol} / d input")

@@ -199,10 +199,7 @@ def _conflict(design: GainDesign) -> str:
     if len(exceeded) == 1:
         one = exceeded[0]
         value, limit = (format_quantity(x or 0.0, one.unit) for x in (one.value, one.limit))
-        return (
-            f"the {one.name} cannot be limited to {limit}: the smallest value that any gain reaches is {value}, "
-            f"with {gain}"
-        )
+        return f"the {one.name} cannot be limited to {limit}: the smallest possible value is {value}, with {gain}"
     nearest = " and ".join(
         f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
         for o in exceeded
@@ -214,7 +211,7 @@ def _conflict(design: GainDesign) -> str:
     )
     together = (
         f"the limits of {' and '.join(o.name for o in exceeded)} cannot be met together; the limits "
-        f"are violated least with {gain}, which results in {nearest}"
+        f"are violated least with {gain}: {nearest}"
     )
     return together + alone
 

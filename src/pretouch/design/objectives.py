@@ -61,8 +61,8 @@ class Term:
             return self.scale
         if np.any(np.asarray(obstacle_speed) == 0):
             raise InvalidInputError(
-                f"scale: found {OBSTACLE_SPEED!r}, which cannot scale the {self.quantity} if the obstacle is at "
-                "rest and its speed is 0; use a number in m/s"
+                f"scale: found {OBSTACLE_SPEED!r}, but the obstacle is at rest and its speed is 0. To scale the "
+                f"{self.quantity}, use a number in m/s"
             )
         return np.abs(obstacle_speed)
 

@@ -144,7 +144,7 @@ def _next_step(design: GainDesign) -> str:
         gain = design.without_margin.gain
         return (
             f"read the sensor faster: without the required gain margin, {design.number.equals(gain)} is optimal; "
-            "`pretouch verify` reports the sensor rate that this optimum needs"
+            f"`pretouch verify` reports the sensor rate that this {design.number.name} needs"
         )
     if design.result is None:
         return step_without_gain(design.scenario, contact=design.status is not DesignStatus.NO_CONTACT)
@@ -217,8 +217,8 @@ def _trade_off(design: GainDesign) -> PageSection:
     itemized = bool(design.objective_parts or not isinstance(design.definition, CustomObjective))
     caption = (
         f"The left plot shows {'the objective and its terms' if itemized else 'the objective'} over the searched "
-        "range of gains. Hatched gains exceed a limit or end without contact. The right plot shows the state at "
-        "contact for each gain."
+        "range of gains. With the hatched gains, the encounter exceeds a limit or ends without contact. The right plot "
+        "shows the state at contact for each gain."
     )
     if shows_equals(design):
         caption += (
@@ -324,8 +324,8 @@ def _gain_and_sensor(design: GainDesign) -> PageSection | None:
         return None
     power, exponent = law.degree, "" if law.degree == 1 else f"^{law.degree}"
     general = (
-        f"The virtual force is proportional to the {n.label} times (g(l) l′){exponent}, with the sensor slope g and "
-        "the relative velocity l′.",
+        f"The virtual force is proportional to the {n.label} times (g(l) l′){exponent}, with the distance l, the "
+        "sensor slope g and the relative velocity l′.",
         f"product {n.symbol} g{exponent}",
         f"{2**power} times",
     )
@@ -338,10 +338,9 @@ def _gain_and_sensor(design: GainDesign) -> PageSection | None:
             place = f"{name}, l = {format_quantity(distance, 'm')}"
             rows.append((place, Measured(gain, n.unit), Measured(slope, "1/m"), Measured(gain * slope**power, unit)))
     note = (
-        f"{force} The motion depends on the {n.name} only through this product, so do not compare the {n.name} "
-        f"between different sensors. For the same motion, a sensor with half the slope needs a {n.name} that is "
-        f"about {times} as large. An offset that remains in the readings lowers the measured slope g and weakens the "
-        "force."
+        f"{force} The motion depends on the {n.name} only through this product. Therefore, do not compare the {n.name} "
+        f"between different sensors. For the same motion, half the slope needs about {times} the {n.name}. An offset "
+        "that remains in the readings lowers the measured slope g. This weakens the force."
     )
     head = ("distance", n.label, "sensor slope g", coefficient)
     table = PageTable(head=head, rows=tuple(rows), note=note, brief=True)

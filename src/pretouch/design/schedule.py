@@ -105,8 +105,8 @@ class DragSchedule(Value):
         if whole - self.lower_bound <= 2 * _CLOSE * whole:
             return (
                 f"a constant virtual drag with an excursion of {1e3 * whole:.2f} mm is optimal. Every "
-                f"{'rising ' * self.monotone}drag schedule with the same steps of ln xi needs at least "
-                f"{1e3 * self.lower_bound:.2f} mm"
+                f"{'rising ' * self.monotone}drag schedule with the same steps of ln xi (xi: sensor output) needs an "
+                f"excursion of at least {1e3 * self.lower_bound:.2f} mm"
             )
         saved = 1 - self.largest_excursion / whole
         return (
@@ -270,8 +270,8 @@ def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> Dra
         )
     if not rails.weak.drag <= constant.drag <= rails.strong.drag:
         raise InvalidInputError(
-            f"rails: the required ratio of contact to approach speed is {constant.ratio:g}, expected a ratio between "
-            f"{rails.weak.ratio:g} (weak drag) and {rails.strong.ratio:g} (strong drag)"
+            f"rails: the required ratio of contact speed to approach speed is {constant.ratio:g}, expected a ratio "
+            f"between {rails.weak.ratio:g} (weak drag) and {rails.strong.ratio:g} (strong drag)"
         )
     return rails
 

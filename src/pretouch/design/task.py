@@ -225,8 +225,8 @@ def _law_of(loop: Any) -> ContinuousLaw:
     if loop.continuous is None:
         raise InvalidInputError(
             f"loop: the control law {type(getattr(loop.law, 'law', loop.law)).__name__} has no form in "
-            "continuous time, which the prediction needs. Set its attribute `continuous`, for example to "
-            '"virtual-damper" or to a CustomLaw, or set the law of the task'
+            "continuous time, but the prediction needs this form. Set the attribute `continuous` of the control law "
+            'to "virtual-damper" or to a CustomLaw, for example. Or set the law of the task'
         )
     return cast("ContinuousLaw", loop.continuous)
 

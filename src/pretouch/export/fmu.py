@@ -178,7 +178,7 @@ def _library(compiler: tuple[str, ...], standard: int, sources: Mapping[str, str
         )
         if done.returncode:
             raise InvalidInputError(
-                f"C compiler: the command {shlex.join(compiler)} cannot compile the FMU: {done.stderr.strip()[:500]}; "
-                "set the environment variable CC to another compiler"
+                f"C compiler: the command {shlex.join(compiler)} cannot compile the FMU. Set the environment variable "
+                f"CC to another compiler. Error of this compiler: {done.stderr.strip()[:500]}"
             )
         return (Path(folder) / "library").read_bytes()

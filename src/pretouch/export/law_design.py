@@ -111,7 +111,7 @@ def law_design(task: Task, *, verify: bool = True, date: str | None = None) -> L
     if type(loop.law.law) not in {VirtualDamper, VirtualDrag}:
         raise InvalidInputError(
             f"law: found {type(loop.law.law).__name__}, but pretouch exports only the virtual damper and the virtual "
-            "drag. Write the C code of a custom law yourself, between the functions pretouch_observe and "
+            "drag. For a custom law, write the C code yourself, between the calls of pretouch_observe and "
             "pretouch_drive (docs/how-to/own-law.md)"
         )
     verdict = verify_gain(task, changes=False) if verify else None

@@ -134,8 +134,9 @@ def _admittance(design: LawDesign) -> dict[str, str]:
         "The damping ratio is D_a / (2 sqrt(M_a K_a)), with the virtual mass M_a, the stiffness K_a and the damping "
         f"D_a = {format_quantity(a.damping, 'N*s/m')}."
         if critical > 0
-        else "An admittance_controller computes its damping from the stiffness, which is 0 in this design. It would "
-        f"therefore move without this design's damping of {format_quantity(a.damping, 'N*s/m')}."
+        else "An admittance_controller computes its damping from the stiffness. In this design, the stiffness is 0. "
+        "Therefore, the admittance_controller would move without this design's damping of "
+        f"{format_quantity(a.damping, 'N*s/m')}."
     )
     return {
         "mass": yaml_number(a.mass),

@@ -94,11 +94,10 @@ def _attraction_finding(variables: Variables, deviations: FloatArray, remaining:
         9,
         "Motions converge toward the uniform motion, but contact comes first",
         "Section VI-A",
-        "The letter rightly states that motions converge toward the uniform motion. Along every motion, the energy of "
-        "the deviation from the uniform motion falls. But the convergence is slow: "
-        f"{100 * remaining.min():.0f} to {100 * remaining.max():.0f} % of the initial deviation in distance remain at "
-        "contact. Therefore the optimal gains for the uniform motion L(19) and for the integrated motion differ by "
-        "10 %.",
+        "The letter rightly states that motions converge toward the uniform motion. Each motion deviates from the "
+        "uniform motion, and the energy of this deviation falls over time. But the convergence is slow. At contact, "
+        f"{100 * remaining.min():.0f} to {100 * remaining.max():.0f} % of the initial deviation in distance remain. "
+        "Therefore, the optimal gains for the uniform motion L(19) and for the integrated motion differ by 10 %.",
         ("the energy falls along every motion, from each of 80 samples to the next", falls),
         ("smallest share of the deviation at contact", remaining.min()),
         ("largest share of the deviation at contact", remaining.max()),

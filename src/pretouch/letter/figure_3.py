@@ -35,10 +35,10 @@ def reproduce(variables: Variables) -> Reproduction:
     columns = {"l [mm]": (1e3 * shown, ".1f")} | {f"ξ, {n} [V]": (c.output(shown), ".4f") for n, c in CURVES.items()}
     columns |= {f"g, {n} [1/m]": (c.log_slope(shown), ".2f") for n, c in CURVES.items()}
     return Reproduction(
-        summary="The published letter compares the outputs of the three sensor curves, which are similar. The virtual "
-        "force depends on the slope g = d ln ξ / dl instead. The slopes differ by a quarter at contact, and by "
-        f"nearly a factor of two at 42.2 mm. Beyond {1e3 * turn:.0f} mm, the output of the "
-        "second-order curve rises, so the force has the wrong sign.",
+        summary="The published letter compares the outputs ξ of the three sensor curves. These outputs are similar. "
+        "But the virtual force depends on the slope g = d ln ξ / dl, with the distance l. The slopes differ by a "
+        f"quarter at contact, and by nearly a factor of two at 42.2 mm. Beyond {1e3 * turn:.0f} mm, the output of the "
+        "second-order curve rises. There, the force has the wrong sign.",
         parameters=tuple(p for name in CURVES for p in SENSORS[name]),
         tables=(readings("Output ξ and slope g", columns),),
         caption="Left: the output, as in the letter. Right: the slope of its logarithm, not shown in the letter.",

@@ -107,9 +107,9 @@ def _second_order(ours: float, low: float, high: float) -> Finding:
         "The second-order position at contact is -0.1378 m, not -0.136 m",
         "Section IV-D",
         f"With the parameters of Table I, the uniform motion L(19) gives a position of {ours:.4f} m at contact. "
-        "No parameter values that round to those in Table I give the published position of -0.136 m. The general "
-        f"motion L(14), integrated from the start of the published motion, gives {integrated:.4f} m. The first-order "
-        "position on the same page, -0.135 m, is right.",
+        "The published position is -0.136 m. No parameter values that round to those in Table I give this position. "
+        "The general motion L(14) can be integrated from the start of the published motion. It gives a position of "
+        f"{integrated:.4f} m. The first-order position on the same page, -0.135 m, is right.",
         ("L(19) at l = 0", ours, "m"),
         ("smallest over the rounding of b_2 and c_2", low, "m"),
         ("largest over the rounding of b_2 and c_2", high, "m"),

@@ -94,9 +94,9 @@ def _reduction_finding(reductions: dict[str, float]) -> Finding:
         "The ratio l'/v_o of Section IV-D is the reduction 1 - l'/v_o",
         "Section IV-D",
         f"According to the letter, {', '.join(PRINTED.values())} % of the obstacle's speed remain at contact (ratio "
-        f"l'/v_o). In the models, {remain} % remain, so the speed is reduced by {less} %. The published numbers are "
-        "therefore reductions, and the published errors of 9.74 and 4.62 % are errors of these reductions. The "
-        "remaining speeds, which determine the impact, have errors of 35 and 16 %.",
+        f"l'/v_o). In the models, {remain} % remain. The speed reductions of the models are {less} %. Therefore, the "
+        "published numbers are reductions. The published errors of 9.74 and 4.62 % are errors of these reductions. "
+        "But the impact depends on the remaining speeds. The errors of the remaining speeds are 35 and 16 %.",
         *steps,
         ("the printed numbers are within 1 % of the reductions, but not of the ratios", near),
     )

@@ -85,26 +85,25 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
         rise, always = fixed[-1] / _at(speeds, fixed, 0.05), bool((np.diff(fixed[shown]) > 0).all())
         steps.append(
             (
-                f"{name} curve, typical velocity equal to the obstacle speed: gain |D_p| for 0.05 m/s divided by gain "
-                "|D_p| for 0.3 m/s",
+                f"{name} curve, typical velocity equal to the obstacle speed: ratio of the gain |D_p| for 0.05 m/s to "
+                "the gain for 0.3 m/s",
                 slow,
             )
         )
         steps.append(
             (
-                f"{name} curve, typical velocity equal to the obstacle speed: largest gain |D_p| divided by the "
-                "smallest, for obstacle speeds from 0.2 to 1 m/s",
+                f"{name} curve, typical velocity equal to the obstacle speed: ratio of the largest to the smallest "
+                "gain |D_p|, for obstacle speeds from 0.2 to 1 m/s",
                 spread,
             )
         )
         steps.append(("the first of these two ratios is above 2, the second is below 2", bool(slow > 2 and spread < 2)))
         steps.append(
-            (f"{name} curve, fixed typical velocity: gain |D_p| for 1 m/s divided by gain |D_p| for 0.05 m/s", rise)
+            (f"{name} curve, fixed typical velocity: ratio of the gain |D_p| for 1 m/s to the gain for 0.05 m/s", rise)
         )
         steps.append(
             (
-                f"{name} curve, fixed typical velocity: from 0.05 m/s on, the gain |D_p| is larger for each higher "
-                "obstacle speed",
+                f"{name} curve, fixed typical velocity: from 0.05 m/s on, the gain |D_p| grows with the obstacle speed",
                 always,
             )
         )
@@ -114,10 +113,10 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
         5,
         "Fig. 6 holds only if l'_typ follows the obstacle's speed",
         "Fig. 6, Section V-A",
-        "According to the letter, the optimal gain |D_p| is larger for slow obstacles, and hardly changes above 0.2 "
-        "m/s. This is true if the typical velocity l'_typ in the objective is the obstacle's speed. The gain D_p in N "
-        f"s with the inverse power curve is then {pairs['following']}. If l'_typ is fixed at -0.3 m/s, as in Section "
-        f"V-A, the gain |D_p| grows with the speed. The gain D_p in N s is then {pairs['fixed']}. So the choice of "
-        "l'_typ decides the trend.",
+        "According to the letter, the optimal gain |D_p| is larger for slow obstacles. Above 0.2 m/s, it hardly "
+        "changes. This is true if the typical velocity l'_typ in the objective is the obstacle's speed. With the "
+        f"inverse power curve, the gain D_p in N s is then {pairs['following']}. In Section V-A, l'_typ is fixed at "
+        f"-0.3 m/s. Then the gain |D_p| grows with the obstacle's speed: the gain D_p in N s is {pairs['fixed']}. So "
+        "the choice of l'_typ decides the trend.",
         *steps,
     )

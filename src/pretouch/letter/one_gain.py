@@ -48,11 +48,11 @@ def reproduce(variables: Variables) -> Reproduction:
     columns |= {f"contact, {name} [mm/s]": (1e3 * final_speed[name][shown], ".1f") for name in (BEST, FAST, ALL)}
     note = "Each of the two gains minimizes the largest loss over its range of speeds."
     return Reproduction(
-        summary="The published letter recommends a gain that is designed for a fast obstacle and used at all speeds. "
+        summary="The published letter recommends one gain for all speeds. This gain is designed for a fast obstacle. "
         "The loss is the relative increase of the objective f₁ over its optimum at each speed. The velocity scale "
         f"l'_typ of f₁ is the obstacle's speed. From 0.2 to 1 m/s, the gain {gain[FAST]:.3f} N s has the smallest "
-        f"worst-case loss. From 0.01 to 1 m/s, the gain {gain[ALL]:.3f} N s has the smallest worst-case loss, but "
-        f"this loss is {100 * loss[ALL].max():.0f} %.",
+        f"worst-case loss. From 0.01 to 1 m/s, the gain {gain[ALL]:.3f} N s has the smallest worst-case loss. But "
+        f"this smallest loss is {100 * loss[ALL].max():.0f} %.",
         parameters=(*ADMITTANCE, *SENSORS["inverse-power"], *F_1[:3]),
         findings=(_price(gain[FAST], loss[FAST], final_speed[FAST], speeds < 0.2),),
         tables=(readings("The loss at each speed", columns, note),),
@@ -71,8 +71,8 @@ def _price(gain: float, loss: Any, final_speed: Any, slow: Any) -> Finding:
         "Section VI-C",
         f"The gain D_p = {gain:.3f} N s is for obstacle speeds from 0.2 to 1 m/s. In this range, the objective f₁ is "
         f"at most {100 * price:.1f} % above its optimum. At this cost, the letter's advice to use one gain for all "
-        f"speeds is right. At lower obstacle speeds, the objective is up to {100 * worst:.0f} % above its optimum. "
-        f"But the contact speed is never above {1e3 * hardest:.0f} mm/s.",
+        f"speeds is right. At obstacle speeds below 0.2 m/s, the objective is up to {100 * worst:.0f} % above its "
+        f"optimum. But the contact speed is never above {1e3 * hardest:.0f} mm/s at these low speeds.",
         ("the gain", gain, "N s"),
         ("largest loss from 0.2 to 1 m/s", 100 * price, "%"),
         ("this loss is below 10 %", bool(price < 0.1)),

@@ -68,9 +68,10 @@ def reproduce(variables: Variables) -> Reproduction:
         comparisons=tuple(Printed(*number, "Table I", why, hardware=True) for number in numbers),
         findings=(_recovered(fitted, gains),),
         tables=(readings("Optimal gain of f₁ by integration and closed form", columns, note),),
-        caption="The plot shows the residuals between the fitted exponential curves and the inverse power curve. The "
-        f"output of the inverse power curve is {near:.0f} mV at contact and {far:.0f} mV at 42.2 mm. First-order "
-        f"residuals are systematic and reach {first:.0f} mV. Second-order residuals reach {second:.0f} mV.",
+        caption="The plot shows the residuals of the two fitted exponential curves relative to the inverse power "
+        f"curve. The output of the inverse power curve is {near:.0f} mV at contact and {far:.0f} mV at a distance of "
+        f"42.2 mm. The residuals of the first-order curve are systematic and reach {first:.0f} mV. The residuals of "
+        f"the second-order curve reach {second:.0f} mV.",
         numbers={
             "fitted": {name: dict(curve.parameters) for name, curve in fitted.items()},
             "r_squared": r_squared,
@@ -92,7 +93,7 @@ def _recovered(fitted: Mapping[str, SensorModel], gains: Mapping[str, tuple[floa
         difference = 100 * np.abs(curve.output(distance) - printed.output(distance)).max() / printed.output(0.0)
         steps.append(
             (
-                f"largest difference between the fitted and the published {name} curve, relative to the output "
+                f"largest difference between the fitted {name} curve and the published curve, relative to the output "
                 "at contact",
                 difference,
                 "%",
@@ -108,9 +109,10 @@ def _recovered(fitted: Mapping[str, SensorModel], gains: Mapping[str, tuple[floa
         7,
         "The exponential curves of Table I follow from its inverse power curve",
         "Table I",
-        "The letter fits two exponential curves to readings that it does not publish. Here they are fitted to the "
-        f"published inverse power curve instead. The first-order curve has {shown[0]}, and the second-order curve has "
-        f"{shown[1]}. Both differ from the published curves by less than 1 % of the output at contact. The differences "
-        "change the optimal gain by less than 1 %.",
+        "The letter fits two exponential curves to sensor readings, but does not publish these readings. Here, both "
+        "curves are fitted to the published inverse power curve instead. The parameters of the fitted first-order "
+        f"curve are {shown[0]}. The parameters of the fitted second-order curve are {shown[1]}. Each fitted curve "
+        "differs from its published curve by less than 1 % of the output at contact. These differences change the "
+        "optimal gain by less than 1 %.",
         *steps,
     )

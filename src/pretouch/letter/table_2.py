@@ -130,9 +130,9 @@ def _repetition_finding(values: FloatArray, ranges: FloatArray) -> Finding:
         1,
         "Table II prints l' instead of x at D_p = -0.7",
         "Table II, column -0.7",
-        f"The published robot position x = {x} m is the same number as the relative velocity l' in the row below. "
-        f"The equations give x = {values[0]:.4f} m. Only a position near this computed value is consistent with the "
-        f"published objective f₁ = {f} in the same column.",
+        f"Table II prints the robot position x = {x} m. The same number is printed in the row below, as the relative "
+        f"velocity l'. According to the equations, the position is x = {values[0]:.4f} m. The table also prints the "
+        f"objective f₁ = {f} in this column. Only a position near the computed one is consistent with this objective.",
         ("x by L(4)", values[0], "m"),
         ("printed x is the printed l'", x == v),
         ("no sensor parameters that round to the printed ones give the printed x", not reached),
@@ -157,9 +157,9 @@ def _column_finding(values: FloatArray, ranges: FloatArray) -> Finding:
         "The last column of Table II belongs to D_p = -10, not -1.0",
         "Table II, column -1.0",
         "The published position x = -0.611 m results from the gain -10 N s, not from the printed gain -1.0 N s. The "
-        "other two values of the column also belong to -10 N s. Table III ends with -10 N s as well. At -1.0 N s, the "
-        f"equations give a position of {at[0]:.4f} m, a relative velocity of {at[1]:.4f} m/s and an objective of "
-        f"{at[2]:.4f}.",
+        "other two values of the column also belong to -10 N s. The last gain of Table III is -10 N s, too. For the "
+        f"printed gain -1.0 N s, the equations give other values: a position of {at[0]:.4f} m, a relative velocity of "
+        f"{at[1]:.4f} m/s and an objective of {at[2]:.4f}.",
         ("lowest gain at which x rounds to -0.611 m", low, "N s"),
         ("highest gain at which x rounds to -0.611 m", high, "N s"),
         ("-10 N s lies between the two gains", low <= -10.0 <= high),

@@ -89,8 +89,8 @@ def reproduce(variables: Variables) -> Reproduction:
 def _measured(time: FloatArray, speed: FloatArray, slope: float) -> list[Printed]:
     late = "friction, servo lag and the threshold of the force sensor delay the measured contact"
     fitted = (
-        f"the force is computed as the contact speed of the model times {slope:.1f} N s/m, and this factor is fitted "
-        "to the published forces"
+        f"the computed force is the contact speed of the model times {slope:.1f} N s/m; this factor was fitted to the "
+        "published forces"
     )
     numbers = []
     for (gain, (printed, force)), t, v in zip(PRINTED.items(), time.tolist(), speed.tolist(), strict=True):
@@ -114,7 +114,7 @@ def _steps() -> list[Printed]:
     numbers = []
     for a, b, less, later, factor in STEPS:
         (force, time), step, place = _changes(a, b), f"from {a} to {b} N s", "Section V-C"
-        why = f"the published letter divides the rounded percentages, {less} % by {later} % (see finding 8)"
+        why = f"the letter computes this factor from rounded percentages: {less} % divided by {later} % (see finding 8)"
         numbers.append(Printed(f"force reduction {step}", less, 100 * force, "%", place))
         numbers.append(Printed(f"time increase {step}", later, 100 * time, "%", place))
         numbers.append(Printed(f"trade-off factor {step}", factor, force / time, "", place, why))
@@ -129,12 +129,17 @@ def _trade_off() -> Finding:
         only = abs(rounded - float(printed)) < 0.005 < abs(exact - float(printed))
         steps.append(
             (
-                f"ratio of force reduction to delay for gains from {a} to {b} N s, from the published times and forces",
+                f"force reduction divided by time increase, if the gain changes from {a} to {b} N s (computed from the "
+                "published times and forces)",
                 exact,
             )
         )
         steps.append(
-            (f"the same ratio from the rounded values {less} % and {later} %; the letter has {printed}", rounded)
+            (
+                f"the same quotient, computed from the rounded values {less} % and {later} % (printed in the letter: "
+                f"{printed})",
+                rounded,
+            )
         )
         steps.append(("only the factor from rounded percentages rounds to the printed factor", only))
     return finding(
@@ -158,11 +163,11 @@ def _hardware(time: FloatArray, speed: FloatArray, printed: FloatArray, variable
         6,
         "In Table III, contact is later than in the model, gains rank equally, and force is proportional to speed",
         "Table III",
-        f"The values in Table III were measured, so they need not agree with the model. Contact is detected "
-        f"{late.min():.0f} to {late.max():.0f} % later than in the model. But measurement and model rank the gains in "
-        "the same order. The measured force is proportional to the contact speed of the model, with a factor of "
-        f"{slope:.1f} N s/m. The confidence interval of this factor is wide, because five points leave only four "
-        "degrees of freedom.",
+        f"The values in Table III were measured, so they can differ from the model. The measured contacts are "
+        f"{late.min():.0f} to {late.max():.0f} % later than the contacts of the model. But measurement and model rank "
+        "the gains in the same order. The measured force is proportional to the contact speed of the model. The factor "
+        f"is {slope:.1f} N s/m. The confidence interval of this factor is wide, because only five points were "
+        "measured.",
         ("smallest delay relative to the model", late.min(), "%"),
         ("largest delay relative to the model", late.max(), "%"),
         ("contact is never earlier", bool(late.min() > 0)),

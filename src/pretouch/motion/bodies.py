@@ -121,8 +121,8 @@ class Obstacle(_Body):
         """
         if self.course:
             raise InvalidInputError(
-                "obstacle course: this solver needs an obstacle with constant acceleration, without a course (number "
-                f"of Stretch objects: {len(self.course)}). Use find_contact, design_gain or simulate instead"
+                f"obstacle course: found a course (number of Stretch objects: {len(self.course)}), but this solver "
+                "needs an obstacle with constant acceleration. Use find_contact, design_gain or simulate instead"
             )
         return self.acceleration
 

@@ -209,10 +209,10 @@ class ContactResult(InNotebooks, Value):
             count = int((~self.reached).sum())
             which = "the run" if self.reached.size == 1 else f"{count} of {self.reached.size} runs"
             raise ResultUnavailableError(
-                f"contact: the state at contact is not available, because {which} did not end in contact. The "
-                f"status is {status.label}, and the smallest distance was "
-                f"{float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m. Meaning of the status: "
-                f"{status.meaning} The attribute `end` contains the final state"
+                f"contact: {which} did not end in contact, so there is no state at contact. The smallest distance was "
+                f"{float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m. The status is "
+                f"{status.label}. Meaning of this status: {status.meaning} For the final state, read the attribute "
+                "`end`"
             )
         return self.end
 
@@ -226,8 +226,8 @@ class ContactResult(InNotebooks, Value):
         gradients: ContactGradients | None = gradients_of(self.columns)
         if gradients is None:
             raise ResultUnavailableError(
-                f"gradients: the solution method {self.method} does not compute gradients; solve the encounter "
-                "by find_contact with another method or law"
+                f"gradients: the solution method {self.method} does not compute gradients; call find_contact with "
+                "another method or law"
             )
         return gradients
 

@@ -325,8 +325,9 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
         pending = np.concatenate([lower, upper], axis=1)
         if pending.shape[1] + sum(map(len, done)) > _MAX_PIECES:
             raise CurveError(
-                f"sensor: the {sensor.name} curve is too rough: it needs more than {_MAX_PIECES} polynomials between "
-                f"{low:g} m and {high:g} m. Smooth the curve, declare its corners, or set a smaller maximum_distance"
+                f"sensor: the {sensor.name} curve is too rough: its interpolation needs more than {_MAX_PIECES} "
+                f"polynomials. The curve was interpolated from {low:g} m to {high:g} m. Smooth the curve, declare its "
+                "corners, or set a smaller maximum_distance"
             )
     pieces = np.concatenate(done)
     pieces = pieces[np.argsort(pieces[:, 0])]
@@ -352,8 +353,8 @@ def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
     if not np.isfinite(slope).all():
         culprit = float(distance[~np.isfinite(slope)].min())
         raise CurveError(
-            f"sensor: the slope of the {sensor.name} curve is not finite at {culprit:g} m; exclude this distance "
-            "by minimum_distance or maximum_distance",
+            f"sensor: the slope of the {sensor.name} curve is not finite at a distance of {culprit:g} m; exclude this "
+            "distance by minimum_distance or maximum_distance",
             culprit,
         )
     return slope

@@ -67,9 +67,9 @@ class ForceLaw(Value):
         array = np.asarray(force)
         if array.shape != (math.prod(shape),) or array.dtype.kind not in "iuf":
             raise InvalidInputError(
-                f"force: the vectorized custom law {self.kind} returned {short_repr(force)} for arrays of "
-                f"{math.prod(shape)} elements, expected one force in N per element. With vectorized=False, the "
-                "function is called with single numbers"
+                f"force: the vectorized custom law {self.kind} returned {short_repr(force)}, expected one force in N "
+                f"per array element (number of elements: {math.prod(shape)}). If the function accepts only single "
+                "numbers, set vectorized=False"
             )
         return array.astype(np.float64).reshape(shape)
 
@@ -97,6 +97,6 @@ class ForceLaw(Value):
 
     def _refuse(self, force: Any, distance: float, rate: float) -> None:
         raise InvalidInputError(
-            f"force: the custom law {self.kind} returned {force!r}, expected a single finite force in N. The "
-            f"distance is {distance:g} m, and the rate d ln xi/dt is {rate:g} 1/s"
+            f"force: the custom law {self.kind} returned {force!r}, expected a single finite force in N. Its "
+            f"inputs were a distance of {distance:g} m and a rate d ln xi/dt of {rate:g} 1/s"
         )

@@ -201,7 +201,7 @@ def make_drag_request(
         shape = np.broadcast_shapes(scenario.shape, np.shape(phi))
     except ValueError:
         raise InvalidInputError(
-            f"drag: the drag values have the shape {np.shape(phi)}, which does not broadcast with the shape "
+            f"drag: the shape {np.shape(phi)} of the drag values does not broadcast with the shape "
             f"{scenario.shape} of the scenario"
         ) from None
     request = DragRequest(
@@ -272,9 +272,9 @@ def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
     if not (np.isfinite(slope) & falls).all():
         wrong = float(distance[~(np.isfinite(slope) & falls)][0])
         raise InvalidInputError(
-            f"sensor: the slope of the curve is {float(sensor.log_slope(wrong)):g} 1/m at {wrong:g} m, but must "
-            "not be positive. The virtual drag interprets a rising output as an approach. Set maximum_distance to "
-            "the distance of the smallest output"
+            f"sensor: the slope of the curve is {float(sensor.log_slope(wrong)):g} 1/m at a distance of {wrong:g} m, "
+            "but must not be positive. The virtual drag interprets a rising output as an approach. Set "
+            "maximum_distance to the distance with the smallest output"
         )
 
 

@@ -195,8 +195,8 @@ def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
     bend, intercept = np.polyfit(probe, slope, 1)
     if np.abs(slope - bend * probe - intercept).max() > 1e-9 * np.abs(slope).max():
         raise InvalidInputError(
-            "method: the approximation 'uniform-motion', L(16)-(19), needs a second-order exponential sensor "
-            f"curve, but the sensor has the {sensor.name} curve; use method='integration' instead"
+            "method: the approximation 'uniform-motion' (equations L(16)-(19)) needs a second-order exponential sensor "
+            f"curve. This sensor has the {sensor.name} curve; use method='integration' instead"
         )
     return float(bend) / 2, float(intercept)
 

@@ -290,8 +290,8 @@ def drag_approaches(
         names |= {"times": shaped(course[0], (n, m)), "m": m, "trace": shaped(course[1], (n, m, 2))}
     if len(inputs) != _DRAG_INPUTS or not len(curves[0]):
         raise TypeError(
-            f"the compiled solver needs {_DRAG_INPUTS} input columns and at least one polynomial of a sensor curve, "
-            f"but received {len(inputs)} columns and {len(curves[0])} polynomials"
+            f"the compiled solver received {len(inputs)} input columns, but needs {_DRAG_INPUTS}. It received "
+            f"{len(curves[0])} polynomials of sensor curves, but needs at least one"
         )
     wanted = _ApproachesOfCore(**names)
     _approaches(columns(inputs, n), n, byref(of_core(curves, n)), horizon, byref(wanted))
@@ -305,8 +305,9 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
     shared = len(curve_of) == 1
     if width not in _WIDTHS or not (shared or len(curve_of) == n):
         raise ValueError(
-            f"windows: found a table of curve pieces with {width} columns, and curves for {len(curve_of)} encounters. "
-            f"Expected a number of columns from {sorted(_WIDTHS)}, and sensor curves for all {n} encounters"
+            f"windows: the table of sensor curves has {width} columns; allowed numbers of columns are "
+            f"{sorted(_WIDTHS)}. The number of encounters with a sensor curve is {len(curve_of)}; expected {n}, or one "
+            "curve for all encounters"
         )
     if not (_is_valid(starts, curve_of, rows) if shared else _are_valid(starts, curve_of, rows)):
         raise ValueError("curves: an encounter refers to a curve whose windows are not in the table")
@@ -404,7 +405,7 @@ def pieces_of_core(pieces: FloatArray, ends_in_contact: bool, open_ended: bool) 
     count, width = pieces.shape
     if not (count > 0 and 3 <= width <= _WIDEST):
         raise TypeError(
-            f"each polynomial piece of a sensor curve needs 3 to {_WIDEST} numbers, but the table of pieces has "
-            f"the shape {pieces.shape}"
+            f"the polynomial table of a sensor curve has the shape {pieces.shape}, but needs one or more rows with "
+            f"3 to {_WIDEST} numbers each"
         )
     return _PiecesOfCore(address(pieces), count, width, ends_in_contact, open_ended)

@@ -382,8 +382,8 @@ def continuous_law(law: Any) -> ContinuousLaw:
     if sampled is None:
         name = repr(law) if isinstance(law, str) else type(law).__name__
         raise InvalidInputError(
-            f"law: found {name}, expected a law in continuous time. Use one of the names "
-            f"{', '.join(LAW_KINDS.names())}, a CustomLaw, or a sampled law whose attribute `continuous` names a "
-            "law"
+            f"law: found {name}, expected a law in continuous time. Use one of these laws: "
+            f"{', '.join(LAW_KINDS.names())}, or a CustomLaw. A sampled law is also possible if its attribute "
+            "`continuous` names a law"
         )
     return continuous_law(sampled)

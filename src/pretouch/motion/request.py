@@ -172,7 +172,7 @@ def make_request(
             shape = np.broadcast_shapes(scenario.shape, np.shape(gains))
         except ValueError:
             raise InvalidInputError(
-                f"gain: the gains have the shape {np.shape(gains)}, which does not broadcast with the shape "
+                f"gain: the shape {np.shape(gains)} of the gains does not broadcast with the shape "
                 f"{scenario.shape} of the scenario"
             ) from None
     relative = scenario.relative_columns(with_course=with_course)

@@ -125,7 +125,7 @@ class Scenario(InNotebooks, Value):
         except ValueError:
             shapes = ", ".join(sorted({str(np.shape(v)) for v in values if np.ndim(v)}))
             raise InvalidInputError(
-                f"scenario: the shapes of the array arguments do not broadcast with each other: {shapes}"
+                f"scenario: the shapes of the array arguments do not broadcast with each other (shapes: {shapes})"
             ) from None
         object.__setattr__(self, "shape", shape)
         if not (self.distance > 0 if shape == () else np.all(self.distance > 0)):
@@ -206,8 +206,9 @@ def _check_rounding(quantity_and_unit: str, obstacle: Any, plant: Any, reference
         name, unit = quantity_and_unit.removesuffix("]").split(" [")
         first = float(np.broadcast_to(reference, np.shape(wrong))[wrong].flat[0])
         raise InvalidInputError(
-            f"reference {name}: the value of {first:g} {unit} is so large that rounding hides the difference between "
-            f"obstacle and robot. Give the {name} of obstacle, robot and reference relative to another origin"
+            f"reference {name}: found {first:g} {unit}, expected a smaller value, because rounding hides the "
+            f"difference between obstacle and robot. Give the {name} of obstacle, robot and reference relative to "
+            "another origin"
         )
 
 

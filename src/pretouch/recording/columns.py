@@ -80,7 +80,8 @@ def read_columns(path: Path, wanted: str) -> tuple[str, str, FloatArray, FloatAr
     clock = next((i for i, title in enumerate(header) if TIME.fullmatch(title)), None)
     if clock is None:
         raise InvalidInputError(
-            f"{path}: found no time column among {', '.join(header)}; rename the column with the times to time [s]"
+            f"{path}: found no time column among the columns {', '.join(header)}; rename the column with the times "
+            "to time [s]"
         )
     index = _index_of(path, header, wanted, clock)
     time, values = (np.array([_number(row, i) for row in rows]) for i in (clock, index))
@@ -120,5 +121,7 @@ def _factor(path: Path, title: str, time: FloatArray) -> float:
     except UnitError:
         parsed = None
     if parsed is None or parsed.exponents != _SECONDS:
-        raise InvalidInputError(f"{path}: the time column {title!r} has no unit of time; name it, such as time [s]")
+        raise InvalidInputError(
+            f"{path}: the name of the time column, {title!r}, has no unit of time; add the unit, such as time [s]"
+        )
     return parsed.factor

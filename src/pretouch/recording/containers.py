@@ -66,7 +66,7 @@ def _files_of(folder: Path, contents: Contents) -> list[Path]:
     present = sorted((f for f in folder.iterdir() if f.name.endswith(_ENDINGS)), key=_natural)
     if not present:
         raise InvalidInputError(
-            f"{folder}: this folder contains no recording; the name of a recording ends with .mcap or .db3"
+            f"{folder}: this folder contains no recording; expected a file whose name ends with .mcap or .db3"
         )
     metadata = folder / "metadata.yaml"
     if not metadata.exists():
@@ -102,7 +102,7 @@ def _read_file(path: Path, wanted: Collection[str], contents: Contents) -> None:
             raise InvalidInputError(f"{path}: this file is empty; was the recorder stopped before it wrote anything?")
         elif start.startswith(_ROS1):
             raise InvalidInputError(
-                f"{path}: this is a bag of ROS 1, but pretouch reads bags of ROS 2; convert it with: rosbags-convert "
+                f"{path}: found a ROS 1 bag, expected a ROS 2 bag; convert it with: rosbags-convert "
                 f"--src {path.name} --dst {path.stem}"
             )
         else:

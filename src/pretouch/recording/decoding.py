@@ -110,7 +110,7 @@ def decode_names(messages: Messages) -> tuple[str, ...]:
     if len(lists) > 1 or not names:
         found = f"the joints {' or '.join(', '.join(each) or 'none' for each in sorted(lists)[:2])}"
         raise InvalidInputError(
-            f"{topic.name}: all messages of this topic must contain the same joints, but they contain {found}"
+            f"{topic.name}: found messages with {found}, expected the same joints in all messages of this topic"
         )
     return names
 
@@ -205,8 +205,8 @@ def _field_of(field: str, fields: list[str], topic: Topic) -> str:
     if not own:
         raise InvalidInputError(f"{topic.name}: the message type {kind} has no numeric fields; choose another topic")
     raise InvalidInputError(
-        f"{topic.name}: the message type {kind} has {len(own)} numeric fields; choose one, for example with "
-        f"{topic.name}.{own[0]} (the fields are {_listed(own)})"
+        f"{topic.name}: the message type {kind} has {len(own)} numeric fields; choose one of them, for example "
+        f"{topic.name}.{own[0]}. The numeric fields are {_listed(own)}"
     )
 
 
@@ -281,7 +281,7 @@ def _type_store(topic: Topic, message: bytes) -> Any:
     if topic.message_type not in store.fielddefs:
         raise InvalidInputError(
             f"{topic.name}: neither the recording nor ROS defines the message type {topic.message_type}. Record again "
-            "in the format MCAP with a recent ROS 2, which stores the definitions"
+            "with a recent ROS 2 in the format MCAP. This format stores the definitions"
         )
     return store
 

@@ -90,9 +90,9 @@ def pair_distances(
     if len(finite) < _FEWEST or np.ptp(finite) < _NARROW:
         span = f"from {1e3 * finite.min():.4g} to {1e3 * finite.max():.4g} mm" if len(finite) else "none"
         raise InvalidInputError(
-            f"reference: the number of readings with a distance is {len(finite)} ({span}). A calibration needs at "
-            f"least {_FEWEST} readings, and distances that differ by more than {1e3 * _NARROW:g} mm. Move the object "
-            "toward the sensor while recording"
+            f"reference: the number of readings with a distance is {len(finite)} (distances: {span}). A calibration "
+            f"needs at least {_FEWEST} such readings. Their distances must differ by more than {1e3 * _NARROW:g} mm. "
+            "Move the object toward the sensor while recording"
         )
     return DistancePairs(
         distance=between[kept],

@@ -81,10 +81,10 @@ def estimate_latency(  # noqa: PLR0911 - one return for each reason
     best = int(np.argmax(np.abs(correlations)))
     peak = float(abs(correlations[best]))
     if peak < _LEAST:
-        return _unknown(peak, f"the correlation of the topics is only {peak:.2f}, but at least {_LEAST} is needed")
+        return _unknown(peak, f"the two topics have a correlation of only {peak:.2f}, but {_LEAST} is required")
     if best in {0, len(shifts) - 1}:
         return _unknown(
-            peak, f"the correlation is largest at the end of the search, at a time shift of {longest:.3g} s"
+            peak, f"the correlation is largest at a time shift of {longest:.3g} s, the limit of the search range"
         )
     if (rival := _rival(np.abs(correlations), best)) is not None:
         return _unknown(

@@ -68,7 +68,8 @@ def read_recordings(
     if is_table(file):
         if clock is not None:
             raise InvalidInputError(
-                f"clock: the file {file.name} has only one clock, its time column; do not choose another clock"
+                f"clock: no clock can be chosen for the file {file.name}, because its only clock is the time column; "
+                "omit this option"
             )
         return tuple(_from_table(file, name, unit) for name, unit in wanted)
     if not all(name for name, _ in wanted):
@@ -159,8 +160,8 @@ def _valid_ranges(values: FloatArray, bounds: tuple[float, float]) -> tuple[Floa
         return values, ()
     changed = np.where(near, -np.inf, np.where(far, np.inf, values))
     return changed, (
-        f"{near.sum():,} distances are below min_range ({1e3 * low:.4g} mm) and count as too near; {far.sum():,} "
-        f"distances are above max_range ({1e3 * high:.4g} mm) and count as no object.",
+        f"Some distances are outside the sensor range from {1e3 * low:.4g} mm (min_range) to {1e3 * high:.4g} mm "
+        f"(max_range): {near.sum():,} distances count as too near, and {far.sum():,} distances count as no object.",
     )
 
 

@@ -180,10 +180,10 @@ def _run_stage(command: str, distance: float) -> None:
     except FileNotFoundError:
         raise InvalidInputError(f"--stage: the command {words[0]!r} was not found; check its name and path") from None
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise SourceError(f"--stage: the stage did not reach the distance {place} ({error}); check the stage") from None
+        raise SourceError(f"--stage: the stage did not reach the distance {place}; check the stage ({error})") from None
     if done.returncode:
         said = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()[-1]
         raise SourceError(
-            f"--stage: the command {shlex.join(words)} failed with exit status {done.returncode} ({said}); check the "
-            "stage"
+            f"--stage: the command {shlex.join(words)} failed with exit status {done.returncode}; check the stage "
+            f"(output of the command: {said})"
         )

@@ -90,7 +90,7 @@ def judge_recording(calibration: Calibration | None, goal: RecordGoal, *, final:
         return Judgment(is_enough=False, reason="No distance is recorded yet.", missing=missing)
     count = len(calibration.distinct_distances)
     if count < _FEWEST:
-        reason = f"The number of recorded distances is {count}, but a fit needs at least {_FEWEST}."
+        reason = f"The number of recorded distances is {count}, but a fit needs at least {_FEWEST} distances."
         return Judgment(is_enough=False, reason=reason, missing=_missing(calibration, None, goal))
     if not final and len(calibration.no_object):  # with an unknown offset, a fit must find out what the signal is
         missing = _missing(calibration, None, goal)

@@ -64,8 +64,8 @@ class Recording(Value):
             object.__setattr__(self, name, column)
         if self.stamps.ndim != 1 or self.stamps.shape != self.values.shape:
             raise InvalidInputError(
-                f"stamps, values: found arrays of the shapes {self.stamps.shape} and {self.values.shape}, expected two "
-                "columns of the same length"
+                f"stamps, values: found stamps of the shape {self.stamps.shape} and values of the shape "
+                f"{self.values.shape}, expected two columns of the same length"
             )
 
     @property

@@ -149,10 +149,10 @@ def _one_clock(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     total = len(recording.stamps)
     lost = total - (longest.stop - longest.start)
     other = {"header": "receive", "receive": "header" if len(recording.transport) else ""}.get(recording.clock)
-    advice = f" Try --clock {other}." if other else ""
+    advice = f"; try --clock {other}" if other else ""
     return recording.part(longest), (
-        f"The clock of the recording was set back (jumps: {len(parts) - 1}), so pretouch replayed only the longest "
-        f"part between jumps. {lost:,} of {total:,} readings were left out.{advice}",
+        f"The clock of the recording was set back (number of jumps: {len(parts) - 1}): pretouch replayed only the "
+        f"longest part without a jump{advice}. The replay ignores {lost:,} of {total:,} readings.",
     )
 
 
@@ -198,8 +198,8 @@ def _events(
     times = [float(t) - first for t in contacts]
     if outside := [t for t in times if not 0 <= t <= last]:
         raise InvalidInputError(
-            f"contacts: found a contact at {outside[0] + first:g} s, but the replayed part is from {first:.4g} s to "
-            f"{first + last:.4g} s after the first reading"
+            f"contacts: found a contact at {outside[0] + first:g} s, but the replayed part lasts from {first:.4g} s to "
+            f"{first + last:.4g} s. All three times count from the first reading"
         )
     return [(t, t) for t in sorted(times)]
 

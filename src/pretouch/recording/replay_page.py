@@ -134,7 +134,8 @@ def _warnings(replay: Replay) -> Iterator[str]:
             yield caution(
                 "PT607",
                 f"The recorded noise of {noise.noise:.3g} is {noise.noise / chain.noise:.2g} times the noise in the "
-                "scenario, so the verification is too optimistic.",
+                "scenario, so the verification is too optimistic: copy the section [chain] of this recording into the "
+                "scenario file.",
             )
         needed = _quiet_floor(replay, noise.noise)
         if floor < needed:
@@ -180,8 +181,8 @@ def _fault_warnings(replay: Replay) -> Iterator[str]:
     if replay.noise.clipped and not counts["saturated"] and replay.recording.kind == "reading":
         yield caution(
             "PT603",
-            f"The largest reading, {replay.noise.largest:.6g}, occurs several times in a row, which looks like "
-            "saturation; set saturation in [controller] to this value.",
+            f"The largest reading, {replay.noise.largest:.6g}, occurs several times in a row, probably because of "
+            "saturation: set saturation in [controller] to this value.",
         )
     if timing.late:
         yield caution(

@@ -114,7 +114,8 @@ class Replay(Described, Value):
             )
         if self.recording.kind == "distance":
             raise InvalidInputError(
-                f"topic: {self.recording.topic} contains distances, but a calibration needs the raw output of a sensor"
+                f"topic: the topic {self.recording.topic} contains distances, but a calibration needs the raw output "
+                "of a sensor"
             )
         origin = int(self.recording.stamps[0])
         shift = 0.0 if self.latency is None else self.latency.value or 0.0
@@ -207,6 +208,6 @@ def _describe_rates(replay: Replay) -> Iterator[str]:
     )
     if timing.held > 1:
         yield (
-            f"Each value occurs {timing.held} times in a row, so the sensor delivers new values only at about "
-            f"{format_quantity(timing.rate / timing.held, 'Hz', 3)}."
+            f"Each value occurs {timing.held} times in a row, so the sensor delivers new values at a rate of only "
+            f"about {format_quantity(timing.rate / timing.held, 'Hz', 3)}."
         )

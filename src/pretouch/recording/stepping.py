@@ -106,8 +106,8 @@ def run_steps(controller: Controller, time: FloatArray, readings: FloatArray) ->
     count = int(np.floor((arrival[-1] + _INSTANT) / controller.period)) + 2  # the last reading is used, too
     if count > _MOST_STEPS:
         raise InvalidInputError(
-            f"recording: found a duration of {arrival[-1]:,.0f} s, which is {count:,} control periods; at most "
-            f"{_MOST_STEPS:,} periods are allowed. Replay a part of the recording with --from and --to"
+            f"recording: found {count:,} control periods, expected at most {_MOST_STEPS:,} control periods. The "
+            f"duration of the recording is {arrival[-1]:,.0f} s. Replay only a part of it with --from and --to"
         )
     clock: FloatArray = controller.period * np.arange(count, dtype=np.float64)
     newest = np.searchsorted(arrival, clock + _INSTANT, side="right") - 1

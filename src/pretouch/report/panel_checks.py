@@ -155,8 +155,8 @@ def check_axis(panel: Any, axis: str) -> None:
         nameless = name.startswith("curve:")
         if ends and not nameless and (np.nanmax(values) < ends[0] or np.nanmin(values) > ends[1]):
             raise InvalidInputError(
-                f"{name}: the values from {np.nanmin(values):g} to {np.nanmax(values):g} lie outside "
-                f"{axis}_limits = ({ends[0]:g}, {ends[1]:g}); widen the limits, or remove these values"
+                f"{name}: all values lie outside {axis}_limits; widen these limits, or remove the values. The limits "
+                f"are {ends[0]:g} and {ends[1]:g}. The values range from {np.nanmin(values):g} to {np.nanmax(values):g}"
             )
 
 

@@ -196,8 +196,8 @@ class Map(Value):
         if values.shape != (len(y), len(x)) or min(values.shape) < 2 or not np.isfinite(values).any():
             actual = f"{np.isfinite(values).sum()} finite values of shape {values.shape}"
             expected = (
-                f"an array of the shape ({len(y)}, {len(x)}). The array needs one row for each y and one column for "
-                "each x. At least 2 rows, 2 columns and one finite value are necessary"
+                f"an array of {len(y)} rows (one for each y) and {len(x)} columns (one for each x). The array needs "
+                "at least 2 rows, 2 columns and one finite value"
             )
             raise InvalidInputError(f"map: values: found {actual}, expected {expected}")
         across, up = np.argsort(x), np.argsort(y)
@@ -268,8 +268,8 @@ class Panel(Value):
         if any(curve.style is None for curve in loud[len(CURVES) :]):
             raise InvalidInputError(
                 f"curves: found {len(loud)} curves in one panel, but there are only {len(CURVES)} line styles. "
-                "Use quiet=True for background curves, draw several panels, or give curves the same style with "
-                "style=0...4"
+                "Use quiet=True for background curves, or draw several panels. Curves can also share a style: set "
+                "style to a number from 0 to 4"
             )
 
     def __repr__(self) -> str:

@@ -51,8 +51,8 @@ def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
     dims = [str(dim) for dim in flat["status"].dims]
     if len(dims) not in {1, 2}:
         raise InvalidInputError(
-            "dataset: a figure can show one or two axes with several values, but this dataset has "
-            f"{len(dims)} such axes. Select values of the other axes first, for example with "
+            f"dataset: found {len(dims)} axes with several values, but a figure can show only one or two axes. "
+            "Select one value of each other axis first, for example with "
             f"dataset.sel({{'gain': -0.7}}, method='nearest')"
         )
     for name in names:

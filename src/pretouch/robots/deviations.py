@@ -41,12 +41,12 @@ def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteCon
             yield caution(
                 "PT505",
                 f"At the site {site}, a drive is at its limit during up to {100 * share:.0f} % of the encounter: "
-                "choose a weaker gain. Otherwise, the robot cannot follow its reference. Another posture may help too.",
+                "choose a weaker gain, or try another posture. With this gain, the robot cannot follow its reference.",
             )
         for reason in sorted({c.obstacle for c in runs} - {""}):
             yield caution(
                 "PT506",
-                f"Before contact, the reference motion of the site {site} stops at a {reason} of the robot. Choose a "
+                f"Before contact, the reference motion of the site {site} stops at a {reason} of the robot: choose a "
                 "weaker gain or a posture with a longer retreat.",
             )
         turn, sideways = (max(getattr(c, name) for c in runs) for name in ("axis_turn", "sideways"))
@@ -54,7 +54,8 @@ def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteCon
             yield caution(
                 "PT504",
                 f"The sensor at the site {site} turns by up to {math.degrees(turn):.2g} deg and moves up to "
-                f"{format_quantity(sideways, 'm', 2)} off its axis. The prediction assumes a fixed axis until contact.",
+                f"{format_quantity(sideways, 'm', 2)} off its axis: rely on the simulation, not on the "
+                "prediction. The prediction assumes that the sensor axis does not move until contact.",
             )
 
 
@@ -87,8 +88,8 @@ def report_deviations(
             shown = f"{percent:.2g}" if percent < 100 else f"{percent:.0f}"
             yield caution(
                 "PT507",
-                f"The simulated contact speed of the site {site} is {shown} % {more} than its prediction. Rely on the "
-                "simulation; other warnings name the reason if it is known.",
+                f"The simulated contact speed of the site {site} is {shown} % {more} than its prediction: rely on the "
+                "simulation. If the reason is known, another warning names it.",
             )
 
 

@@ -215,7 +215,7 @@ class _Scene:
         if steps < 1 or abs(period / model.opt.timestep - steps) > 1e-6 * steps:
             raise InvalidInputError(
                 f"model: the time step of {model.opt.timestep:g} s does not divide the controller period of "
-                f"{period:g} s. Set <option timestep=.../> to a whole fraction of the period"
+                f"{period:g} s. Set <option timestep=.../> to the period divided by a whole number"
             )
         _check_bandwidth(tracking, model.opt.timestep)
         copied = copy.copy(model)
@@ -274,8 +274,9 @@ def _check_bandwidth(tracking: Tracking, step: float) -> None:
     bandwidth = getattr(tracking, "bandwidth", 0.0)
     if 2 * math.pi * bandwidth * step > _FINEST:
         raise InvalidInputError(
-            f"bandwidth: found {bandwidth:g} Hz, expected at most {_FINEST / (2 * math.pi * step):.3g} Hz for the "
-            f"model's time step of {step:g} s. Reduce the bandwidth of the tracking or the time step"
+            f"bandwidth: found {bandwidth:g} Hz, expected at most {_FINEST / (2 * math.pi * step):.3g} Hz. This "
+            f"limit follows from the model's time step of {step:g} s. Reduce the bandwidth of the tracking or the time "
+            "step"
         )
 
 

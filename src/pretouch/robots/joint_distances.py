@@ -58,8 +58,8 @@ def distances_ahead(model: Model, site: SensorSite, joints: Mapping[str, FloatAr
             refuse_covered_sensor(model, data, site, index)
     if not np.isfinite(distances).any():
         raise InvalidInputError(
-            f"site {site.name!r}: in no recorded posture is an object on the sensor axis {site.axis}. Add the object "
-            "to the model where it was during the recording, or choose another axis"
+            f"site {site.name!r}: no object lies on the sensor axis {site.axis} in any recorded posture. Choose "
+            "another axis, or add the object to the model. Put it where it was during the recording"
         )
     return distances
 
@@ -101,7 +101,7 @@ def _column(model: Model, joint: int, joints: Mapping[str, FloatArray]) -> Float
             unit = unit_of_joint(model, joint)
             ends = " to ".join(describe_position(end, unit) for end in (low, high))
             raise InvalidInputError(
-                f"joint {name!r}: found the recorded position {values[worst]:g} {unit}, expected positions within the "
-                f"joint range of the model ({ends}). Joint states must be in rad or m, and of the same robot"
+                f"joint {name!r}: found the recorded position {values[worst]:g} {unit}, expected a position within the "
+                f"range of this joint in the model, {ends}. Joint states must come from the same robot, in rad or m"
             )
     return values

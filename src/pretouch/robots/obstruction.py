@@ -38,8 +38,8 @@ def refuse_covered_sensor(model: Model, data: Data, site: SensorSite, index: int
         if min(depths) > _TOLERANCE:
             name = _name_of(model, int(geom))
             raise InvalidInputError(
-                f"site {site.name!r}: the site is inside the geom {name}, {format_quantity(depths[0], 'm')} below the "
-                "surface, so the sensor cannot see objects. Move the site to the contact surface"
+                f"site {site.name!r}: the site is inside the geom {name}, so the sensor cannot see objects. Move the "
+                f"site to the contact surface. The surface of the geom is {format_quantity(depths[0], 'm')} away"
             )
 
 
@@ -69,7 +69,7 @@ def refuse_overlap(model: Model, data: Data, site: SensorSite, index: int, dista
                 deepest, what = -float(contact.dist), f"the geom {_name_of(model, int(geom))}"
     if deepest > _TOLERANCE:
         raise InvalidInputError(
-            f"data: at the start, {what} overlaps the robot that carries the site {site.name!r}, by "
+            f"data: at the start, {what} overlaps the robot with the site {site.name!r} by "
             f"{format_quantity(deepest, 'm')}; move the object away from the robot"
         )
 

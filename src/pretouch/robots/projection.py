@@ -110,8 +110,8 @@ class Projection(Described, Value):
         for name, limit in limits.items():
             if not limit > 0:
                 raise InvalidInputError(
-                    f"{name}: in this posture, the robot has no possible {name} along the axis {self.site.axis} of "
-                    f"the site {self.site.name!r}; choose another posture or axis"
+                    f"{name}: in this posture, the site {self.site.name!r} has no possible {name} along its axis "
+                    f"{self.site.axis}; choose another posture or axis"
                 )
         return tuple(Constraint(name=n, limit=share * v) for n, v in limits.items() if math.isfinite(v))
 
@@ -343,18 +343,17 @@ def posture_warnings(
         yield caution(
             "PT501",
             "The posture is close to a singularity: choose another posture if a design needs more acceleration than "
-            f"the drives allow. Along the axis, the drives move {motion.conditioning**-2:.0f} times the mass of the "
-            "direction with the least mass. The robot follows the prediction only up to this acceleration.",
+            f"the drives allow. The robot follows the prediction only up to this limit of the drives. Along the sensor "
+            f"axis, the drives move {motion.conditioning**-2:.0f} times as much mass as along the easiest direction.",
         )
     rates = ((TURN, motion.turning), (SIDEWAYS, motion.sideways))
     straight = min((limit / rate for limit, rate in rates if rate > 0), default=math.inf)
     if math.isfinite(straight) and straight < retreat():
         yield caution(
             "PT504",
-            f"The sensor leaves its axis: per 100 mm of motion it turns by {math.degrees(motion.turning) / 10:.2g} deg "
-            f"and moves sideways by {format_quantity(motion.sideways / 10, 'm', 2)}. After an excursion of "
-            f"{format_quantity(straight, 'm', 2)}, contact speeds may differ from the prediction by 3 % or more; "
-            "simulate the robot.",
+            f"Per 100 mm of motion, the sensor turns by {math.degrees(motion.turning) / 10:.2g} deg and moves "
+            f"{format_quantity(motion.sideways / 10, 'm', 2)} off its axis: simulate the robot. After an excursion of "
+            f"{format_quantity(straight, 'm', 2)}, contact speeds may differ from the prediction by 3 % or more.",
         )
     if not limited:
         yield caution(
@@ -365,8 +364,8 @@ def posture_warnings(
     if endless:
         yield caution(
             "PT508",
-            "The following hinges have no range in the model, so pretouch lets them turn without limit: "
-            f"{', '.join(endless)}. If the real hinges have a range, add it, because the robot can then retreat less.",
+            f"Some hinges have no range in the model, so pretouch lets them turn without limit ({', '.join(endless)}): "
+            "add the range of each hinge that has one. With a range, the robot may retreat less.",
         )
     passive = [
         joint_label(model, int(j))
@@ -375,5 +374,7 @@ def posture_warnings(
     ]
     if passive:
         yield caution(
-            "PT503", f"No actuator moves the following joints, so pretouch lets them move freely: {', '.join(passive)}."
+            "PT503",
+            f"No actuator moves some joints, so pretouch lets them move freely ({', '.join(passive)}): add actuators, "
+            "or lock these joints.",
         )

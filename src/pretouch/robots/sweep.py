@@ -269,8 +269,8 @@ def _balls(objects: Mapping[str, Any], count: int) -> dict[str, FloatArray]:
         column = np.asarray(check(value, f"objects {name}", unit), dtype=np.float64)
         if column.shape not in {(), (count,)}:
             raise InvalidInputError(
-                f"objects: found {column.size} values for the {name} of the ball, but {count} postures; give one "
-                "value for each posture, or one for all"
+                f"objects: found {column.size} values for the {name} of the ball, expected one value for all "
+                f"postures, or one for each of the {count} postures"
             )
         columns[name] = np.broadcast_to(column, count)
     return columns

@@ -106,7 +106,7 @@ def project_all(model: Model) -> ProjectionTable:
     if all(row.projection is None for row in rows):
         reason = rows[0].reason.removeprefix("site: ")
         raise InvalidInputError(
-            f"site: mass and limits can be computed for no site of the model; reason for the first site: {reason}"
+            f"site: mass and limits cannot be computed for any site of the model. Reason for the first site: {reason}"
         )
     return ProjectionTable(model=_name_of(model), rows=rows)
 

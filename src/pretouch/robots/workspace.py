@@ -141,7 +141,7 @@ def project_workspace(
                 omitted, reason = omitted + 1, str(error)
     if not projections:
         raise InvalidInputError(
-            f"postures: the robot cannot be projected to the sensor axis in any posture; last reason: {reason}"
+            f"postures: the motion along the sensor axis cannot be computed in any posture. Last reason: {reason}"
         )
     return Workspace(projections[0].site, tuple(projections), omitted)
 
@@ -169,7 +169,7 @@ def random_postures(
     """
     if not 0 <= margin < 0.5:
         raise InvalidInputError(
-            f"margin: found {margin:g}, expected a share of the joint ranges, at least 0 and below 0.5"
+            f"margin: found {margin:g}, expected a fraction of each joint range, at least 0 and below 0.5"
         )
     data = make_data(model)
     drivetrain = drivetrain_of(model, data, site_index(model, site.name))

@@ -260,8 +260,8 @@ def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
     i = int(np.abs(change - integral).argmax())
     width = right[i] - left[i]
     return (
-        f"the average slope is {integral[i] / width:.5g} 1/m between {left[i]:.5g} m and {right[i]:.5g} m, but "
-        f"ln xi changes by {change[i] / width:.5g} 1/m there. The slope must be the derivative of ln xi within "
+        f"between the distances {left[i]:.5g} m and {right[i]:.5g} m, the average slope is {integral[i] / width:.5g} "
+        f"1/m, but ln xi changes by {change[i] / width:.5g} 1/m. The slope must be the derivative of ln xi within "
         "0.1 %"
     )
 

@@ -202,7 +202,7 @@ class ExponentialSecondOrder(SensorModel):
         if not low < high:
             raise InvalidInputError(
                 f"minimum_distance: found {self.minimum_distance:g} m, expected less than {self.turning_point:g} "
-                "m, which is the turning point of the curve. Beyond this distance, the output rises with the distance"
+                "m, the turning point of the curve. Beyond the turning point, the output rises with the distance"
             )
 
     @property

@@ -117,9 +117,9 @@ class _InversePowerFamily(Family):
             return ()
         at, low = format_quantity(self.middle, "m"), parameters["exponent"].low
         return (
-            f"The readings determine only the slope in the middle of the usable range, n / (l_0 + {at}) = "
-            f"{-slope.value:.4g} 1/m. The exponent n is above {low:.3g} and has no upper limit. The exponent n and the "
-            "distance offset l_0 can grow together. An exponential curve fits equally well.",
+            f"The readings determine only the slope in the middle of the usable range, {-slope.value:.4g} 1/m. This "
+            f"slope is n / (l_0 + {at}). The exponent n and the distance offset l_0 can grow together. The exponent is "
+            f"above {low:.3g} and has no upper limit. An exponential curve fits equally well.",
         )
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
@@ -127,9 +127,9 @@ class _InversePowerFamily(Family):
         if not exponent.value < _POINT_SOURCE:
             return ()
         return (
-            f"The fitted exponent is {exponent.value:.3g} (upper end of its 95 % interval: {exponent.high:.3g}), but a "
-            "point light source has the exponent 2. A large object, a row of emitters, or an offset that was not "
-            "subtracted can cause such a slow decay.",
+            f"The fitted exponent is {exponent.value:.3g}, but a point light source has the exponent 2. The 95 % "
+            f"interval of the fitted exponent ends at {exponent.high:.3g}. A large object, a row of emitters, or an "
+            "offset that was not subtracted can make the exponent small.",
         )
 
 
@@ -164,8 +164,8 @@ class InversePower(SensorModel):
         offset = self.distance_offset
         if not self.minimum_distance + offset > 0:
             raise InvalidInputError(
-                f"distance_offset: found {offset:g} m, expected more than {0.0 - self.minimum_distance:g} m ("
-                "the negative of minimum_distance), because the output is otherwise infinite inside the valid range"
+                f"distance_offset: found {offset:g} m, expected more than {0.0 - self.minimum_distance:g} m, "
+                "the negative of minimum_distance. Otherwise, the output is infinite inside the valid range"
             )
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:

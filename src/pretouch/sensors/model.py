@@ -87,7 +87,7 @@ class SensorModel(ABC):
         check_types(self)
         if not low < high:
             raise InvalidInputError(
-                f"maximum_distance: found {high:g} m, expected a distance above minimum_distance, which is {low:g} m"
+                f"maximum_distance: found {high:g} m, expected more than the minimum_distance of {low:g} m"
             )
 
     @abstractmethod

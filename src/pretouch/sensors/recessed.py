@@ -58,7 +58,8 @@ class Recessed(SensorModel):
         if not self.maximum_distance > 0:
             raise InvalidInputError(
                 f"recess: a recess of {recess:g} m is too large, because the {self.sensor.name} curve ends at "
-                f"{high:g} m. So no distance in front of the contact surface remains; choose a smaller recess"
+                f"{high:g} m. With this recess, no distance in front of the contact surface remains. Choose a "
+                "smaller recess"
             )
         SensorModel.__post_init__(self)
 

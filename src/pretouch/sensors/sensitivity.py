@@ -114,6 +114,6 @@ def _by_differences(sensor: Any, name: str) -> SlopeSensitivity:
 
         return slope
     raise InvalidInputError(
-        f"{name}: the derivative of the sensor curve cannot be computed at the value {value:g}, because nearby "
-        f"values cause the error: {error}"
+        f"{name}: the derivative of the sensor curve cannot be computed at the parameter value {value:g}. "
+        f"Parameter values near {value:g} are invalid: {error}"
     )

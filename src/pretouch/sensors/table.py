@@ -55,8 +55,8 @@ class Table(SensorModel):
             if len(wrong):
                 i = int(wrong[0])
                 raise InvalidInputError(
-                    f"{name}: found {column[i]:g} followed by {column[i + 1]:g}, but these values must be strictly "
-                    f"{'increasing' if sign > 0 else 'decreasing; smooth the table or fit a curve first'}"
+                    f"{name}: found the value {column[i]:g} followed by the value {column[i + 1]:g}, expected strictly "
+                    f"{'increasing values' if sign > 0 else 'decreasing values; smooth the table or fit a curve first'}"
                 )
         low, high = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
         object.__setattr__(self, "distances", tuple(map(float, distances)))
@@ -128,8 +128,8 @@ class PiecewiseCubic(SensorModel):
         if len(levels) != len(distances) or slopes.shape != (len(distances) - 1, 2) or (np.diff(distances) <= 0).any():
             raise InvalidInputError(
                 f"distances: found {len(distances)} distances, {len(levels)} log_outputs, and slopes of the "
-                f"shape {slopes.shape}. A table needs strictly increasing distances, one log_output per "
-                "distance, and two slopes per interval"
+                f"shape {slopes.shape}. The distances must increase strictly. Each distance needs one log_output. "
+                "Each interval between two distances needs two slopes"
             )
         object.__setattr__(self, "distances", tuple(distances.tolist()))
         object.__setattr__(self, "log_outputs", tuple(levels.tolist()))

@@ -96,8 +96,8 @@ class SensorChain:
         check_declared(self)
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
-                f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s "
-                f"at a sensor rate of {self.rate:g} Hz"
+                f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s. This is the "
+                f"time between two readings at the sensor rate of {self.rate:g} Hz"
             )
         if self.random_phase and self.phase:
             raise InvalidInputError(
@@ -111,18 +111,18 @@ class SensorChain:
             )
         if not self.lowest < self.highest:
             raise InvalidInputError(
-                f"highest: found {self.highest:g}, expected more than the lower clipping limit (lowest) of "
-                f"{self.lowest:g}"
+                f"highest: found {self.highest:g}, expected more than the lower clipping limit. This limit (lowest) "
+                f"is {self.lowest:g}"
             )
         if not self.dropout < 1:
             raise InvalidInputError(
-                f"dropout: found {self.dropout:g}, expected a probability below 1, because otherwise every reading "
-                "is lost"
+                f"dropout: found {self.dropout:g}, expected a probability below 1. At a probability of 1, every "
+                "reading is lost"
             )
         if self.misfit and not self.misfit_length:
             raise InvalidInputError(
-                f"misfit_length: an error of the sensor curve (misfit) of {self.misfit:g} needs a correlation length "
-                'above 0 m; set misfit_length, for example to "5 mm"'
+                f"misfit_length: the sensor curve error (misfit) of {self.misfit:g} needs a correlation length. "
+                'Set misfit_length to a length above 0 m, for example "5 mm"'
             )
         if (self.distance_noise or self.distance_resolution) and not self.measures_distance:
             raise InvalidInputError(
@@ -256,8 +256,8 @@ class LoopTiming:
         object.__setattr__(self, "sections", _sections(self.sections))
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
-                f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s "
-                f"at a sensor rate of {self.rate:g} Hz"
+                f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s. This is the "
+                f"time between two readings at the sensor rate of {self.rate:g} Hz"
             )
         if self.delay_range > self.delay * (1 + 1e-9):
             raise InvalidInputError(
@@ -266,8 +266,8 @@ class LoopTiming:
         shortest = self.delay - self.delay_range
         if shortest < self.exposure / 2 * (1 - 1e-9):
             raise InvalidInputError(
-                f"delay: found a shortest delay of {shortest:g} s, expected at least half of the exposure of "
-                f"{self.exposure:g} s. The delay counts from the middle of the exposure"
+                f"delay: found a shortest delay of {shortest:g} s, expected at least half of the exposure. The "
+                f"exposure takes {self.exposure:g} s, and the delay counts from its middle"
             )
 
     @property
@@ -369,8 +369,8 @@ def _sections(sections: Any) -> tuple[tuple[float, ...], ...]:
     for row in rows:
         if len(row) != 6 or not all(map(math.isfinite, row)) or row[3] == 0:
             raise InvalidInputError(
-                f"sections: found the filter coefficients {row}, expected six finite numbers b0, b1, b2, a0, a1, "
-                "a2 with a0 not equal to 0"
+                f"sections: found the filter coefficients {row}, expected six finite numbers. They are b0, b1, b2, "
+                "a0, a1 and a2, and a0 must not be 0"
             )
     return tuple(tuple(v / row[3] for v in row) for row in rows)
 

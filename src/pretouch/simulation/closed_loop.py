@@ -183,8 +183,8 @@ class ClosedLoop:
         law: Any = self.law
         if not isinstance(law, Controller):
             raise InvalidInputError(
-                f"stability: found a controller of the class {type(law).__name__}, but stability limits can be "
-                "computed only for the class Controller, whose timing is known"
+                f"stability: found a controller of the class {type(law).__name__}, expected the class Controller. "
+                "Stability limits depend on the timing, and only the class Controller has a known timing"
             )
         continuous, assumed = continuous_law(law.law), law.law.value if value is None else value
         distance, velocity = passage(continuous, scenario, sensor, assumed, float(scenario.distance))
@@ -225,8 +225,8 @@ class ClosedLoop:
             raise InvalidInputError(
                 f"stability_margin: no {n.name} within the bounds of [gain] has the required gain margin of "
                 f"{margin:g}. At a sensor rate of {self.chain.rate:g} Hz, the strongest {n.name} with this margin is "
-                f"{most}, but the bounds are {interval}. Choose a smaller margin, a weaker {n.name}, a faster sensor "
-                "or a larger virtual mass"
+                f"{most}. The bounds of [gain] are {interval}. Choose a smaller margin, bounds with a weaker {n.name}, "
+                "a faster sensor or a larger virtual mass"
             )
         return low, high
 
@@ -256,8 +256,8 @@ class ClosedLoop:
         except ValueError:
             shapes = f"{scenario.shape} and {len(sensors)} sensors" if each else f"{scenario.shape}"
             raise InvalidInputError(
-                f"gain: the array of gains has the shape {gains.shape}, which does not broadcast with the shape of "
-                f"the encounters, {shapes}"
+                f"gain: the array of gains has the shape {gains.shape}. It does not broadcast with the encounters of "
+                f"the shape {shapes}"
             ) from None
         first = () if runs is None else (runs_of(runs),)
         between = (1,) * (len(shape) - len(several))  # axes between the one of the runs and those of the scenario

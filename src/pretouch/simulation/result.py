@@ -80,7 +80,7 @@ def refuse_too_many_runs(count: int) -> None:
     if count > MOST_RUNS:
         size = 8 * count * (len(RESULT_COLUMNS) + TOUCHES * len(CONTACT_COLUMNS))
         raise InvalidInputError(
-            f"runs: found {count:,} runs, which would need {size / 1e9:,.0f} GB of memory, expected at most "
+            f"runs: found {count:,} runs, which would need {size / 1e9:,.0f} GB of memory. Expected at most "
             f"{MOST_RUNS:,} runs. For more runs, call the function again with another seed"
         )
 
@@ -101,9 +101,9 @@ def _refuse_endless_runs(loop: Loop) -> None:
     waiting = chain.exposure + chain.delay + 16 * chain.jitter + period
     if waiting * chain.rate > _MOST_BUFFERED:
         raise InvalidInputError(
-            f"chain delay: up to {waiting * chain.rate:.3g} sensor readings would wait for delivery, but at most "
-            f"{_MOST_BUFFERED:,} are allowed. Reduce the delay, exposure or jitter of the sensor, or its rate of "
-            f"{chain.rate:g} readings per second"
+            f"chain delay: up to {waiting * chain.rate:.3g} sensor readings would wait for delivery, expected at "
+            f"most {_MOST_BUFFERED:,} readings. Reduce the delay, the exposure or the jitter of the sensor. Or reduce "
+            f"the sensor rate of {chain.rate:g} readings per second"
         )
 
 
@@ -111,8 +111,8 @@ def _refuse(span: float, step: float, name: str, what: str) -> None:
     if not span / step <= _MOST_STEPS:
         raise InvalidInputError(
             f"{name}: found a simulated time of {_time(span)}, which takes {span / step:.3g} steps of {what}. "
-            f"Expected a time of at most {_time(_MOST_STEPS * step)}, which takes {_MOST_STEPS:,} steps. Reduce "
-            "this time to the longest possible duration of an encounter"
+            f"Expected a time of at most {_time(_MOST_STEPS * step)}, because at most {_MOST_STEPS:,} steps are "
+            "allowed. Reduce this time to the longest possible duration of an encounter"
         )
 
 
@@ -265,12 +265,12 @@ class SimulationResult(Value):
             flat = np.arange(int(np.prod(self.shape))).reshape(self.shape)[index]
         except IndexError:
             raise InvalidInputError(
-                f"index: found {index}, which is not a valid index for an array of runs of the shape {self.shape}"
+                f"index: found {index}, expected the index of a run. The runs form an array of the shape {self.shape}"
             ) from None
         if np.ndim(flat):
             raise InvalidInputError(
-                f"index: {index} selects several runs of an array of the shape {self.shape}; give the index of a "
-                "single run"
+                f"index: the index {index} selects several runs; give the index of a single run. The runs form an "
+                f"array of the shape {self.shape}"
             )
         return self.trace_of(int(flat))
 

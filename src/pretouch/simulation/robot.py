@@ -134,7 +134,7 @@ class ImpedancePlant(PlantModel):
         frequency = math.sqrt(self.stiffness / self.mass)
         if frequency > _FASTEST:
             raise InvalidInputError(
-                f"stiffness: found {self.stiffness:g} N/m for a mass of {self.mass:g} kg. The natural "
+                f"stiffness: found a stiffness of {self.stiffness:g} N/m and a mass of {self.mass:g} kg. Their natural "
                 f"frequency is {frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s. Check the units of "
                 "stiffness and mass"
             )

@@ -132,8 +132,8 @@ class GainLimit(Value):
         if not 0 < n.sign * finite(weakest, "weakest", n.unit) < n.sign * strongest:
             found, most = f"{weakest:g} {unit}", f"{strongest:g} {unit}"
             raise InvalidInputError(
-                f"weakest: found {found}, expected a value between 0 and {most}, which is the strongest {n.name} with "
-                f"the required gain margin. A faster sensor allows a stronger {n.name}"
+                f"weakest: found {found}, expected a value between 0 and {most}. This limit is the strongest {n.name} "
+                f"with the required gain margin. A faster sensor allows a stronger {n.name}"
             )
         return min(strongest, weakest), max(strongest, weakest)
 
@@ -264,12 +264,12 @@ def _linearize(
     damping_of_one = np.abs(law.damping(1.0, -slope, velocity))
     if np.isnan(damping_of_one).any() and relative_velocity is None:
         raise InvalidInputError(
-            "relative_velocity: give the relative velocity l' [m/s] at each distance, because the damping of the "
-            f"control law {law.kind} depends on this velocity"
+            "relative_velocity: found none, expected the relative velocity l' [m/s] at each distance. "
+            f"The damping of the control law {law.kind} depends on this velocity"
         )
     if np.isnan(damping_of_one).any():
         raise InvalidInputError(
-            f"law: the damping of the control law {law.kind} is unknown (NaN) at some distances, but must be a number "
+            f"law: the damping of the control law {law.kind} is unknown (NaN) at some distances, expected a number "
             "at every distance"
         )
     active = (
@@ -328,8 +328,8 @@ def lowest_rate(
     number = law.number
     if not finite(gain, "gain", number.unit) * number.sign > 0:
         raise InvalidInputError(
-            f"gain: found {format_quantity(gain, number.unit)}, which does not mitigate the impact; values that "
-            f"mitigate it are {number.mitigating}"
+            f"gain: found {format_quantity(gain, number.unit)}, which does not mitigate the impact. Values "
+            f"that mitigate the impact are {number.mitigating}"
         )
     _, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
     required = np.asarray(positive(margin, "margin")) * abs(gain) * float(damping_of_one.max())

@@ -61,13 +61,14 @@ class StateSpace:
         jumps = np.abs(self.arrays[2] @ self.arrays[1])
         if (jumps > _ERROR * np.abs(self.arrays[1]).max() * np.abs(self.arrays[2]).max()).any():
             raise InvalidInputError(
-                f"b: the input {_INPUTS[int(jumps.argmax())]} changes the robot's velocity directly, but may change "
-                "only its acceleration (C B = 0). Add the lag of the drive to the model"
+                f"b: the input {_INPUTS[int(jumps.argmax())]} changes the robot's velocity directly. "
+                "It may change only the acceleration (C B = 0). Add the lag of the drive to the model"
             )
         if not self.inverse_mass > 0:
             raise InvalidInputError(
                 f"b: a force of 1 N on the contact surface causes an acceleration of {self.inverse_mass:g} "
-                "m/s^2. The acceleration must be positive (C A B_F = 1 / mass)"
+                "m/s^2. This acceleration must be positive; check the signs of the matrices. It equals C A B_F, where "
+                "B_F is the column of the contact force in the matrix B"
             )
         _ = self.steady  # refuses a robot that does not follow
 
@@ -124,7 +125,8 @@ def _solved(a: FloatArray, c: FloatArray, right: FloatArray, output: float | Non
     error = np.abs(rows @ found - values) / scale
     if error.max() > _ERROR * max(1.0, float(np.abs(found).max())):
         raise InvalidInputError(
-            f"a: the robot model does not follow its commanded motion, {what}; check the signs and units of A and B"
+            f"a: the robot model does not follow the commanded motion of {what}; check the signs and units of the "
+            "matrices A and B"
         )
     return np.asarray(found)
 

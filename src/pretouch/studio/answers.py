@@ -173,8 +173,8 @@ def _cut(calibration: Calibration, near: float, far: float) -> Calibration:
     inside = (calibration.distances >= near - 1e-12) & (calibration.distances <= far + 1e-12)
     if np.unique(calibration.distances[inside]).size < 3:
         raise InvalidInputError(
-            f"window: found {np.unique(calibration.distances[inside]).size} different distances between "
-            f"{1e3 * near:.4g} mm and {1e3 * far:.4g} mm, expected at least 3; make the window wider"
+            f"window: found {np.unique(calibration.distances[inside]).size} different measured distances, expected at "
+            f"least 3. The window is the range from {1e3 * near:.4g} mm to {1e3 * far:.4g} mm; make it wider"
         )
     return Readings(
         distances=calibration.distances[inside],

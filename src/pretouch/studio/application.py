@@ -266,8 +266,8 @@ class _Asked:
 async def _body(request: Any, most: int) -> bytes:
     """Return the body of a request, unless it is too large."""
     message = (
-        f"upload: found more than {most / 1e6:g} MB of data, which is the limit; reduce the file, for example by "
-        "averaging repeated readings"
+        f"upload: the file exceeds the limit of {most / 1e6:g} MB; reduce the file, for example by averaging "
+        "repeated readings"
     )
     declared = request.headers.get("content-length", "0")
     if declared.isdigit() and int(declared) > most:

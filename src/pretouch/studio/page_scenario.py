@@ -44,8 +44,8 @@ def scenario_of_page(file: Path) -> dict[str, Any]:
     reason = next(_obstacles(task, document), None)
     if reason is not None:
         raise InvalidInputError(
-            f"{file}: a page without server cannot compute this scenario, because {reason}. To use the page with its "
-            f"server, leave out the option --output: pretouch studio {file}"
+            f"{file}: a page without a server cannot compute this scenario, because {reason}. To use the page with "
+            f"its server, run this command without the option --output: pretouch studio {file}"
         )
     fields = dict(texts_of(document))
     notes = [f"This page starts with the scenario of {file.name}."]
@@ -57,7 +57,10 @@ def scenario_of_page(file: Path) -> dict[str, Any]:
         fields = {**_without("law", fields), "law.kind": "virtual-drag", "law.ratio": ratio}
     unused = [f"[{name}]" for name in document if name not in SECTIONS]
     if unused:
-        notes.append(f"The page ignores the sections {', '.join(unused)}, and the button Scenario file omits them.")
+        notes.append(
+            f"The page ignores the sections {', '.join(unused)}. A file saved with the button Scenario file does not "
+            "contain these sections."
+        )
     key = hashlib.sha256(repr(fields).encode()).hexdigest()[:16]
     return {"title": file.name, "key": key, "fields": fields, "note": " ".join(notes)}
 
@@ -66,7 +69,7 @@ def _obstacles(task: Task, document: dict[str, Any]) -> Iterator[str]:
     """Yield the reasons why the page cannot compute a scenario without Python."""
     curve = task.sensor.bare[0]
     if type(curve) not in IN_THE_PAGE:
-        yield f"the page computes only inverse power and exponential sensor curves, and this curve is {curve.name}"
+        yield f"the page computes only inverse power and exponential sensor curves, but this curve is {curve.name}"
     if task.sensor.valid_range[0] > 0:
         yield "the sensor curve does not extend down to contact"
     if "model" in document.get("robot", {}):
@@ -76,7 +79,7 @@ def _obstacles(task: Task, document: dict[str, Any]) -> Iterator[str]:
     if task.is_admittance_free:
         yield "the admittance has bounds"
     if task.law not in (DAMPER, DRAG):
-        yield f"the page computes only virtual dampers and virtual drags, and this control law is {task.law.kind}"
+        yield f"the page computes only virtual dampers and virtual drags, but this control law is {task.law.kind}"
     objective = document.get("objective", {})
     if task.drag_effect is None and (task.law == DRAG or task.bounds is None or not objective):
         yield "the page needs [objective] and [gain] with bounds, or a virtual drag with an effect such as ratio"
@@ -84,7 +87,10 @@ def _obstacles(task: Task, document: dict[str, Any]) -> Iterator[str]:
         yield 'the page computes only the objectives "excursion" and "time" with a velocity_scale'
     others = [constraint.name for constraint in task.limits if constraint.name not in LIMITS]
     if others:
-        yield f"the page knows only the limits {', '.join(LIMITS)}, but [constraints] has {', '.join(others)}"
+        yield (
+            f"the page supports only the constraints {', '.join(LIMITS)}, but the section [constraints] also has "
+            f"{', '.join(others)}"
+        )
 
 
 def _fitted_curve(task: Task) -> dict[str, Any]:

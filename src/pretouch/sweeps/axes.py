@@ -137,15 +137,15 @@ def _axis(name: str, values: Any, units: Mapping[str, str]) -> Axis:
         return Axis(name=name, columns={name: _values(name, values, units)})
     if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in units:
         raise InvalidInputError(
-            f"axes: found {name!r} as the name of an axis of paired inputs, expected a new name of letters, digits "
-            "and underscores, such as 'sample'"
+            f"axes: found {name!r} as the name of an axis of paired inputs. Expected letters, digits and underscores, "
+            "but not the name of an input; for example 'sample'"
         )
     columns = {str(member): _values(str(member), column, units) for member, column in values.items()}
     lengths = {member: len(column) for member, column in columns.items()}
     if not columns or len(set(lengths.values())) > 1:
         listed = ", ".join(f"{n} values of {member}" for member, n in lengths.items()) or "no input"
         raise InvalidInputError(
-            f"axes: found {listed} along the axis {name}, but all inputs of one axis need the same number of values"
+            f"axes: the axis {name} has {listed}, but all inputs of one axis need the same number of values"
         )
     return Axis(name=name, columns=columns, zipped=True)
 

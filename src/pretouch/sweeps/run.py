@@ -267,7 +267,7 @@ def _to_netcdf(plan: Grid, target: Path, *, overwrite: bool, dask: Any, progress
     if is_sweep(folder):  # an earlier run may have been killed before it removed the folder
         remove_unused(folder)
     if dataset is None:
-        raise InvalidInputError(f"{target}: the file cannot be read after it was written")
+        raise InvalidInputError(f"{target}: the file was written, but cannot be read; run the sweep again")
     return dataset
 
 
@@ -294,12 +294,14 @@ def _open_finished(plan: Grid, target: Path, *, overwrite: bool) -> xr.Dataset |
     if not overwrite or dataset is None:
         if dataset is None:
             raise OutputExistsError(
-                f"{target}: this file does not contain a sweep, and pretouch does not overwrite it; choose another "
+                f"{target}: this file does not contain a sweep, so pretouch does not overwrite it; choose another "
                 "name with --output"
             )
-        what = "is damaged" if equal else f"differs from this sweep in {differing_parts(dataset.attrs, plan)}"
+        problem = "the stored sweep is damaged"
+        if not equal:
+            problem = f"the stored sweep differs from this sweep in {differing_parts(dataset.attrs, plan)}"
         raise OutputExistsError(
-            f"{target}: the stored sweep {what}, and pretouch does not overwrite the file. Choose another name "
-            "with --output, or replace the file with --force (overwrite=True in Python)"
+            f"{target}: {problem}. Therefore, pretouch does not overwrite the file. Choose another name with --output, "
+            "or replace the file with --force (overwrite=True in Python)"
         )
     return None

@@ -55,8 +55,8 @@ def refuse_beyond_memory(plan: Grid) -> None:
     bytes_each = 1 + 8 * len(plan.results)
     if plan.size * bytes_each > _MOST_BYTES:
         raise InvalidInputError(
-            f"axes: the results of {plan.size:,} encounters need {plan.size * bytes_each / 1e9:,.0f} GB, but pretouch "
-            f"keeps at most {_MOST_BYTES // bytes_each:,} encounters in memory. Write to a folder with "
+            f"axes: the results of {plan.size:,} encounters need {plan.size * bytes_each / 1e9:,.0f} GB of memory. "
+            f"pretouch keeps at most {_MOST_BYTES // bytes_each:,} encounters in memory. Write to a folder with "
             "output='NAME.zarr', or use fewer values"
         )
 
@@ -146,7 +146,7 @@ class ZarrStore(Store):
         if attributes.get(DIGEST) != attributes_of(plan)[DIGEST]:
             raise OutputExistsError(
                 f"{path}: the stored sweep differs from the requested sweep in "
-                f"{differing_parts(attributes, plan)}, and pretouch does not overwrite it. Choose another "
+                f"{differing_parts(attributes, plan)}. Therefore, pretouch does not overwrite it. Choose another "
                 "name with --output, or replace the sweep with --force (overwrite=True in Python)"
             )
         zarr = require("zarr")

@@ -57,8 +57,8 @@ class CorrelatedNormal(JointDistribution):
         count = len(self.names)
         if mean.shape != (count,) or covariance.shape != (count, count):
             raise InvalidInputError(
-                f"covariance: found a matrix of the shape {covariance.shape}, {mean.shape[0]} mean values and "
-                f"{count} names. Expected one mean value, one row and one column for each name"
+                f"covariance: found a matrix of the shape {covariance.shape} and {mean.shape[0]} mean values for "
+                f"{count} names. Each name needs one mean value, one row of the matrix and one column"
             )
         scale = np.sqrt(np.outer(np.diag(covariance).clip(0), np.diag(covariance).clip(0)))
         if np.abs(covariance - covariance.T).max(initial=0) > 1e-9 * scale.max(initial=0):
@@ -169,7 +169,7 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
         unbounded = open_ended or names
         raise InvalidInputError(
             f"fit: the readings do not determine the fitted parameter{'s' * (len(unbounded) > 1)} "
-            f"{' and '.join(unbounded)}, so the fit has no covariance.{reason} Fit a curve with fewer "
+            f"{' and '.join(unbounded)}. So the fit has no covariance.{reason} Fit a curve with fewer "
             "parameters, such as exponential-1, or specify the distribution of each parameter"
         )
     mean = np.array([fit.parameters[name].value for name in names])
@@ -194,8 +194,8 @@ def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance:
                 sensor_with(fit.sensor, values)
             except InvalidInputError as impossible:
                 raise InvalidInputError(
-                    f"fit: the fitted parameter {name} is {mean[i]:.4g} with a standard error of {error:.2g}. A "
-                    f"normal distribution of this width includes impossible curves ({impossible}). Calibrate "
+                    f"fit: the fitted parameter {name} has the value {mean[i]:.4g} and the standard error {error:.2g}. "
+                    f"A normal distribution of this width includes impossible curves ({impossible}). Calibrate "
                     "with more readings, or specify the distribution of each parameter"
                 ) from None
 

@@ -327,7 +327,7 @@ class TruncatedNormal(Distribution):
         if max(low - self.location, self.location - high) > 30 * self.deviation:
             raise InvalidInputError(
                 f"low: the range from {low:g} to {high:g} is more than 30 standard deviations away from the "
-                f"location {self.location:g} of the distribution. Choose a range nearer to the location"
+                f"location. The location of the distribution is {self.location:g}. Choose a range nearer to it"
             )
 
     @property

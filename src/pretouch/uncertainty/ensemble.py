@@ -45,7 +45,8 @@ def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
         if not isinstance(distribution, JointDistribution):
             raise InvalidInputError(
                 f"uncertainty {name}: found {type(distribution).__name__}, expected a distribution such as "
-                "Uniform. A custom distribution inherits from pt.robust.Distribution and defines support and _quantile"
+                "Uniform. A custom distribution must inherit from pt.robust.Distribution. It must define support and "
+                "_quantile"
             )
     names = [member for name, distribution in uncertainty.items() for member in distribution.inputs(name)]
     if not names:
@@ -114,7 +115,7 @@ def check_draw(count: int, *, seed: int, sampling: str) -> None:
         raise InvalidInputError(f"samples: found {count!r}, expected a positive whole number")
     if count > MOST_SAMPLES:
         raise InvalidInputError(
-            f"samples: found {count:,}, expected at most {MOST_SAMPLES:,} samples, because more samples do not "
+            f"samples: found {count:,}, expected at most {MOST_SAMPLES:,} samples. More samples do not "
             "reduce the error of the sensor and motion models"
         )
     if type(seed) is not int or seed < 0:
@@ -184,7 +185,7 @@ def contradictions(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorM
                 yield (
                     member,
                     f"the value in the encounter is {format_quantity(value, unit)}, but the distribution of {member} "
-                    f"covers {format_range((low, high), unit)}; change one of them, so that both agree",
+                    f"covers {format_range((low, high), unit)}; change the value or the distribution",
                 )
 
 

@@ -183,7 +183,7 @@ class Reservations(Value):
         if unmitigated is None or self.speed_without_force <= _HARDER * unmitigated:
             return text
         return (
-            f"{text} Contact at this speed is harder than without mitigation, where the contact speed is "
+            f"{text} Contact at this speed is harder than without mitigation. Without mitigation, the contact speed is "
             f"{format_quantity(unmitigated, 'm/s')}."
         )
 

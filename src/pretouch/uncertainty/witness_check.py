@@ -87,18 +87,23 @@ class WitnessCheck(Value):
         low, high, predicted, free = (
             format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted, self.unmitigated)
         )
-        of = f" (the worst of {self.unsupported} of {self.encounters} encounters)" if self.encounters > 1 else ""
+        of = (
+            " These speeds are those of the worst encounter. The readings do not support the prediction in "
+            f"{self.unsupported} of {self.encounters} encounters."
+            if self.encounters > 1
+            else ""
+        )
         if self.harder_count:
             return caution(
                 "PT201",
                 f"Not supported by the readings: on {self.harder_count} of {self.curves} sensor curves that fit "
-                f"the readings, contact is harder than without mitigation. The contact speed is {free} without "
-                f"mitigation. The fitted curve predicts a contact speed of {predicted}{of}.",
+                "the readings, contact is harder than without mitigation. Without mitigation, the contact speed is "
+                f"{free}. The fitted curve predicts a contact speed of {predicted}.{of}",
             )
         return caution(
             "PT201",
-            "Not supported by the readings: on other curves that fit the readings, the contact speed is "
-            f"{low} to {high}. The fitted curve predicts a contact speed of {predicted}{of}.",
+            f"Not supported by the readings: the fitted curve predicts a contact speed of {predicted}, but other "
+            f"curves that fit the readings predict {low} to {high}.{of}",
         )
 
     @property
@@ -108,10 +113,11 @@ class WitnessCheck(Value):
         outside = (
             ""
             if is_within(self.predicted, self.low, self.high)
-            else f", which is outside of this range; a difference of up to {100 * CLOSE:.0f} % counts as agreement"
+            else ". This prediction is outside of the range. A difference of up to "
+            f"{100 * CLOSE:.0f} % counts as agreement"
         )
         return (
-            f"on {self.curves} sensor curves that fit the readings, the contact speed is {low} to {high}; the fitted "
+            f"on {self.curves} sensor curves that fit the readings, the contact speed is {low} to {high}. The fitted "
             f"curve predicts {predicted}{outside}"
         )
 

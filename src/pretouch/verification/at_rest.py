@@ -94,7 +94,7 @@ class RestMotion(Value):
         faster = " or raise largest_rate," if law.conditioning.largest_rate is not None else ""
         if self.quiet_floor is None:
             return f"reduce the noise of the sensor,{faster} or use a control law with a dead zone"
-        return f"set the detection threshold floor = {self.quiet_floor:g} in [controller],{faster} and verify again"
+        return f"set floor = {self.quiet_floor:g} in [controller] (the detection threshold),{faster} and verify again"
 
 
 def motion_at_rest(task: Task, gain: float) -> RestMotion | None:
@@ -124,12 +124,16 @@ def rest_in_words(rest: RestMotion | None, law: Any) -> Iterator[str]:
     if rest is None:
         return
     where, still = format_quantity(rest.distance, "m", 3), format_quantity(_STILL, "m", 3)
-    place = f"The worst distance is {where}. At least 95 % of runs move less (95 % confidence, {_RESTS} runs)."
+    place = (
+        f"This motion is largest at a distance of {where} to an object. In at least 95 % of runs, the robot moves "
+        f"less (95 % confidence, {_RESTS} runs)."
+    )
     if rest.quiet_floor is None or rest.detected_from is None:
         yield caution(
             "PT406",
-            f"{rest.text}: reduce the noise, or use a control law with a dead zone. No higher controller floor "
-            f"(detection threshold) was found that limits this motion to {still} and detects objects. {place}",
+            f"{rest.text}: reduce the noise, or use a control law with a dead zone. No higher detection "
+            "threshold (floor of the controller) was found that detects objects and limits this motion to "
+            f"{still}. {place}",
         )
         return
     yield caution(

@@ -104,11 +104,11 @@ class CalibrationCheck(Value):
         """A few sentences that summarize the calibration check."""
         if self.is_good_enough:
             kept = f"all but {self.failing}" if self.failing else "all"
-            wider = "" if self.witness is None else f", in continuous time: {self.witness.text}"
+            wider = "" if self.witness is None else f" Prediction in continuous time: {self.witness.text}."
             return (
                 f"The calibration is good enough for this gain: {kept} of {self.draws} simulated sensors agree with "
-                "the fitted curve. These sensors were chosen at random from fits to the readings. "
-                f"{self._spread} Other curves through the readings do not contradict the result{wider}."
+                "the fitted curve. These sensors were drawn at random from the fits to the readings. "
+                f"{self._spread} Other curves through the readings do not contradict the result.{wider}"
             )
         reason = f"{self.reason[:1].upper()}{self.reason[1:]}."
         against = None if self.witness is None else self.witness.headline
@@ -130,7 +130,7 @@ class CalibrationCheck(Value):
         if is_within(self.predicted, self.low, self.high):
             return text
         softer = self.predicted < self.low
-        accepted = f"; up to {100 * _HARDER:.0f} % harder counts as agreement" if softer else ""
+        accepted = f" (a contact up to {100 * _HARDER:.0f} % harder counts as agreement)" if softer else ""
         return (
             f"{text} So the fitted curve predicts a {'softer' if softer else 'harder'} contact than most of these "
             f"sensors{accepted}. The sensors differ in curve, offset and curve error."

@@ -195,8 +195,8 @@ def compare_candidates(tasks: Mapping[str, Task], *, runs: int | None = None) ->
     for name, task in tasks.items():
         if task.loop is None:
             raise InvalidInputError(
-                f"{name}: found no sampled loop, which is needed to verify and compare candidates; add the sections "
-                "[chain] and [controller], which pretouch init writes"
+                f"{name}: found no sampled loop, expected one to verify and compare candidates; add the sections "
+                "[chain] and [controller] (pretouch init writes both)"
             )
     results = [_verified(name, task, runs) for name, task in tasks.items()]
     return CandidateComparison(candidates=tuple(sorted(results, key=_rank)))

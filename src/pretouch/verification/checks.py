@@ -134,14 +134,15 @@ def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
     # `compared` is the number of runs that compare changes.
     loop, runs = task.loop, task.verify.runs
     uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
-    first = f" in the first {compared} of them" if compared < runs else ""
+    first = f" in the first {compared} of these runs" if compared < runs else ""
     number = f"a single one, of seed {loop.seed}" if runs == 1 else f"{runs}, independent, from seed {loop.seed}"
     return (
         *mounting_in_words(task.sensor),
         *loop_sentences(loop),
         *_force(task),
         *(uncertain or ["Encounter: the nominal one in every run; nothing is uncertain."]),
-        f"Simulated runs: {number}. Other gains, and changes of the loop, are simulated with the same noise{first}.",
+        f"Simulated runs: {number}. Every other gain and every change of the loop is simulated with the same noise"
+        f"{first}.",
         "Prediction: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly.",
         "Stability: computed for the loop linearized at each distance of the nominal curve, without noise, misfit, "
         "jitter, limits and friction.",
@@ -232,10 +233,10 @@ def _recession(loop: ClosedLoop, largest_rate: float) -> Iterator[str]:
         yield caution(
             "PT404",
             "A broken sensor cable makes the robot jump toward the object: set largest_rate of the controller to "
-            f"{format_quantity(largest_rate, '1/s', 3)}. With a broken cable, the reading falls to 0, as if the object "
-            "suddenly receded, and the robot follows. With this largest_rate, the controller ignores such readings. "
-            "The recommended value is twice the largest rate |d ln xi / dt| of an approach, plus noise. The simulated "
-            "runs do not contain this fault.",
+            f"{format_quantity(largest_rate, '1/s', 3)}. With a broken cable, the reading falls to 0. For the "
+            "controller, the object suddenly recedes, and the robot follows. With this largest_rate, the controller "
+            "ignores the reading of 0. The recommended value is twice the largest rate |d ln xi / dt| of the sensor "
+            "signal xi in an approach, plus noise. The simulated runs contain no broken cable.",
         )
 
 
@@ -256,8 +257,8 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
         near, far = format_quantity(float(distance.mean()), "m"), format_quantity(start, "m")
         yield caution(
             "PT405",
-            f"The object is detected late, at a mean distance of {near}, because {_why_late(loop, late)}. On average, "
-            f"detection takes {format_quantity(late, 's')}, and the start distance is {far}.",
+            f"The object is detected late, at a mean distance of {near}, because {_why_late(loop, late)}. The mean "
+            f"start distance is {far}. The mean time until detection is {format_quantity(late, 's')}.",
         )
 
 
@@ -290,8 +291,9 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
     newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
     yield caution(
         "PT407",
-        f"After the impact, the robot's drive{push} with a mean peak force of {newton[0]} ({newton[1]} without "
-        f"mitigation). The mean force of the impact itself is {newton[2]} ({newton[3]} without mitigation).",
+        f"After the impact, the robot's drive{push} with a mean peak force of {newton[0]}, compared with {newton[1]} "
+        f"without mitigation. The impact itself has a mean force of {newton[2]}, compared with {newton[3]} without "
+        "mitigation.",
     )
 
 

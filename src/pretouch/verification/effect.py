@@ -230,8 +230,8 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
         yield caution(
             "PT415",
-            f"The {number.name} has no effect in this run: the contact speed is {_text(speed)}, and it is "
-            f"{_text(before)} without mitigation.",
+            f"The {number.name} has no effect in this run: the contact speed is {_text(speed)} with this "
+            f"{number.name} and {_text(before)} without mitigation.",
         )
 
 

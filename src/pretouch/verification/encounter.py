@@ -249,8 +249,8 @@ class SimulatedEncounter(Described, Value):
             strongest = number.text(limit.strongest, 3)
             yield caution(
                 "PT412",
-                f"The sampled loop is unstable at a distance of {place}, where the strongest stable "
-                f"{number.name} is {strongest}.",
+                f"The sampled loop is unstable at a distance of {place}: the strongest stable "
+                f"{number.name} there is {strongest}.",
             )
         else:
             yield caution(

@@ -161,8 +161,8 @@ class Detection(Value):
         if self.missed_share is None:
             return f"{text}."
         return (
-            f"{text}. The first {100 * self.missed_share:.2g} % of the change of the sensor signal ln xi until contact "
-            "had no effect on the virtual force."
+            f"{text}. Before detection, the sensor signal ln xi made {100 * self.missed_share:.2g} % of its total "
+            "change until contact. This part of the change had no effect on the virtual force."
         )
 
 
@@ -377,10 +377,11 @@ def cautions_in_words(
     elif detection.missed_share is not None and detection.missed_share > _LATE:
         yield caution(
             "PT405",
-            f"The object is detected late, at {format_quantity(detection.distance, 'm')}, so "
+            f"The object is detected late, at a distance of {format_quantity(detection.distance, 'm')}, so "
             f"{100 * detection.missed_share:.2g} % of the signal change had no effect: lower the floor, or use a "
-            "faster sensor. The signal change is that of ln xi until contact. The prediction assumes detection at a "
-            f"distance of {format_quantity(detection.start_distance, 'm')}.",
+            "faster sensor. The floor is the detection threshold of the controller. The signal change is the change of "
+            "the sensor signal ln xi until contact. The prediction assumes detection at a distance of "
+            f"{format_quantity(detection.start_distance, 'm')}.",
         )
     approach = run.time if run.touched else run.end_time
     for flag in flags:
@@ -411,8 +412,8 @@ def force_in_words(force: QuantityComparison) -> Iterator[str]:
         loop, predicted = (_force(abs(value or 0.0)) for value in (force.loop, force.predicted))
         yield caution(
             "PT414",
-            f"The virtual force reaches {loop} on the simulated loop, but only {predicted} is predicted: check noise "
-            "and gain margin. Noise, slow readings or a loop close to instability cause such peaks.",
+            f"The virtual force reaches {loop} on the simulated loop, but only {predicted} is predicted: check the "
+            "noise and the gain margin. Noise, slow readings or a loop close to instability cause such peaks.",
         )
 
 

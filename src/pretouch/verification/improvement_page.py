@@ -40,8 +40,8 @@ def best_change_section(v: Verdict) -> PageSection | None:
     best, rate = v.best_change, _rate_in_words(v)
     if best is None:
         text = (
-            "None of the tried changes improves the result of the verification, or lowers the objective significantly "
-            f"and by at least 1 %. {rate}"
+            "None of the tried changes improves the result of the verification. None lowers the objective "
+            f"significantly and by at least 1 %. {rate}"
         ).strip()
         return PageSection(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
     open_reasons = _reasons_not_checked(v)
@@ -129,7 +129,7 @@ def changes_section(v: Verdict) -> PageSection | None:
     note = f"Each change was simulated in {n} run{'' if n == 1 else 's'}, with the same encounters and noise."
     if n < v.runs:
         note += (
-            f" These are the first of {v.runs} runs in total; changes of the gain were simulated on all {v.runs} runs."
+            f" They are the first of {v.runs} runs in total. Changes of the gain were simulated in all {v.runs} runs."
         )
     head = ("change", "objective", "limits met", "gain margin", "what to do")
     rows = (*_rows_as_it_is(v), *map(_change_row, v.changes))
@@ -223,14 +223,14 @@ def _loss_in_words(v: Verdict, loss: Loss) -> str:
     share, error = 100 * loss.loss / loss.loop_objective, 100 * (loss.loss_error or 0.0) / loss.loop_objective
     apart = _percent_with_error(share, error)
     if share > max(SIGNIFICANT * error, 0.0):
-        return f"The objective of the verified gain is {share:.3g} % worse than that of {best} (difference {apart})."
+        return f"Compared with {best}, the objective of the verified gain is {share:.3g} % worse (difference: {apart})."
     lacks = _lacks_in_words(v) if share < -SIGNIFICANT * error else ""
     if lacks:
         return (
-            f"The objective of the verified gain is {-share:.3g} % better than that of {best} (difference {apart}), "
-            f"but {lacks}."
+            f"Compared with {best}, the objective of the verified gain is {-share:.3g} % better (difference: {apart}). "
+            f"However, the verified gain has a disadvantage: {lacks}."
         )
-    return f"The objective of the verified gain is not significantly worse than that of {best} (difference {apart})."
+    return f"Compared with {best}, the objective of the verified gain is not significantly worse (difference: {apart})."
 
 
 def _best_gain_in_words(loss: Loss) -> str:

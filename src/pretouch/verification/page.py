@@ -268,8 +268,8 @@ def _reached(v: Verdict) -> str:
     if v.reached is None:
         return ""
     text = (
-        f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and occurs in "
-        f"{share_in_words(v.reached.simulated)} of the simulated runs (in total {_runs(v)})"
+        f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters. In the simulation "
+        f"({_runs(v)}), contact occurs in {share_in_words(v.reached.simulated)} of the runs"
     )
     text += f"; {v.reached.missing} end without the predicted contact." if v.reached.missing else "."
     if v.reached.low is not None:

@@ -141,10 +141,12 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
         p = check.required.probability
         if _is_unshown(check):
             needed = _runs_to_show(check, v.confidence)
-            advice = "" if needed is None else f"; with the same share, {needed} runs are enough"
+            advice = (
+                "" if needed is None else f". To demonstrate it with the same share of runs, simulate {needed} runs"
+            )
             yield (
-                f"the limit {check.statement} is met in {share_in_words(check.held)} of {v.runs} runs, which does not "
-                f"demonstrate the required {100 * p:g} %. These runs demonstrate only a probability of "
+                f"the limit {check.statement} is met in {share_in_words(check.held)} of {v.runs} runs. This does not "
+                f"demonstrate the required probability of {100 * p:g} %. The runs demonstrate only a probability of "
                 f"{share_in_words(check.low)} ({100 * v.confidence:g} % confidence){advice}"
             )
         # The gain itself is chosen, not drawn at random, so a gain exactly at its limit is no reason.
@@ -199,7 +201,8 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
     if not effect.is_softer:
         yield (
             f"contact is not significantly softer than without mitigation: over {effect.runs} runs, the "
-            f"contact speeds differ by {effect.difference:.2g} +- {effect.standard_error:.1g} m/s"
+            f"contact speeds differ by {effect.difference:.2g} m/s on average (standard error: "
+            f"{effect.standard_error:.1g} m/s)"
         )
     if effect.harder_count > OFTEN * effect.runs:
         share = share_in_words(effect.harder_count / effect.runs)

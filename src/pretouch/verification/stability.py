@@ -99,7 +99,7 @@ class StabilityCheck(Value):
             n = self.limit.law.number
             strongest = n.text(self.strongest)
             return (
-                f"A {n.name} of 0 cannot make the sampled loop oscillate; the strongest stable {n.name} is {strongest}."
+                f"A {n.name} of 0 cannot make the sampled loop oscillate. The strongest stable {n.name} is {strongest}."
             )
         if math.isinf(self.margin):
             return "No gain makes this loop unstable."
@@ -114,8 +114,8 @@ class StabilityCheck(Value):
         return (
             f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. Any "
             f"{self.limit.law.number.name} stronger than {self.limit.law.number.text(self.strongest)} makes the loop "
-            f"oscillate{frequency}, first at a distance of {format_quantity(self.critical_distance, 'm')}. "
-            f"{self._rates}."
+            f"oscillate{frequency}. Oscillation starts at a distance of "
+            f"{format_quantity(self.critical_distance, 'm')}. {self._rates}."
         )
 
     @property
@@ -401,8 +401,8 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[
     rate = plausible_rate(loop, quickest, noise)
     if c.largest_rate is None and rate > 0:
         text = (
-            f"Set the controller's largest_rate to {format_quantity(rate, '1/s')}, which is twice the largest "
-            "rate |d ln xi / dt| of an approach"
+            f"Set the controller's largest_rate to {format_quantity(rate, '1/s')}. This value is twice the "
+            "largest rate |d ln xi / dt| of the sensor signal xi in an approach"
         )
-        text += f"{' plus noise' if noisy else ''}."
+        text += f"{', plus noise' if noisy else ''}."
         yield "largest-rate", text, partial(_with, loop, conditioning={"largest_rate": rate})

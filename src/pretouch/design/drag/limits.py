@@ -108,8 +108,8 @@ class DragEffect(Value):
             rho, speed = np.asarray(self.ratio), math.inf
         elif self.largest_speed is None:
             raise InvalidInputError(
-                "largest_speed: the largest approach speed [m/s] is missing, but designing a virtual drag for a "
-                f"limit of the {self.chosen[0]} needs this speed"
+                "largest_speed: the largest approach speed [m/s] is missing. Set it, because the virtual drag for a "
+                f"limit of the {self.chosen[0]} depends on it"
             )
         else:
             speed = finite(self.largest_speed, "largest_speed", "m/s")
@@ -234,9 +234,9 @@ def strongest_by_excursion(  # noqa: PLR0917
         on = on[over[on] <= 0]
         if (never := on[high[on] == strongest[on]]).size:
             raise InvalidInputError(
-                f"excursion: the limit of {limits[never[0]]:g} m cannot be reached. Even with the strongest drag "
-                f"(contact speed / approach speed = {_STRONGEST:g}), the robot retreats less. Choose the drag by this "
-                "speed ratio instead"
+                f"excursion: the robot retreats less than the limit of {limits[never[0]]:g} m, even with the strongest "
+                f"drag. Set a ratio instead of an excursion. The strongest drag has the ratio {_STRONGEST:g} (contact "
+                "speed / approach speed)"
             )
         low[on], under[on], high[on] = high[on], over[on], np.minimum(2 * high[on], strongest[on])
     drag, reached = high.copy(), limits.copy()
@@ -308,9 +308,9 @@ def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, l
     excess = excess_of(high[:, None], slice(None))[:, 0]
     if (never := np.flatnonzero((strongest < top) & (excess <= 0))).size:
         raise InvalidInputError(
-            f"acceleration: the limit of acceleration / (approach speed)^2, {limit[never[0]]:g} 1/m, cannot be "
-            f"reached. Even the strongest drag (contact speed / approach speed = {_STRONGEST:g}) stays below it. "
-            "Choose the drag by this speed ratio instead"
+            "acceleration: even the strongest drag stays below the limit. Set a ratio instead of an acceleration. The "
+            f"limit of acceleration / (approach speed)^2 is {limit[never[0]]:g} 1/m. The strongest drag has the ratio "
+            f"{_STRONGEST:g} (contact speed / approach speed)"
         )
     for _ in range(_PASSES):
         on = np.flatnonzero(excess > _MET)
@@ -326,6 +326,6 @@ def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, l
         steepness[on] = np.clip((excess[on] - rest) / np.log(high[on] / new), 0.0, 1.0)
         high[on], excess[on] = new, rest
     raise InvalidInputError(
-        "acceleration: the search found no virtual drag for the limit of acceleration / (approach speed)^2, "
-        f"{limit[on[0]]:g} 1/m; change the limit slightly"
+        "acceleration: the search found no virtual drag for this limit; change the limit slightly. The limit of "
+        f"acceleration / (approach speed)^2 is {limit[on[0]]:g} 1/m"
     )

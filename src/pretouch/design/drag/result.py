@@ -257,8 +257,8 @@ class DragLimits(Value):
             )
         if not 0 < self.weak.drag <= self.strong.drag:
             raise InvalidInputError(
-                f"rails: found {self.weak.drag:g} N*s^2 for the weak drag and {self.strong.drag:g} N*s^2 "
-                "for the strong drag, expected positive ascending numbers"
+                f"rails: found a weak drag of {self.weak.drag:g} N*s^2 and a strong drag of "
+                f"{self.strong.drag:g} N*s^2, expected 0 < weak drag <= strong drag"
             )
 
     @property
@@ -327,8 +327,8 @@ def predict_drag(
     """
     if sensor.valid_range[0] > 0:
         raise InvalidInputError(
-            f"sensor: the sensor curve is valid only above {sensor.valid_range[0]:g} m, but the contact speed depends "
-            "on it down to 0 m. Mount the sensor behind the contact surface (recess)"
+            f"sensor: the sensor curve is valid only above {sensor.valid_range[0]:g} m, but the prediction needs it "
+            "down to 0 m. Mount the sensor behind the contact surface (recess)"
         )
     result = encounter(sensor, mass, distance, drag, 1.0, 0.0)
     end = result.contact

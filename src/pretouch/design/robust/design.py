@@ -137,8 +137,9 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
         if task.evaluate is not None or task.scenario.obstacle.course:
             what = "an obstacle with a course" if task.evaluate is None else "evaluate"
             raise InvalidInputError(
-                f"measure: WorstCase does not work with {what}; use Expected, Quantile or ConditionalValueAtRisk. The "
-                "search of WorstCase needs gradients, which exist only in continuous time and without a course"
+                f"measure: WorstCase does not work with {what}; use Expected, Quantile or ConditionalValueAtRisk. "
+                "WorstCase needs gradients of the objective. These gradients exist only in continuous time and for an "
+                "obstacle without a course"
             )
         for limit in limits:
             if limit.probability < 1:

@@ -208,10 +208,10 @@ def _loss(v: Validation) -> str:
 def _outcome(design: RobustDesign, v: Validation) -> PageSection:
     ideal = ", in continuous time and without noise" if design.on_evaluator else ""
     note = (
-        f"The results come from {v.samples} fresh encounters that the design did not use. The "
+        f"The results come from {v.samples} fresh encounters. The design did not use these encounters. The "
         f"{design.nominal_name} is optimal if every input has its given value{ideal}. The loss compares the "
-        "objective with this gain and with the robust gain, in the same encounters. All numbers are predicted, not "
-        "measured."
+        f"objectives with the {design.nominal_name} and with the robust gain, in the same encounters. All numbers are "
+        "predicted, not measured."
     )
     head = (f"on {v.samples} fresh samples ({100 * v.confidence:g} % confidence)", *design.compared)
     return _section("Results on fresh samples", head, _outcome_rows(design, v), note)
@@ -239,10 +239,11 @@ def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
 
 def _constraints(v: Validation) -> PageSection:
     note = (
-        f'"At least" is a {100 * v.confidence:g} % lower confidence bound of the probability that the limit is met '
-        '(Clopper and Pearson). "Demonstrated" means that this bound reaches the required probability. "Within '
-        'chance" means that the samples do not contradict the required probability. If the optimum lies on a '
-        "constraint, fresh samples often cannot demonstrate the required probability: require a slightly larger one."
+        '"At least" is a lower confidence bound of the probability that the limit is met (Clopper and Pearson). Its '
+        f'confidence is {100 * v.confidence:g} %. "Demonstrated" means that this bound reaches the required '
+        'probability. "Within chance" means that the samples do not contradict the required probability. If the '
+        "optimum lies on a constraint, fresh samples often cannot demonstrate the required probability. Then require a "
+        "slightly larger probability."
     )
     head = ("constraint", "limit", "required in", "met in", "at least", "quantile at the required share", "state")
     return _section("Constraints", head, (_limit_row(o, v) for o in v.limits), note)
@@ -298,8 +299,8 @@ def _uncertain(design: RobustDesign) -> PageSection:
 
 def _measure(design: RobustDesign) -> PageSection:
     caption = (
-        f"The left plot shows the {design.measure.label} of the objective, and the objective of the "
-        f"{'ideal' if design.on_evaluator else 'nominal'} encounter. Thin gray lines are gains that violate a "
+        f"The left plot shows the {design.measure.label} of the objective for each gain. It also shows the objective "
+        f"of the {'ideal' if design.on_evaluator else 'nominal'} encounter. Thin gray lines mark gains that violate a "
         "constraint. The right plot shows the cumulative distribution of the objective over the fresh encounters."
     )
     name = "Measure of the objective over the gain, and distribution of the objective"

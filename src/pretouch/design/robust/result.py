@@ -298,8 +298,8 @@ class RobustDesign(Answer):
         v = self.validation
         if self.gain is None:
             no_contact = (
-                "For every gain within the bounds, too few encounters end in contact to compute the "
-                f"{self.measure.label} of the objective."
+                f"The {self.measure.label} of the objective cannot be computed: for every gain within the bounds, too "
+                "few encounters end in contact."
             )
             return no_contact if self.status is DesignStatus.NO_CONTACT else f"Infeasible: {_conflict(self)}."
         text = f"Robust {self.number.name} {self.number.equals(self.gain)}: {self.measure.label} of the objective "
@@ -309,7 +309,7 @@ class RobustDesign(Answer):
         nominal = f"the {self.nominal_name} {self.number.text(self.nominal_gain)}"
         if not math.isfinite(v.nominal):
             return (
-                f"{text} With {nominal}, so many encounters end without contact that the objectives of the "
+                f"{text} With {nominal}, too many encounters end without contact. Therefore, the objectives of the "
                 "two gains cannot be compared."
             )
         change = 100 * (v.nominal / v.value - 1)
@@ -353,7 +353,7 @@ def _conflict(design: RobustDesign) -> str:
         if magnitude > c.limit:
             reasons.append(
                 f"{c.name} cannot be limited to {format_quantity(c.limit, unit)} "
-                f"in {100 * p:g} % of the samples. The smallest limit that a gain meets as often is "
+                f"in {100 * p:g} % of the samples. The smallest possible limit for this percentage is "
                 f"{format_quantity(magnitude, unit)}, with {design.number.equals(gain)}"
             )
     if reasons:

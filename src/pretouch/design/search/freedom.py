@@ -148,9 +148,8 @@ def make_freedom(
     axis = GainAxis.between(bounds, law.number)
     if law == DRAG and not (natural_frequency is None and damping_ratio is None):
         raise InvalidInputError(
-            f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: remove these bounds, "
-            "because a virtual drag suspends the admittance, so that stiffness and damping do not affect the "
-            "encounter"
+            f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: remove these bounds. A virtual "
+            "drag suspends the admittance. Therefore, stiffness and damping do not affect the encounter"
         )
     if scenario.shape:
         raise InvalidInputError(

@@ -178,8 +178,8 @@ class LineParser:
         numbers = [name for name in numbers if name != self._distance_number]
         if len(numbers) > 1:
             raise SourceError(
-                f"{self._name}: each line has {len(numbers)} numbers; choose one of their {kind} with --column: "
-                f"{', '.join(numbers)}"
+                f"{self._name}: each line has {len(numbers)} numbers; choose one with --column. The {kind} of "
+                f"the numbers are: {', '.join(numbers)}"
             )
         return numbers[0] if numbers else ""
 

@@ -102,7 +102,7 @@ def _cannot_open(name: str, baud: int, error: Exception) -> InvalidInputError:
         remedy = "another program uses the port; close that program, for example a serial monitor"
     elif isinstance(error, ValueError):
         remedy = (
-            f"the port does not support the baud rate {baud}; set the baud rate of the device with --baud, such as "
+            f"the port does not support the baud rate {baud}; set --baud to the baud rate of the device, such as "
             "9600 or 115200"
         )
     else:

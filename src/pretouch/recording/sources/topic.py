@@ -108,11 +108,11 @@ def _published_type(participant: Any, topic: str, kinds: Mapping[str, Any]) -> A
     if topic not in types:
         listed = ", ".join(sorted(name for name in types if name.startswith("rt/"))) or "none"
         raise InvalidInputError(
-            f"--topic: found no publisher of {topic} within {_DISCOVERY:g} s; topics on this network: {listed}. Start "
-            "the node that publishes it, and check ROS_DOMAIN_ID (--domain)"
+            f"--topic: found no publisher of the topic {topic} within {_DISCOVERY:g} s. Start the node that publishes "
+            f"this topic, and check ROS_DOMAIN_ID (--domain). Topics on this network: {listed}"
         )
     if types[topic] not in kinds:
         raise InvalidInputError(
-            f"--topic: {topic} has the message type {types[topic]}, expected one of {', '.join(kinds)}"
+            f"--topic: the topic {topic} has the message type {types[topic]}, expected one of {', '.join(kinds)}"
         )
     return kinds[types[topic]]

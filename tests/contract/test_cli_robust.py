@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,13 @@ def run(tmp_path, monkeypatch, capsys):
     Path("unsure.toml").write_text(UNCERTAIN)
     stand_in_for_reports(monkeypatch)
     return command(monkeypatch, capsys)
+
+
+def test_the_next_step_names_the_robust_gain_because_verify_would_take_another(run):
+    out = " ".join(run("robust", "unsure.toml", "--no-report")[1].split())
+    gain = re.search(r"Robust gain D_p = (-[\d.]+ N s)", out)
+    assert gain is not None
+    assert f'run pretouch verify with --gain "{gain[1]}" to check the gain' in out
 
 
 def test_it_prints_the_gain_and_where_the_report_is(run):

@@ -58,6 +58,10 @@ def test_a_first_scenario_of_a_calibration_passes_every_command(tmp_path: Path) 
     for verb in (["design"], ["simulate"], ["verify", "--runs", "50", "--no-changes"]):
         answer = run(verb[0], "scenario.toml", *verb[1:], "--no-report", folder=tmp_path)
         assert answer.returncode == 0, answer.stdout + answer.stderr
+    words = ["replay", "scenario.toml", EXAMPLES / "approaches.csv", "--topic", "reading", "--no-report"]
+    answer = run(*words, folder=tmp_path)  # of another sensor: the detections do not matter here
+    assert answer.returncode in {0, 1}, answer.stderr
+    assert "detections in 16 s" in answer.stdout
 
 
 def test_a_drag_is_designed_on_curves_with_a_level_part(tmp_path: Path) -> None:

@@ -184,6 +184,20 @@ def test_the_next_step_for_a_receding_object_is_its_sign(verb: str, tmp_path: Pa
         assert identifier not in " ".join([*lines, *printed(f"{verb} away.toml --no-report --verbose", tmp_path)])
 
 
+@pytest.mark.parametrize("verb", ["design", "simulate --gain -0.7"])
+def test_the_next_step_for_an_object_at_rest_is_its_motion(verb: str, tmp_path: Path) -> None:
+    text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")
+    rest = text.split("[uncertainty]")[0].replace('velocity = "-0.3 m/s"', 'velocity = "0 m/s"')
+    (tmp_path / "rest.toml").write_text(rest + text[text.index("[chain]") :], encoding="utf-8")
+    lines = printed(f"{verb} rest.toml --no-report", tmp_path)
+    assert "Next: give the obstacle a negative velocity: this object does not move." in lines
+
+
+def test_the_next_step_for_a_gain_with_the_wrong_sign_is_the_sign(tmp_path: Path) -> None:
+    lines = printed("verify EXAMPLES/loop.toml --gain 0.7 --runs 20 --no-changes --no-report", tmp_path)
+    assert "Next: use a negative gain, such as D_p = -0.7 N s." in lines
+
+
 @pytest.mark.parametrize(("gain", "status"), [("0.5", 1), ("-0.7", 0)])
 def test_a_simulated_contact_that_is_harder_than_without_mitigation_has_the_exit_status_1(
     gain: str, status: int, tmp_path: Path

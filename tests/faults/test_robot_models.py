@@ -79,7 +79,7 @@ def test_the_model_without_changes_is_accepted() -> None:
         ({"limited": "false"}, SensorSite("tip"), "'a'.*no range"),
         ({"motor": ""}, SensorSite("tip"), "no actuator"),
         ({"kind": "ball", "limited": "false", "motor": '<motor joint="a" gear="1 0 0"/>'}, SensorSite("tip"), "ball"),
-        ({"place": "0.1"}, SensorSite("tip"), "'finger', 20 mm below"),
+        ({"place": "0.1"}, SensorSite("tip"), "inside the geom 'finger'.*20 mm away"),
         ({"range": "0.05 0.1"}, SensorSite("tip"), "posture a: found 0 mm"),
     ],
     ids=["unknown site", "fixed site", "other direction", "no range", "no actuator", "ball", "inside", "out of range"],

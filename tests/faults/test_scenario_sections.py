@@ -63,7 +63,7 @@ def test_every_model_is_built(write):
         (
             'model = "exponential-1"\nscale = 1\nrate = -6\nmaximum_distance = "0 m"\n',
             "maximum_distance",
-            "minimum_distance, which is 0 m",
+            "expected more than the minimum_distance of 0 m",
         ),
     ],
 )
@@ -216,6 +216,11 @@ def test_a_distance_without_a_unit_that_no_sensor_reaches_is_asked_about(write, 
     assert 'Did you mean "60 mm"? Otherwise write "60 m"' in text
     assert load_scenario(write(replaced('"42.2 mm"', '"60 m"'))).scenario.distance == 60.0
     assert load_scenario(write(replaced('"42.2 mm"', "5"))).scenario.distance == 5.0
+    for old, new, key in (
+        ('position_scale = "0.5 m"', "position_scale = 200", "objective.position_scale"),
+        ('excursion = "0.2 m"', "excursion = 200", "constraints.excursion"),
+    ):
+        assert f"{key}: found 200, expected a quantity with its unit" in message(replaced(old, new))
 
 
 def test_an_object_that_recedes_is_told_that_an_approach_is_negative(write):

@@ -254,7 +254,7 @@ def test_a_piecewise_cubic_is_what_its_points_say() -> None:
     assert curve.log_slope(0.0) == pytest.approx(-90.0)
     assert curve.log_slope(0.01 - 1e-12) == pytest.approx(-60.0, rel=1e-6)
     assert curve.log_slope(0.01 + 1e-12) == pytest.approx(-50.0, rel=1e-6)
-    with pytest.raises(pt.errors.InvalidInputError, match="two slopes per interval"):
+    with pytest.raises(pt.errors.InvalidInputError, match="needs two slopes"):
         PiecewiseCubic(distances=(0.0, 0.01), log_outputs=(1.0, 0.0), slopes=())
 
 

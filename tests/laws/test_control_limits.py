@@ -100,6 +100,6 @@ def test_a_start_from_which_limits_cannot_be_held_is_refused() -> None:
     made = controller(limits=Limits(excursion=0.1, speed=1.0, acceleration=5.0))
     made.start(position=0.09, velocity=0.3)  # 9 mm to rest
     for position, velocity in ((0.2, 0.0), (0.0, 1.5), (0.09, 0.4)):
-        words = rf"position {position:g} m .*velocity {velocity:g} m/s, .*within the limits"
+        words = rf"cannot stay within its limits from the position {position:g} m .*velocity {velocity:g} m/s\."
         with pytest.raises(InvalidInputError, match=words):
             made.start(position=position, velocity=velocity)

@@ -337,6 +337,14 @@ def test_pairs_need_distances_that_change() -> None:
         pair_distances(time, time, time, np.full(100, np.nan), 0.0)
 
 
+def test_distances_below_0_are_no_calibration() -> None:
+    """A reference may become negative during contact; `pretouch fit` refuses such a table."""
+    time = np.arange(100) * 0.01
+    pairs = pair_distances(time, time, time, 0.5 - time, 0.0)
+    assert len(pairs.distance) > 45
+    assert (pairs.distance >= 0).all()
+
+
 def test_a_gap_of_the_distances_is_not_bridged() -> None:
     clock = np.concatenate([np.arange(0, 1, 0.01), np.arange(3, 4, 0.01)])
     time = np.arange(0, 4, 0.01)

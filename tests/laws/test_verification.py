@@ -400,8 +400,8 @@ def test_a_late_detection_is_laid_to_the_sensor_or_to_its_floor() -> None:
         found = verdict(loop, gain=-0.3, runs=40, changes=False)
         return next(text for text in found.warnings if "detected late" in text)
 
-    assert ", because the sensor is too slow for an earlier reading. On average" in said(0.05, **slow)
-    assert ", because at larger distances the reading is below the floor. On average" in said(0.02)
+    assert ", because the sensor is too slow for an earlier reading. The mean start distance" in said(0.05, **slow)
+    assert ", because at larger distances the reading is below the floor. The mean start distance" in said(0.02)
     assert "a first reading takes 24.83 ms, and at larger distances" in said(0.02, **slow)
 
 

@@ -134,7 +134,7 @@ class PossibleCurves(Value):
         return float(np.sqrt(max(cost - self.least, 0.0) / self.rise))
 
     def weights(self) -> list[FloatArray]:
-        """Return the weights of all fitted sensor curves.
+        """Return the probability weight of each fitted sensor curve.
 
         They add up to 1.
         """

@@ -214,9 +214,9 @@ def _write(stream: Any, text: str) -> None:
 def reservations_about(task: Task, answer: Any) -> Reservations | None:
     """Return the calibration warnings on a result.
 
-    The result is None without a calibration.
+    The result is None without a calibration, and for results without a predicted encounter, such as a replay.
     """
-    if task.calibration is None:
+    if task.calibration is None or not hasattr(answer, "sensor"):
         return None
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415 - the compiled kernels, only when needed
 

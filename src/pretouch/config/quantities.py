@@ -25,6 +25,7 @@ _HOLDS: Final[Mapping[str, Callable[[float, float], bool]]] = {
 }
 _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _OUTPUT_UNITS: Final = {"output": ("V", "counts", ""), "output/s": ("V/s", "counts/s", "1/s")}
+_LARGEST_BARE: Final = {"m": 5.0}  # more than the range of proximity sensors: a larger bare number is probably in mm
 _LONGEST: Final = 60
 
 
@@ -103,7 +104,6 @@ class Quantity:
         infinite: whether the quantity may be infinite.
         words: words that are allowed instead of a quantity, such as "auto".
         of: kind of the law that determines the unit, for messages; empty if the unit does not depend on the law.
-        largest_bare: largest magnitude of a bare number; a larger number is probably in another unit.
 
     Examples:
         >>> Quantity("m", '"42.2 mm"')("42.2 mm")
@@ -116,7 +116,6 @@ class Quantity:
     infinite: bool = False
     words: tuple[str, ...] = ()
     of: str = ""
-    largest_bare: float = math.inf
 
     @property
     def expected(self) -> str:
@@ -148,7 +147,7 @@ class Quantity:
                 'expected an angular frequency in rad/s, because Hz is ambiguous here; 1 Hz equals "6.2832 rad/s"'
             )
         number = self._number(value)
-        if not isinstance(value, str) and abs(number) > self.largest_bare:
+        if not isinstance(value, str) and abs(number) > _LARGEST_BARE.get(self.unit, math.inf):
             raise UnfitValueError(
                 "expected a quantity with its unit, because the number is implausibly large in the default "
                 f'unit {self.unit}. Did you mean "{value:g} m{self.unit}"? Otherwise write "{value:g} '
@@ -186,7 +185,7 @@ class Quantity:
                 f'a number with its unit, such as "{number} {volts}" or "{number} {counts}", or the bare '
                 f"number {float(number):.15g} (in the unit of the readings)"
             )
-        if instead and abs(float(text)) > self.largest_bare:
+        if instead and abs(float(text)) > _LARGEST_BARE.get(self.unit, math.inf):
             return f'{instead.partition(", or ")[0]} or "{text.strip()} {self.unit}"'
         return instead
 

@@ -213,10 +213,9 @@ def _pareto(law: ContinuousLaw) -> Section:
     return Section({"quantities": _QUANTITIES, "choice": Key(gain_of(law))}, make=ParetoOptions)
 
 
-_BARE: Final = 5.0  # m, more than the range of proximity sensors: a larger bare number is probably in mm
 _STRETCHES: Final = 'one or more of [[obstacle.course]] with until = "0.1 s" and acceleration = "3 m/s²"'
 _OBSTACLE_KEYS: Final = {
-    "position": Key(Quantity("m", '"42.2 mm"', largest_bare=_BARE), REQUIRED),
+    "position": Key(Quantity("m", '"42.2 mm"'), REQUIRED),
     **declared_keys(Obstacle, without=("position",)),
     "course": Key(list_of(Section(declared_keys(Stretch)), 1, None, _STRETCHES)),
 }

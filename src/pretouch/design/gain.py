@@ -199,7 +199,9 @@ def _conflict(design: GainDesign) -> str:
     if len(exceeded) == 1:
         one = exceeded[0]
         value, limit = (format_quantity(x or 0.0, one.unit) for x in (one.value, one.limit))
-        return f"the {one.name} cannot be limited to {limit}: the smallest possible value is {value}, with {gain}"
+        margin = design.problem.task.stability_margin
+        bounded = "within the bounds" if margin is None else f"within the bounds and the gain margin of {margin:g}"
+        return f"the {one.name} cannot be limited to {limit}: the smallest value {bounded} is {value}, with {gain}"
     nearest = " and ".join(
         f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
         for o in exceeded

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pretouch._core.units import format_quantity
 from pretouch.motion import Scenario
-from pretouch.motion.page_sections import RECEDING
+from pretouch.motion.page_sections import approach_step
 
 from .task import Task
 
@@ -32,12 +32,22 @@ def step_without_gain(scenario: Scenario, *, contact: bool) -> str:
         return (
             "relax a limit, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"
         )
-    if scenario.relative_velocity > 0:
-        return RECEDING
-    return "check the motion of the object, or allow weaker gains: no gain within the bounds ends in contact"
+    return approach_step(scenario) or (
+        "check the motion of the object, or allow weaker gains: no gain within the bounds ends in contact"
+    )
 
 
-def verify_step(task: Task) -> str:
-    """Suggest to verify a designed gain on the sampled loop."""
+def verify_step(task: Task, gain: float | None = None) -> str:
+    """Suggest to verify a designed gain on the sampled loop.
+
+    Args:
+        task: the task.
+        gain: the gain, if `pretouch verify` would otherwise verify another one.
+
+    Returns:
+        The recommendation.
+    """
     describe = "" if task.loop is not None else "describe sensor chain and controller, then "
-    return f"{describe}run `pretouch verify` to check the {task.law.number.name} on the sampled loop"
+    number = task.law.number
+    option = "" if gain is None else f' with --gain "{number.text(gain)}"'
+    return f"{describe}run `pretouch verify`{option} to check the {number.name} on the sampled loop"

@@ -290,9 +290,9 @@ def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, d
 
 
 def _kinds(problem: GainProblem, gain: FloatArray) -> Any:
-    """Return where each optimal gain lies.
+    """Return whether each optimal gain is inside, at a bound or at a limit.
 
-    The gain is inside the bounds, on a bound, or on a constraint.
+    A limit is the number of an active constraint.
     """
     kinds = np.where(problem.axis.is_end(problem.axis.coordinate(gain)), _BOUND, _INSIDE)
     if problem.task.limits:

@@ -1,4 +1,4 @@
-"""Build the report that compares the published letter with recomputed values."""
+"""Build the report that compares published values of the letter with recomputed ones."""
 
 from __future__ import annotations
 

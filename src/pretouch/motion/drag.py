@@ -127,7 +127,7 @@ class DragColumns(Value):
 
 
 def _path_inputs(request: DragRequest, begins: FloatArray, on: IntArray) -> tuple[FloatArray, ...]:
-    """Return the inputs of encounters whose object approaches."""
+    """Return the solver inputs for approaching objects."""
     b = request.bodies
     square = request.velocity**2
     # next to the speed that a push adds, an initial speed below rounding is none; it would take many tiny intervals

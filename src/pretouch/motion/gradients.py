@@ -1,4 +1,4 @@
-"""Compute exact derivatives of the state at contact.
+"""Compute how the state at contact depends on each input.
 
 The derivatives are those with respect to all inputs of an encounter.
 

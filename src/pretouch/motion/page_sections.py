@@ -6,11 +6,14 @@ from collections.abc import Iterable, Iterator
 from operator import attrgetter
 from typing import Any, Final, Protocol
 
+import numpy as np
+
 from pretouch._core.blocks import Block, Cell, Listing, Measured, PageSection, PageTable, Paragraph
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.sensors import SensorModel
 
+from .laws import LawNumber
 from .scenario import SCENARIO_INPUTS, Scenario
 
 Row = tuple[Cell, ...]
@@ -83,6 +86,20 @@ def solved_on(answer: _Answer) -> str:
 
 RECEDING: Final = "give the obstacle a negative velocity: this object moves away"
 """The next step if an object recedes and never comes into contact."""
+
+RESTING: Final = "give the obstacle a negative velocity: this object does not move"
+"""The next step if an object is at rest and never comes into contact."""
+
+
+def approach_step(scenario: Scenario) -> str:
+    """Return the next step for an object that does not approach; empty for other objects."""
+    speed = np.max(scenario.relative_velocity)
+    return RECEDING if speed > 0 else RESTING if speed == 0 and not scenario.obstacle.course else ""
+
+
+def mitigating_step(number: LawNumber, gain: float) -> str:
+    """Return the next step for a gain with the wrong sign."""
+    return f"use a {number.mitigating} {number.name}, such as {number.equals(-gain)}"
 
 
 def scenario_rows(scenario: Scenario) -> Iterator[Row]:

@@ -58,7 +58,7 @@ def pair_distances(
         time: times of the readings [s].
         readings: the readings; those that are not finite are left out.
         other_time: times of the distances [s], from the same clock.
-        distance: distances [m]; plus infinity means no object, and NaN or minus infinity are left out.
+        distance: distances [m]; plus infinity means no object, and NaN or negative values are left out.
         shift: by how much the readings lag the distances [s].
 
     Returns:
@@ -68,7 +68,7 @@ def pair_distances(
         InvalidInputError: there are too few pairs, or the distance hardly changes.
     """
     order = np.argsort(other_time, kind="stable")
-    usable = order[~np.isnan(distance[order]) & ~np.isneginf(distance[order])]
+    usable = order[distance[order] >= 0]  # a reference may become negative during contact
     clock, length = other_time[usable], distance[usable]
     if len(clock) < 2:
         raise InvalidInputError("reference: the distance topic has fewer than two usable distances")

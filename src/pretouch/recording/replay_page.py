@@ -114,6 +114,12 @@ def _findings(replay: Replay) -> Iterator[str]:
 def _warnings(replay: Replay) -> Iterator[str]:
     """Yield the warnings about a replay, the most important warnings first."""
     timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
+    if timing.rate > 0 and timing.mean_rate / timing.held < _SLOWER * chain.rate:
+        yield caution(
+            "PT606",
+            "The sensor is slower than the scenario says, so the verification does not hold for it: copy the section "
+            "[chain] of this recording into the scenario file, and run pretouch verify.",
+        )
     yield from (caution("PT601", note) for note in replay.notes)
     yield from _fault_warnings(replay)
     floor, xi = replay.controller.conditioning.floor, _largest_output(replay)
@@ -122,12 +128,6 @@ def _warnings(replay: Replay) -> Iterator[str]:
             "PT605",
             f"No reading was above the noise floor (largest {xi:.4g}, floor {format_output(floor)}): check that the "
             "topic has the unit of the scenario, and that an object came near.",
-        )
-    if timing.rate > 0 and timing.mean_rate / timing.held < _SLOWER * chain.rate:
-        yield caution(
-            "PT606",
-            "The sensor is slower than the scenario says, so the verification does not hold for it: copy the section "
-            "[chain] of this recording into the scenario file, and run pretouch verify.",
         )
     if replay.recording.kind == "reading" and noise.noise is not None:
         if noise.noise > _NOISIER * chain.noise and chain.noise > 0:

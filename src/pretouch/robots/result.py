@@ -1,4 +1,4 @@
-"""Define results of robot simulations, and compute their 1-D predictions."""
+"""Define results of robot simulations, compared with predictions along one axis."""
 
 from __future__ import annotations
 

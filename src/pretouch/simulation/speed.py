@@ -1,4 +1,4 @@
-"""Compute the highest approach speed with a virtual drag.
+"""Compute up to which approach speed a virtual drag works.
 
 Up to this speed, the control loop is stable and reacts in time.
 """

@@ -1,4 +1,4 @@
-"""Answer requests of the studio page.
+"""Answer requests of the browser page of `pretouch studio`.
 
 The requests read scenarios, fit curves, sample uncertain encounters and simulate runs.
 """

@@ -97,7 +97,7 @@ class Axis(Value):
 
     @property
     def looped(self) -> bool:
-        """True if each axis value needs a separate solver call.
+        """True if the sweep must call the solver once per value of this axis.
 
         An example is an axis with a sensor parameter.
         """

@@ -31,7 +31,7 @@ from pretouch._core.vocabulary import words_for
 from pretouch._core.warning_codes import caution
 from pretouch.design.impact import ImpactModel, impact_rows
 from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Motion, Scenario
-from pretouch.motion.page_sections import RECEDING, inputs_section, method_section
+from pretouch.motion.page_sections import approach_step, inputs_section, method_section, mitigating_step
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
 from pretouch.simulation.closed_loop import contact_rows, loop_section
@@ -343,10 +343,10 @@ def encounter_page(encounter: SimulatedEncounter) -> Page:
 
 def _next_step(e: SimulatedEncounter) -> str:
     number = e.law.number
-    if e.scenario.relative_velocity > 0 and not e.run.touched:
-        return RECEDING
+    if not e.run.touched and (step := approach_step(e.scenario)):
+        return step
     if number.sign * e.gain < 0:
-        return f"use a {number.mitigating} {number.name}, such as {number.equals(-e.gain)}"
+        return mitigating_step(number, e.gain)
     return "run `pretouch verify`, which repeats the encounter with other noise and checks every limit"
 
 

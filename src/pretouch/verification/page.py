@@ -11,7 +11,7 @@ from pretouch._core.blocks import Cell, Listing, Measured, Page, PageSection, Pa
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.motion import LawNumber
-from pretouch.motion.page_sections import RECEDING, inputs_section, method_section
+from pretouch.motion.page_sections import approach_step, inputs_section, method_section, mitigating_step
 from pretouch.simulation.closed_loop import loop_section
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
@@ -145,11 +145,13 @@ def _next_step(v: Verdict) -> str:
 def _next_steps(v: Verdict) -> Iterator[str]:
     """Yield recommendations, most urgent first; some of them may be empty texts."""
     calibration, report = v.calibration_check, v.design.problem.task.calibration
-    if v.scenario.relative_velocity > 0 and not (v.reached is not None and v.reached.simulated):
-        yield RECEDING
+    if not (v.reached is not None and v.reached.simulated):
+        yield approach_step(v.scenario)
     if v.gain is None:
         yield _next_step_without_gain(v)
         return
+    if v.law.number.sign * v.gain < 0:
+        yield mitigating_step(v.law.number, v.gain)
     if calibration is not None and not calibration.is_good_enough:
         yield calibration.remedy
     if v.at_rest is not None and v.at_rest.reaches_object:

@@ -191,8 +191,8 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
     effect, sensor, allowed = v.effect, v.sensor_speed, 100 * v.speed_tolerance
     if effect is not None and effect.excess is not None and v.speed_tolerance < effect.excess and effect.lost <= LOST:
         yield (
-            f"the contact speed is {higher_in_words(effect.excess, 'predicted')}, but an increase of only "
-            f"{allowed:.3g} % is allowed: {_speeds(effect)}"
+            f"the contact speed is {higher_in_words(effect.excess, 'predicted')}, more than the tolerance of "
+            f"{allowed:.3g} %: {_speeds(effect)}"
         )
     if sensor is not None and not sensor.is_fast_enough:
         yield f"the sensor is too slow: {sensor.excess_in_words}"

@@ -178,7 +178,7 @@ def _next_step(design: RobustDesign) -> str:
     if design.status is DesignStatus.NO_CONTACT and design.scenario.relative_velocity > 0:
         uncertain = "obstacle.velocity" in design.uncertainty
         return f"{RECEDING}; change the velocity in [uncertainty] as well" if uncertain else RECEDING
-    return _NEXT.get(design.status) or verify_step(design.problem.task)
+    return _NEXT.get(design.status) or verify_step(design.problem.task, design.gain)
 
 
 def _section(title: str, head: Row, rows: Iterable[Row], note: str, *, wraps: bool = False) -> PageSection:

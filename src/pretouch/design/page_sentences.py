@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from pretouch._core.units import format_quantity
 from pretouch.motion import Scenario
 from pretouch.motion.page_sections import approach_step
 
 from .task import Task
+
+_NO_RESERVE: Final = 1e-3  # share of a limit; at a smaller distance from it, the limit is active
 
 
 def limit_in_words(quantity: str, value: float | None, limit: float, unit: str, *, met: bool) -> str:
@@ -18,7 +22,8 @@ def limit_in_words(quantity: str, value: float | None, limit: float, unit: str, 
     allowed = format_quantity(limit, unit, 3)
     if value is None:
         return f"{quantity}: no contact, limit {allowed}"
-    return f"{quantity} {format_quantity(value, unit, 3)}, limit {allowed}: {'met' if met else 'exceeded'}"
+    how = "met" if value < limit * (1 - _NO_RESERVE) else "met without reserve, so real scatter exceeds it"
+    return f"{quantity} {format_quantity(value, unit, 3)}, limit {allowed}: {how if met else 'exceeded'}"
 
 
 def step_without_gain(scenario: Scenario, *, contact: bool) -> str:

@@ -40,7 +40,7 @@ _FLAGS: Final = {
     Status.IMPLAUSIBLE: "readings changed faster than largest_rate allows",
     Status.LOST: "the sensor signal was lost",
     Status.FORCE_LIMITED: "the virtual force was limited",
-    Status.MOTION_LIMITED: "the motion was limited",
+    Status.MOTION_LIMITED: "a limit of [controller] reduced the motion: widen the limits or use a weaker gain",
     Status.INPUT_FAULT: "contact force or reference were not numbers",
 }
 

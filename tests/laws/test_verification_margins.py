@@ -62,7 +62,7 @@ def test_a_gain_that_is_better_for_lack_of_margin_is_said_to_lack_it() -> None:
     assert found.loss.loss < 0
     assert found.stability is not None
     assert 1 < found.stability.margin < 2
-    assert f"However, the verified gain has a disadvantage: its gain margin is only {found.stability.margin:.3g}." in str(found)
+    assert f"a disadvantage: its gain margin is only {found.stability.margin:.3g}." in str(found)
     weaker = next(c for c in found.changes if c.name == "gain")
     assert weaker.improvement is not None
     assert weaker.improvement < 0

@@ -125,7 +125,7 @@ def test_the_dataset_goes_where_it_is_asked_for_and_stays(run: Any, name: str) -
     code, out, err = run(*other)
     assert (code, out) == (2, "")
     assert err.startswith(f"pretouch: {name}: ")
-    assert "in gain, " in err
+    assert "sweep in gain. Therefore" in err
     assert "--output" in err
     assert run(*other, "--force")[0] == 0
     if name.endswith(".nc"):
@@ -185,7 +185,7 @@ def test_a_figure_is_written_once_and_what_cannot_be_drawn_is_refused_first(run:
     assert "a.png: this file already exists, and pretouch does not overwrite it" in run(*asked, "--figure", "a.png")[2]
     assert "expected a file name that ends in .png or .svg or .pdf" in run(*asked, "--figure", "a.jpg")[2]
     single = ("sweep", "approach.toml", "--axis", "obstacle.velocity=-1", "--figure", "b.png")
-    assert "but this sweep has 0" in run(*single)[2]
+    assert "--figure: found 0 axes with several values" in run(*single)[2]
 
 
 def test_an_interrupt_says_how_to_go_on(run: Any, monkeypatch: Any) -> None:

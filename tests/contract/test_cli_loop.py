@@ -50,7 +50,13 @@ def test_simulate_prints_the_contact_and_where_the_report_is(run):
     code, out, err = run("simulate", "loop.toml", "--verbose")
     assert (code, err) == (0, "")
     assert out.startswith("Contact on the loop at 0.0")
-    for words in ("predicted", "without mitigation 0.3 m/s", "impact force", "the sensor measures at 500 Hz", "the seed is 0"):
+    for words in (
+        "predicted",
+        "without mitigation 0.3 m/s",
+        "impact force",
+        "the sensor measures at 500 Hz",
+        "the seed is 0",
+    ):
         assert words in out
     assert "loop-simulate.html" in out.splitlines()[-1]
     assert is_own_unchanged("loop-simulate.html")

@@ -47,7 +47,7 @@ class CalibrationDataError(InvalidInputError):
 class ScenarioFileError(InvalidInputError):
     """Raised for a mistake in a scenario file.
 
-    The message gives the line, the key, the value and what is expected.
+    The message gives the line, the key, the value and the allowed values.
     """
 
 

@@ -125,7 +125,7 @@ class RobustProblem(GainProblem):
             Its value of the search variable.
         """
         low, high = self.axis.span
-        if self._never_touches or not self._touch_later():
+        if not self._touch_later():
             return low
         best = np.inf
         count = int(np.ceil((high - low) / _STRIDE)) + 1

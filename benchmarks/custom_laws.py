@@ -1,4 +1,7 @@
-"""Measure custom laws in continuous time: encounters side by side compared with SciPy's LSODA, and a Pareto front.
+"""Measure encounters that are solved by numerical integration: custom laws, and obstacles with a course.
+
+Custom laws are compared with SciPy's LSODA. The compiled solver of the virtual damper is compared with the numerical
+integration of the same force, for an obstacle that stops and comes again.
 
 Run with `python -m benchmarks.custom_laws`; `--encounters` is the number that is compared.
 """
@@ -58,6 +61,33 @@ def contact_by_lsoda(gain: float) -> float:
     return SPEED - float(run.y[1, -1])
 
 
+COURSE = (
+    pt.motion.Stretch(until=0.05),
+    pt.motion.Stretch(until=0.09, acceleration=5.0),
+    pt.motion.Stretch(until=0.3),
+    pt.motion.Stretch(until=0.4, acceleration=-3.0),
+)
+DAMPER = CustomLaw(
+    kind="custom damper", number=LawNumber("gain", "D_p", "N*s", -1), force=lambda d, _, rate: d * rate, vectorized=True
+)
+
+
+def compare_course(gains: Any) -> None:
+    """Print the time of encounters with a course by the compiled solver and by numerical integration."""
+    obstacle = pt.Obstacle(position=START, velocity=-0.2, course=COURSE)
+    scenario = pt.Scenario(admittance=SCENARIO.admittance, obstacle=obstacle)
+    laws: tuple[Any, ...] = ("virtual-damper", DAMPER)
+    runs = [processor_time(lambda law=law: pt.find_contact(scenario, SENSOR, gains, law=law)) for law in laws]  # type: ignore[misc]
+    (compiled, result), (integrated, expected) = runs
+    error = np.abs(result.contact.relative_velocity / expected.contact.relative_velocity - 1).max()
+    print(f"processor time of {len(gains)} encounters of the damper with an obstacle that stops and comes again")
+    print(f"  numerical integration {1e3 * integrated / len(gains):8.3f} ms per encounter")
+    print(
+        f"  compiled solver       {1e3 * compiled / len(gains):8.3f} ms per encounter,"
+        f" {integrated / compiled:6.1f} times as fast, largest difference of l' {error:.0e}"
+    )
+
+
 def processor_time(work: Callable[[], Any]) -> tuple[float, Any]:
     """Return the processor time of a call [s] and its result."""
     start = time.process_time()
@@ -79,6 +109,7 @@ def main() -> None:
             f"  force of {name:14s} {1e3 * spent / len(gains):6.2f} ms per encounter,"
             f" {peer / spent:6.1f} times as fast, largest difference of l' {error:.0e}"
         )
+    compare_course(gains)
     print("processor time of a Pareto front of excursion and contact speed")
     for name, law in LAWS.items():
         task = pt.Task(SCENARIO, SENSOR, law=law, bounds=(-5.0, -0.01))

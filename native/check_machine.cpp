@@ -31,7 +31,7 @@ int main(void) {
     pretouch_series_contacts(inputs, nullptr, N, &curves, 30.0, contacts, nullptr, nullptr, status);
     failed |= compare("lanes", contacts, EXPECTED_LANES, 6 * N, 1e-8);
     const pretouch_pieces curve = {PIECES, PIECE_ROWS, PIECE_WIDTH, 1, 0};
-    pretouch_solve_series(VALUES, N, INPUTS + 8 * N, &curve, 30.0, rows, ended, nullptr, 0, nullptr);
+    pretouch_solve_series(VALUES, N, INPUTS + 8 * N, &curve, 30.0, rows, ended, nullptr, 0, nullptr, nullptr, 0);
     failed |= compare("guaranteed", rows, EXPECTED_SERIES, 15 * N, 1e-8);
     const double term[4] = {4.0, 1.0, 2.0, 0.0}, other[4] = {1.0, 25.0, 2.0, 0.0};
     const double limit[3] = {6.0, 1.0 / 0.06, 1.0};  // an excursion of at most 6 cm

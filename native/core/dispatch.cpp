@@ -73,8 +73,9 @@ void pretouch_series_contacts(const pretouch_column *inputs, const pretouch_colu
 
 void pretouch_solve_series(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,
                            double horizon, double *rows, int64_t *status, const double *times, int64_t m,
-                           double *trace) {
-    CHOSEN(solve_series)(values, n, gains, curve, horizon, rows, status, times, m, trace);
+                           double *trace, const double *sections, int64_t section_count) {
+    CHOSEN(solve_series)
+    (values, n, gains, curve, horizon, rows, status, times, m, trace, sections, section_count);
 }
 
 void pretouch_follow_gradients(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,

@@ -125,7 +125,7 @@ struct Encounter {
         int64_t status = -1;
         if (curves && !(pieces && inputs[P] - inputs[X0] <= LARGEST_START)) return false;
         if (curves)
-            solve_series(inputs, 1, &gain, pieces, horizon, row, &status, nullptr, 0, nullptr);
+            solve_series(inputs, 1, &gain, pieces, horizon, row, &status, nullptr, 0, nullptr, nullptr, 0);
         else
             pretouch_solve_linear(inputs, 1, slope, &gain, horizon, nearest, farthest, row, &status);
         for (int k = 0; k < (peaks ? QUANTITIES : STATES); k++) states[k * solved + i] = row[COLUMN_OF[k]];

@@ -29,6 +29,16 @@ struct Samples {
     double (*trace)[4];
 };
 
+// A later section of the obstacle's path relative to the reference: p + v t + a t^2 / 2 from a time on.
+struct Section {
+    double since, p, v, a;
+};
+
+struct Sections {
+    const Section *next;
+    int64_t count;
+};
+
 // Quantities that are integrated with a motion, and the coefficients in z of dg/d(parameter) on each piece, if any.
 struct Followed {
     Responses responses;
@@ -37,13 +47,14 @@ struct Followed {
 
 // State of one encounter.
 struct Encounter {
-    const Values &m;
+    Values m;  // with the obstacle's path in the present section
     const double gain;
     const Curve curve;
     const double horizon;  // longest time [s]
     Samples samples;
     Followed *beside;
     Course &row;
+    Sections later;
 
     int64_t index = 0;  // of the piece
     Piece piece = {};
@@ -55,8 +66,11 @@ struct Encounter {
     double b[ORDER + 1], force[ORDER], unit = 0;  // the series of l and of d ln xi / dt, and the unit of its time [s]
 
     Encounter(const Values &values, double strength, const pretouch_pieces &along, double until, const Samples &at,
-              Followed *carried, Course &course);
+              Followed *carried, Course &course, const Sections &sections = {});
     void enter(int64_t to);
+    void enter_section();
+    void next_section();
+    double section_end() const;
     double rest(double damping) const;
     double least_damping(double top) const;
     double floor_after() const;
@@ -92,27 +106,50 @@ inline void Encounter::enter(int64_t to) {
 }
 
 inline Encounter::Encounter(const Values &values, double strength, const pretouch_pieces &along, double until,
-                            const Samples &at, Followed *carried, Course &course)
-    : m(values), gain(strength), curve{along}, horizon(until), samples(at), beside(carried), row(course) {
+                            const Samples &at, Followed *carried, Course &course, const Sections &sections)
+    : m(values),
+      gain(strength),
+      curve{along},
+      horizon(until),
+      samples(at),
+      beside(carried),
+      row(course),
+      later(sections) {
     l = start = m.p - m.x0;
     speed = m.v - m.u0;
     motion.damping = all(m.damping / m.mass);
     motion.stiffness = all(m.stiffness / m.mass);
     motion.gain = all(gain / m.mass);
-    motion.position = all(m.p);
-    motion.velocity = all(m.v);
-    motion.acceleration = all(m.a);
+    row = {};
+    row.closest_distance = l;
     enter(curve.find(l));
+    enter_section();
     if (beside) beside->responses.start(0, m.mass, (m.damping + gain * slope_at(piece, l).value) / m.mass);
-    alone = is_left_alone(m);
-    never = alone && is_never();
     const double rate = fabs(m.damping + gain * piece.g[0]) / m.mass + sqrt(m.stiffness / m.mass);
     const double slow = rate > 0 ? 1.0 / rate : 1.0, crossing = 2 * piece.half / larger(fabs(speed), 1e-12);
     taylor = larger(smaller(smaller(slow, crossing), horizon), SHORTEST_UNIT);
-    row = {};
-    row.closest_distance = l;
-    row.settling_distance = m.v == 0 && m.a == 0 && m.stiffness > 0 && gain <= 0 ? m.p : INFINITY;
 }
+
+// Set the obstacle's path. What is proved for all later times is proved in the last section.
+inline void Encounter::enter_section() {
+    motion.position = all(m.p);
+    motion.velocity = all(m.v);
+    motion.acceleration = all(m.a);
+    const bool rests = !later.count && m.v == 0 && m.a == 0;
+    row.settling_distance = rests && m.stiffness > 0 && gain <= 0 ? m.p : INFINITY;
+    alone = !later.count && is_left_alone(m);
+    never = alone && is_never();
+}
+
+inline void Encounter::next_section() {
+    m.p = later.next->p;
+    m.v = later.next->v;
+    m.a = later.next->a;
+    later = {later.next + 1, later.count - 1};
+    enter_section();
+}
+
+inline double Encounter::section_end() const { return later.count ? later.next->since : INFINITY; }
 
 // Reference of errors of l [m]: the initial l, unless all parts of l have decayed.
 inline double Encounter::scale() const {
@@ -135,7 +172,7 @@ inline double Encounter::reach() const {
 // Compute the series of the next step; return the largest part of its unit for which it is accurate.
 inline double Encounter::expand_step() {
     const Borders used = curve.borders(index, 0);
-    const double way = speed < 0 ? l - used.low : used.high - l, left = horizon - time;
+    const double way = speed < 0 ? l - used.low : used.high - l, left = smaller(horizon, section_end()) - time;
     const double useful = smaller(left, AHEAD * way / larger(fabs(speed), 1e-300));
     memset(b, 0, sizeof b);
     memset(force, 0, sizeof force);

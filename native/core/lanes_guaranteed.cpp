@@ -46,9 +46,9 @@ double Encounter::least_damping(double top) const {
     return m.damping + (gain < 0 ? larger(least, 0) : least);  // since g <= 0
 }
 
-// Lower bound of l for all later times, if the obstacle is at rest, since damping only dissipates energy; else -inf.
+// Lower bound of l for all later times, if the obstacle stays at rest, since damping only dissipates energy; else -inf.
 double Encounter::floor_after() const {
-    if (m.v != 0 || m.a != 0 || gain > 0) return -INFINITY;
+    if (later.count || m.v != 0 || m.a != 0 || gain > 0) return -INFINITY;
     if (m.stiffness > 0) {
         const double displacement = m.p - l;
         return m.p - sqrt(displacement * displacement + speed * speed * m.mass / m.stiffness);
@@ -116,6 +116,7 @@ Status Encounter::run() {
             return curve.open_ended ? UNRESOLVED : LEFT_RANGE;
         }
         if (step.moved) enter(index + step.moved);
+        if (time >= section_end() && time < horizon) next_section();
         never = never || (alone && is_never());
         const bool vanished = alone && m.p == 0 && m.stiffness > 0 && rest(0) <= VANISHED * start;
         if (vanished) row.closest_distance = row.settling_distance = 0;
@@ -158,12 +159,14 @@ const Values &values_of(const double *values, int64_t i) { return reinterpret_ca
 }  // namespace
 
 void solve_series(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve, double horizon,
-                  double *rows, int64_t *status, const double *times, int64_t m, double *trace) {
+                  double *rows, int64_t *status, const double *times, int64_t m, double *trace, const double *sections,
+                  int64_t section_count) {
     for (int64_t i = 0; i < n; i++) {
         Samples samples = {};
+        const Sections later = {reinterpret_cast<const Section *>(sections) + i * section_count, section_count};
         if (times) samples = {times + i * m, m, reinterpret_cast<double(*)[4]>(trace) + i * m};
         Course &row = reinterpret_cast<Course *>(rows)[i];
-        status[i] = Encounter(values_of(values, i), gains[i], *curve, horizon, samples, nullptr, row).run();
+        status[i] = Encounter(values_of(values, i), gains[i], *curve, horizon, samples, nullptr, row, later).run();
     }
 }
 

@@ -13,7 +13,8 @@ void series_contacts(const pretouch_column *inputs, const pretouch_column *refer
                      const pretouch_curves *curves, double horizon, double *out, double *gradients, double *peaks,
                      int8_t *status);
 void solve_series(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve, double horizon,
-                  double *rows, int64_t *status, const double *times, int64_t m, double *trace);
+                  double *rows, int64_t *status, const double *times, int64_t m, double *trace, const double *sections,
+                  int64_t section_count);
 void follow_gradients(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,
                       const double *shape, double horizon, double *found, int8_t *status);
 

@@ -42,10 +42,13 @@ typedef struct {
     int64_t count, width, ends_in_contact, open_ended;
 } pretouch_pieces;
 
-/* If times, shape (n, m), is not null, trace is filled with TRACE_COLUMNS of motion/layout.py, shape (n, m, 4). */
+/* If times, shape (n, m), is not null, trace is filled with TRACE_COLUMNS of motion/layout.py, shape (n, m, 4). An
+ * obstacle whose acceleration changes has further sections of its path, shape (n, section_count, 4): the time at which
+ * a section starts, and p, v and a of p + v t + a t^2 / 2 from there on, with t from the start of the encounter. */
 PRETOUCH_API void pretouch_solve_series(const double *values, int64_t n, const double *gains,
                                         const pretouch_pieces *curve, double horizon, double *rows, int64_t *status,
-                                        const double *times, int64_t m, double *trace);
+                                        const double *times, int64_t m, double *trace, const double *sections,
+                                        int64_t section_count);
 
 /* The tables of stiff_step.cpp, for tests: points (10), then four matrices (10, 10) of radau_tables.hpp. */
 PRETOUCH_API void pretouch_radau_points(double *tables);

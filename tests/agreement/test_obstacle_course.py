@@ -12,9 +12,11 @@ from scipy.integrate import solve_ivp
 
 import pretouch as pt
 from loop_samples import BareLaw
-from pretouch._core.errors import InvalidInputError
+from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch.design.objectives import excursion_objective
 from pretouch.motion import ContactStatus, Stretch
+from pretouch.motion.integrated_law import IntegratedLaw
+from pretouch.motion.layout import PEAKS
 from pretouch.motion.page_sections import scenario_rows
 
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
@@ -274,14 +276,56 @@ def test_a_course_of_constant_velocity_changes_nothing(law: str) -> None:
     assert designs[0].gain != designs[1].gain or designs[0].objective != designs[1].objective  # another solver
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("sensor", [SENSOR, pt.ExponentialFirstOrder(scale=1.0, rate=-60.0)], ids=["any", "constant"])
+def test_the_compiled_solver_agrees_with_the_numerical_integration(sensor: pt.SensorModel, seed: int) -> None:
+    """The same encounters as of a custom law F = D_p s', which an implicit Runge-Kutta method integrates."""
+    rng, n = np.random.default_rng(seed), 16
+    ends = np.sort(rng.uniform(0.005, 0.6, (3, n)), axis=0)
+    scenario = pt.Scenario(
+        admittance=pt.Admittance(
+            mass=rng.uniform(0.5, 3.0, n),
+            damping=rng.uniform(0.0, 20.0, n),
+            stiffness=rng.choice([0.0, 25.0, 100.0], n),
+        ),
+        obstacle=pt.Obstacle(
+            position=rng.uniform(0.01, 0.1, n),
+            velocity=rng.choice([0.0, -0.1, -0.3, 0.05], n),
+            acceleration=rng.choice([0.0, -1.0, 1.0], n),
+            course=tuple(Stretch(until=end, acceleration=rng.choice([0.0, -5.0, 5.0, 2.0], n)) for end in ends),
+        ),
+        plant=pt.Plant(position=rng.uniform(-0.005, 0.005, n), velocity=rng.uniform(-0.1, 0.1, n)),
+        reference=pt.Reference(velocity=rng.uniform(-0.1, 0.1)),
+    )
+    gain = rng.uniform(-4.0, 0.1, n)
+    custom = IntegratedLaw(kind="custom damper", force=lambda number, _, rate: number * rate)
+    results = pt.find_contact(scenario, sensor, gain, horizon=5.0), custom.contact(scenario, sensor, gain, "auto", 5.0)
+    np.testing.assert_array_equal(*(result.status for result in results))
+    assert {ContactStatus.CONTACT, ContactStatus.HORIZON} == set(map(ContactStatus, results[0].status))
+    with pytest.raises(ResultUnavailableError, match="if the obstacle has no course"):
+        _ = results[0].gradients
+    assert results[0].impulse_residual.max() < 1e-11
+    for name in ("time", "distance", "position", "velocity", "relative_velocity", "virtual_force", *PEAKS):
+        found, expected = (getattr(result.end, name) for result in results)
+        np.testing.assert_allclose(found, expected, rtol=TIGHT, atol=1e-11, err_msg=name)
+    np.testing.assert_allclose(*(result.closest_distance for result in results), rtol=TIGHT, atol=1e-11)
+    motions = (
+        pt.solve_motion(scenario, sensor, gain, horizon=5.0, samples=40),
+        custom.motion(scenario, sensor, gain, "auto", 5.0, samples=40),
+    )
+    for name in ("time", "distance", "position", "velocity", "relative_velocity", "displacement", "virtual_force"):
+        found, expected = (getattr(motion, name) for motion in motions)
+        np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max(), err_msg=name)
+
+
 def test_an_obstacle_that_stops_before_contact_has_no_contact() -> None:
     design = pt.design_gain(pt.Task(scene(STOPS), SENSOR, OBJECTIVE, bounds=(-10.0, -0.01), horizon=10.0))
     assert design.status.value == "no-contact"
     assert "without contact" in str(design)
     result = pt.find_contact(scene(STOPS), SENSOR, -0.7, horizon=10.0)
-    assert result.status is ContactStatus.HORIZON
+    assert result.status is ContactStatus.NEVER  # the last section of the course lasts forever
     nearest = obstacle_by_hand(STOPS, 10.0)[0]
-    assert 0 < nearest < result.closest_distance < 0.0422
+    assert result.closest_distance == pytest.approx(nearest, rel=1e-12)  # the robot returns to its reference
 
 
 def test_fronts_robust_designs_and_sweeps_take_a_course() -> None:

@@ -50,7 +50,8 @@ class Obstacle(_Body):
         velocity: x_o' at t = 0 [m/s]; negative for an approach.
         acceleration: x_o'' [m/s^2], constant; with a course, it applies after the end of the course.
         course: initial stretches of constant acceleration, the same number in all encounters. Their values broadcast as
-            all fields do. In continuous time, encounters with a course are solved by numerical integration.
+            all fields do. In continuous time, the virtual damper solves a course by Taylor series, and other
+            laws by numerical integration.
 
     Examples:
         >>> approaches_and_stops = Obstacle(

@@ -16,6 +16,7 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 
 from .gradients import ContactGradients, gradients_of
+from .integrated_path import obstacle_path
 from .layout import TRACE_COLUMNS, ContactStatus
 from .request import Request
 
@@ -226,8 +227,8 @@ class ContactResult(InNotebooks, Value):
         gradients: ContactGradients | None = gradients_of(self.columns)
         if gradients is None:
             raise ResultUnavailableError(
-                f"gradients: the solution method {self.method} does not compute gradients; call find_contact with "
-                "another method or law"
+                "gradients: this result has none. They are computed for the virtual damper and the virtual drag, if "
+                "the obstacle has no course and the method is not 'uniform-motion'"
             )
         return gradients
 
@@ -297,23 +298,21 @@ def motion_of(
     Args:
         result: the result of the encounters.
         shape: shape of the encounters.
-        bodies: position, velocity and acceleration of L(9), shape (n, 1): p, v, a of the obstacle relative to the
-            reference, and r, r_v, r_a of the reference.
-        course: time, distance, relative_velocity, displacement_velocity, displacement_acceleration and virtual_force,
-            shape (n, m).
+        bodies: position r, velocity r_v and acceleration r_a of the reference at the start, shape (n, 1).
+        course: time, distance, relative_velocity, displacement, displacement_velocity, displacement_acceleration and
+            virtual_force, shape (n, m).
 
     Returns:
         The motion.
     """
     time, b = course["time"], bodies
-    displacement = b["p"] + (b["v"] + b["a"] * time / 2) * time - course["distance"]
     arrays = {
         "time": time,
         "distance": course["distance"],
-        "position": displacement + b["r"] + (b["r_v"] + b["r_a"] * time / 2) * time,
+        "position": course["displacement"] + b["r"] + (b["r_v"] + b["r_a"] * time / 2) * time,
         "velocity": course["displacement_velocity"] + b["r_v"] + b["r_a"] * time,
         "acceleration": course["displacement_acceleration"] + b["r_a"],
-        "displacement": displacement,
+        "displacement": course["displacement"],
         "relative_velocity": course["relative_velocity"],
         "virtual_force": course["virtual_force"],
     }
@@ -328,16 +327,17 @@ def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, re
     """
     each, reference = request.relative, request.scenario.reference
     distance, _, speed, acceleration = (trace[..., i] for i in range(len(TRACE_COLUMNS)))
-    columns = {"p": each.p, "v": each.v, "a": each.a, "r": reference.position}
-    columns |= {"r_v": each.reference_velocity, "r_a": each.reference_acceleration}
+    columns = {"r": reference.position, "r_v": each.reference_velocity, "r_a": each.reference_acceleration}
     bodies = {name: _column(values, request.shape) for name, values in columns.items()}
-    relative_velocity = bodies["v"] + bodies["a"] * times - speed
+    path, path_velocity = obstacle_path(request, times)
+    relative_velocity = path_velocity - speed
     with np.errstate(all="ignore"):  # a custom curve may overflow at large distances
         slope = np.asarray(request.sensor.log_slope(np.clip(distance, *request.sensor.valid_range)))
     course = {
         "time": times,
         "distance": distance,
         "relative_velocity": relative_velocity,
+        "displacement": path - distance,
         "displacement_velocity": speed,
         "displacement_acceleration": acceleration,
         "virtual_force": each.gain[:, None] * slope * relative_velocity,

@@ -327,6 +327,7 @@ def _motion(columns: DragColumns, times: FloatArray, distance: FloatArray, speed
         "time": times,
         "distance": distance,
         "relative_velocity": speed,
+        "displacement": bodies["p"] + (bodies["v"] + bodies["a"] * times / 2) * times - distance,
         "displacement_velocity": bodies["v"] + bodies["a"] * times - speed,
         "displacement_acceleration": pull,
         "virtual_force": r.mass[:, None] * pull,

@@ -119,12 +119,13 @@ def gradients_of(columns: Any) -> Any:
     """Return the derivatives of a result's contact state.
 
     The derivatives are None if the solver of the result computes none. The uniform motion has no derivatives, since it
-    does not start from the given state.
+    does not start from the given state. Encounters with a course have none either.
     """
     if not isinstance(columns, Solution):
         return getattr(columns, "gradients", None)
     request = columns.request
-    if columns.derivatives is None and request.method != "uniform-motion":
+    differentiable = request.method != "uniform-motion" and not request.scenario.obstacle.course
+    if columns.derivatives is None and differentiable:
         columns.derivatives = (
             ContactGradients(columns)
             if request.many is None

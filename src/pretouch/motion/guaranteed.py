@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +19,16 @@ from pretouch._core.progress import note_solved
 from pretouch.sensors import SensorModel
 
 from .curve import LARGEST_START, curve_pieces, curve_tops
+from .integrated_path import path_sections
 from .kernels import respond_many, solve_linear, solve_series
-from .layout import COLUMNS, ContactStatus, by_name
+from .layout import COLUMNS, RELATIVE_INPUTS, ContactStatus, by_name
 from .many_curves import ManyCurves
 from .parallel import run_in_chunks
 from .request import Request, Which
 
 _BLOCK: Final = 16  # encounters per call of a kernel
 _DISTANCE: Final = COLUMNS.index("distance")
+_ACCELERATION: Final = RELATIVE_INPUTS.index("a")
 _LEAST: Final = 512  # encounters that keep a thread busy for 10 ms
 _MOST: Final = 16_384  # largest chunk
 
@@ -123,17 +125,18 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
     With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14). Encounters that start too far away stay
     unresolved.
     """
-    values, gain = columns = request.part(which)
+    values, gain, sections = columns = _inputs(request, which)
     out, ended, again = rows, status, np.flatnonzero(_is_integrable(values))
     if len(again) < len(rows):
         if not len(again):
             return
-        values, gain = (x[again] for x in columns)
+        values, gain, sections = _select(columns, again)
         out, ended = _unresolved(len(again))
     for top, pieces, limits in _stages(request):
         for start in range(0, len(out), _BLOCK):  # an interrupt takes effect only between blocks
             part = slice(start, start + _BLOCK)
-            solve_series(values[part], gain[part], pieces, limits, out[part], ended[part])
+            path = None if sections is None else sections[part]
+            solve_series(values[part], gain[part], pieces, limits, out[part], ended[part], sections=path)
             note_solved(len(out[part]))
         if out is not rows:
             rows[again], status[again] = out, ended
@@ -142,8 +145,27 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
         again = again[(ended == ContactStatus.UNRESOLVED) & (out[:, _DISTANCE] >= top)]
         if not len(again):
             return
-        values, gain = (x[again] for x in columns)
+        values, gain, sections = _select(columns, again)
         out, ended = _unresolved(len(again))
+
+
+_Inputs: TypeAlias = tuple[FloatArray, FloatArray, FloatArray | None]
+
+
+def _inputs(request: Request, which: Which) -> _Inputs:
+    """Return inputs, gains and later path sections of selected encounters."""
+    # The paths have sections only if the obstacle has a course.
+    values, gain = request.part(which)
+    if not request.scenario.obstacle.course:
+        return values, gain, None
+    first, sections = path_sections(request)
+    values[:, _ACCELERATION] = first[which]
+    return values, gain, sections[which]
+
+
+def _select(inputs: _Inputs, which: IntArray) -> _Inputs:
+    values, gain, sections = inputs
+    return values[which], gain[which], None if sections is None else sections[which]
 
 
 def _is_integrable(values: FloatArray) -> BoolArray:
@@ -154,7 +176,7 @@ def _is_integrable(values: FloatArray) -> BoolArray:
 
 
 def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    values, _ = request.part(slice(None))
+    values, _, _ = inputs = _inputs(request, slice(None))
     trace[..., 0], trace[..., 1] = (values[:, 5] - values[:, 3])[:, None], values[:, 3, None]
     trace[..., 2], trace[..., 3] = values[:, 4, None], 0.0
     which = np.flatnonzero(_is_integrable(values))
@@ -163,7 +185,8 @@ def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -
         return
     for _, pieces, limits in _stages(request):
         part = np.full((len(which), *trace.shape[1:]), np.nan)
-        solve_series(*request.part(which), pieces, limits, *_unresolved(len(which)), (times[which], part))
+        values, gain, sections = _select(inputs, which)
+        solve_series(values, gain, pieces, limits, *_unresolved(len(which)), (times[which], part), sections)
         trace[which] = part
         which = which[np.isnan(part).any(axis=(1, 2))]  # other pieces would change the end of solved runs by rounding
         if not len(which):

@@ -12,7 +12,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
@@ -22,7 +21,7 @@ from .custom_force import ForceLaw
 from .integrated_path import encounters_of
 from .integrated_result import columns_of, sample
 from .integration import Integration
-from .request import Request, make_request
+from .request import COURSE, Request, check_integration, make_request
 from .scenario import Scenario
 
 _COLUMNS: Final = (
@@ -72,12 +71,8 @@ class IntegratedLaw(Value):
     def _request(
         self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, method: str, horizon: float
     ) -> Request:
-        if method not in {"auto", "integration"}:
-            what = "an obstacle with a course" if scenario.obstacle.course else f"the custom law {self.kind}"
-            raise InvalidInputError(
-                f"method: found {method!r}, expected 'auto' or 'integration', because only these methods support {what}"
-            )
-        return make_request(scenario, sensor, value, "integration", horizon, with_course=True)
+        method = check_integration(method, COURSE if scenario.obstacle.course else f"the custom law {self.kind}")
+        return make_request(scenario, sensor, value, method, horizon, with_course=True)
 
     def _integrate(self, request: Request) -> Iterator[Integration]:
         """Integrate all encounters in groups to limit the required memory."""

@@ -124,6 +124,31 @@ def encounters_of(request: Request) -> Encounters:
     )
 
 
+def path_sections(request: Request) -> tuple[FloatArray, FloatArray]:
+    """Return the sections of each obstacle's path for the compiled solver.
+
+    Returns:
+        The acceleration relative to the reference in the first section [m/s^2], shape (n,). The later sections with
+        the columns of layout.SECTION_COLUMNS, shape (n, k, 4).
+    """
+    e = encounters_of(request)
+    since, p, v, a = e.since[1:], e.position[1:], e.velocity[1:], e.acceleration[1:]
+    # Time starts with the encounter. An obstacle at rest keeps exactly zero speed.
+    columns = since, p - (v - a * since / 2) * since, v - a * since, a
+    return e.acceleration[0], np.ascontiguousarray(np.stack(columns, axis=-1).swapaxes(0, 1))
+
+
+def obstacle_path(request: Request, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return position [m] and velocity [m/s] of each obstacle relative to the reference.
+
+    The times [s] have the shape (n, m).
+    """
+    e = encounters_of(request)
+    section = (times >= e.since[1:, :, None]).sum(axis=0)
+    position, velocity, _ = e.obstacle_at(section, np.arange(len(e))[:, None], times)
+    return position, velocity
+
+
 def _stretches(scenario: Scenario, shape: tuple[int, ...]) -> list[tuple[FloatArray, FloatArray]]:
     """Return end time [s] and acceleration [m/s^2] of each course section."""
 

@@ -21,7 +21,7 @@ from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, columns, ke
 from pretouch._core.numbers import FloatArray, IntArray
 
 from .curve import HIGH_DEGREE, LOW_DEGREE, TERMS, Curves
-from .layout import COLUMNS, DRAG_NODES, DRAG_PEAKS, DRAG_ROWS, INPUTS, PEAKS, STATES, TRACE_COLUMNS
+from .layout import COLUMNS, DRAG_NODES, DRAG_PEAKS, DRAG_ROWS, INPUTS, PEAKS, SECTION_COLUMNS, STATES, TRACE_COLUMNS
 
 CONTACT: Final = 0
 """The status of an encounter whose first contact is proved."""
@@ -77,7 +77,7 @@ _linear_contacts = kernel("linear_contacts", POINTER, INTEGER, DOUBLE, DOUBLE, P
 _linear = kernel("solve_linear", POINTER, INTEGER, DOUBLE, POINTER, DOUBLE, DOUBLE, DOUBLE, POINTER, POINTER)
 _respond = kernel("respond", POINTER, INTEGER, POINTER, INTEGER, POINTER, INTEGER, INTEGER, INTEGER)
 _contacts = kernel("series_contacts", POINTER, POINTER, INTEGER, POINTER_TO(_CurvesOfCore), DOUBLE, *[POINTER] * 4)
-_series = kernel("solve_series", *_ALONE, DOUBLE, POINTER, POINTER, POINTER, INTEGER, POINTER)
+_series = kernel("solve_series", *_ALONE, DOUBLE, POINTER, POINTER, POINTER, INTEGER, POINTER, POINTER, INTEGER)
 _approaches = kernel(
     "drag_approaches", POINTER, INTEGER, POINTER_TO(_CurvesOfCore), DOUBLE, POINTER_TO(_ApproachesOfCore)
 )
@@ -336,7 +336,8 @@ def solve_series(
     limits: tuple[float, bool, bool],
     rows: FloatArray,
     status: IntArray,
-    course: tuple[FloatArray, FloatArray] | None = None,
+    samples: tuple[FloatArray, FloatArray] | None = None,
+    sections: FloatArray | None = None,
 ) -> None:
     """Integrate the robot's motion L(1) under the virtual damper L(2).
 
@@ -349,17 +350,21 @@ def solve_series(
         limits: horizon [s], whether the lowest border is the contact, whether the curve continues beyond the pieces.
         rows: filled with layout.COLUMNS, shape (n, 15).
         status: filled with the numbers of ContactStatus, shape (n,).
-        course: ascending times [s], shape (n, m), and the output of layout.TRACE_COLUMNS at these times, shape
+        samples: ascending times [s], shape (n, m), and the output of layout.TRACE_COLUMNS at these times, shape
             (n, m, 4). Entries after the end of an encounter are not changed.
+        sections: later sections of each obstacle's path, with the columns of layout.SECTION_COLUMNS, shape (n, k, 4).
     """
     n = len(values)
     traced: tuple[int | None, int, int | None] = (None, 0, None)
-    if course is not None:
-        times, trace = course
+    if samples is not None:
+        times, trace = samples
         m = times.shape[1]
         traced = shaped(times, (n, m)), m, shaped(trace, (n, m, len(TRACE_COLUMNS)))
+    path: tuple[int | None, int] = (None, 0)
+    if sections is not None:
+        path = shaped(sections, (n, sections.shape[1], len(SECTION_COLUMNS))), sections.shape[1]
     filled = shaped(rows, (n, len(COLUMNS))), shaped(status, (n,), _INDEX)
-    _series(*_encounters(values, gains, pieces, limits), limits[0], *filled, *traced)
+    _series(*_encounters(values, gains, pieces, limits), limits[0], *filled, *traced, *path)
 
 
 def follow_gradients(

@@ -22,7 +22,7 @@ from pretouch.sensors import SensorModel
 from .contact import ContactResult, Motion, motion_from_trace
 from .guaranteed import trace_guaranteed
 from .layout import TRACE_COLUMNS
-from .request import make_request
+from .request import COURSE, Request, check_integration, make_request
 from .scenario import Scenario
 from .solution import Solution
 
@@ -177,9 +177,7 @@ class Damper:
         horizon: float = 600.0,
     ) -> ContactResult:
         """Solve encounters under the virtual damper, and return their states at contact."""
-        if scenario.obstacle.course:
-            return _by_integration(self).contact(scenario, sensor, value, method, horizon)
-        request = make_request(scenario, sensor, value, method, horizon)
+        request = _request(scenario, sensor, value, method, horizon)
         return ContactResult(Solution(request), request.method)
 
     def motion(
@@ -193,9 +191,7 @@ class Damper:
         samples: int = 200,
     ) -> Motion:
         """Compute sampled motions of robot and obstacle under the virtual damper."""
-        if scenario.obstacle.course:
-            return _by_integration(self).motion(scenario, sensor, value, method, horizon, samples=samples)
-        request = make_request(scenario, sensor, value, method, horizon)
+        request = _request(scenario, sensor, value, method, horizon)
         result = ContactResult(Solution(request, whole=True), request.method)
         end = np.atleast_1d(np.asarray(result.end.time)).ravel()
         times = end[:, None] * np.linspace(0.0, 1.0, samples)
@@ -272,7 +268,7 @@ class Drag:
         from .drag import solve_drag  # noqa: PLC0415 - only drags need it
 
         if scenario.obstacle.course:
-            return _by_integration(self).contact(scenario, sensor, _drags(value), method, horizon)
+            return _integrated_drag().contact(scenario, sensor, _drags(value), method, horizon)
         _check_quadrature(method)
         return solve_drag(scenario, sensor, value, horizon=horizon)
 
@@ -290,7 +286,7 @@ class Drag:
         from .drag import sample_drag  # noqa: PLC0415 - only drags need it
 
         if scenario.obstacle.course:
-            return _by_integration(self).motion(scenario, sensor, _drags(value), method, horizon, samples=samples)
+            return _integrated_drag().motion(scenario, sensor, _drags(value), method, horizon, samples=samples)
         _check_quadrature(method)
         return sample_drag(scenario, sensor, value, horizon=horizon, samples=samples)
 
@@ -301,6 +297,13 @@ class Drag:
         """
         # The damping is 2 phi g^2 |l'| in an approach, and 0 for a receding object.
         return 2 * np.asarray(value) * np.square(slope) * np.maximum(0.0 - np.asarray(relative_velocity), 0.0)
+
+
+def _request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, method: str, horizon: float) -> Request:
+    """Check the inputs of an encounter with the virtual damper."""
+    if not scenario.obstacle.course:
+        return make_request(scenario, sensor, gain, method, horizon)
+    return make_request(scenario, sensor, gain, check_integration(method, COURSE), horizon, with_course=True)
 
 
 def _check_quadrature(method: str) -> None:
@@ -314,23 +317,18 @@ def _drags(value: ArrayLike) -> Any:
     return nonnegative(value, "drag", "N*s^2")
 
 
-def _damper_force(gain: Any, _: Any, rate: Any) -> Any:
-    return gain * rate
-
-
 def _drag_force(drag: Any, _: Any, rate: Any) -> Any:
     return -drag * rate * np.maximum(rate, 0.0)
 
 
-def _by_integration(law: Damper | Drag) -> IntegratedLaw:
-    """Return the numerically integrated variant of a built-in law.
+def _integrated_drag() -> IntegratedLaw:
+    """Return the virtual drag as a numerically integrated law.
 
     It also solves encounters with changing obstacle acceleration.
     """
     from .integrated_law import IntegratedLaw  # noqa: PLC0415 - only courses need it
 
-    force = _damper_force if isinstance(law, Damper) else _drag_force
-    return IntegratedLaw(kind=law.kind, force=force, suspends_admittance=isinstance(law, Drag))
+    return IntegratedLaw(kind=DRAG.kind, force=_drag_force, suspends_admittance=True)
 
 
 DAMPER: Final = Damper()

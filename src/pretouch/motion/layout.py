@@ -72,6 +72,12 @@ STATES: Final = (
 
 TRACE_COLUMNS: Final = ("distance", "displacement", "displacement_velocity", "displacement_acceleration")
 
+SECTION_COLUMNS: Final = ("since", "p", "v", "a")
+"""A later section of an obstacle's path: start [s], and p, v, a of p + v t + a t^2 / 2 relative to the reference.
+
+The time t starts with the encounter.
+"""
+
 DRAG_ROWS: Final = ("time", "distance", "square", "slope", "growth", "error")
 """Results of approaches under the virtual drag: t [s], l [m], l'^2, g [1/m], 2 k int g^2 dl, and the error of t."""
 

@@ -149,6 +149,23 @@ def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
     return method
 
 
+COURSE: Final = "an obstacle with a course"
+
+
+def check_integration(method: str, needed_for: str) -> str:
+    """Return the method "integration", which is the only one for some encounters.
+
+    Raises:
+        InvalidInputError: another method is chosen.
+    """
+    if method not in {"auto", "integration"}:
+        raise InvalidInputError(
+            f"method: found {method!r}, expected 'auto' or 'integration', because only these methods support "
+            f"{needed_for}"
+        )
+    return "integration"
+
+
 def make_request(
     scenario: Scenario,
     sensor: SensorModel,

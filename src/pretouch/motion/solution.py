@@ -72,6 +72,7 @@ class Solution(Value):
         holds = request.many is not None or request.sensor.valid_range[0] <= 0
         speeds = request.relative.v, request.relative.u0
         holds = holds and all(v.min(initial=0.0) > -_FAST and v.max(initial=0.0) < _FAST for v in speeds)
+        whole = whole or bool(request.scenario.obstacle.course)
         if whole or not holds or request.method == "uniform-motion" or request.size < _LANES:
             self._rows, self.status = solve_guaranteed(request)
             return

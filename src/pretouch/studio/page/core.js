@@ -259,7 +259,9 @@ class Core {
         const farthest = Math.max(...(many ? encounter : [encounter]).map((e) => e[5] - e[3]));
         for (let top = this.#top(curve, farthest); ; top *= GROWTH) {
             const pieces = this.#pieces(curve, top);
-            this.exports.pretouch_solve_series(values, n, at, pieces, horizon, rows, status, times, BigInt(m), trace);
+            this.exports.pretouch_solve_series(
+                values, n, at, pieces, horizon, rows, status, times, BigInt(m), trace, 0, 0n,
+            );
             if (curve.top || top >= curve.high || top > LARGEST_START) return;
             const ends = new BigInt64Array(this.exports.memory.buffer, status, gains.length);
             const row = new Float64Array(this.exports.memory.buffer, rows, 15 * gains.length);

@@ -156,7 +156,10 @@ def test_one_for_a_single_contact_is_refused_where_many_are_asked_for() -> None:
     def mine(state: Any) -> float:
         return float(state.time) if state.time < 1 else 2.0
 
-    words = "objective: mine failed with the error .* many contacts in one call: .* contact states had the shape"
+    words = (
+        "objective: the user-defined objective mine failed with the error .* many contacts in one call: "
+        ".* contact states had the shape"
+    )
     options = {"robust": pt.robust.RobustOptions(samples=8, validation=8), "verify": pt.VerifyOptions(runs=2)}
     asked = task(mine, uncertainty=SPEED, loop=NOISY, damping_ratio=(0.7, 1.3), **options)
     verbs = (pt.design_gain, pt.design_admittance, pt.robust.design_robust_gain, pt.verify_gain, pt.pareto_front)

@@ -40,7 +40,7 @@ def test_the_wide_table_holds_one_curve_of_repeats(file):
     assert at == [[2.513, 2.508, 2.517], [1.672, 1.680, 1.669], [1.170, 1.166, 1.173], [0.633, 0.630]]
     assert (curve.no_object.tolist(), curve.unit, curve.source.dropped) == ([0.121, 0.119, 0.120], "V", 1)
     assert curve.source.notes == (
-        "Rows or cells without an output (empty, nan or -): 1. They are not used.",
+        "Number of rows or cells without an output (empty, nan or -): 1. They are not used.",
         "The column headers 0 cm to 4 cm are interpreted as distances, and each row as one repetition of the "
         "measurement.",
         "Column 'output [V]' is not used: it counts the rows.",

@@ -79,7 +79,8 @@ def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
         assert f"  - {reason}\n" in out
     assert f"to 56 mm ({report.window.end_reason})" in out
     assert (
-        f"the controller and exported laws subtract the {report.offset.kind} offset {report.offset.value:.4g} ± " in out
+        f"the controller and exported laws subtract the {report.offset.kind} offset from each reading: "
+        f"{report.offset.value:.4g} ± " in out
     )
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     known = told["calibration"]
@@ -106,7 +107,7 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
         brief = run(verb, file, *VERBS[verb], "--no-report")[1]
         assert " ".join(brief.split()).startswith(first), "the summary begins with it, too"
         offset = pt.load_scenario(file).calibration.offset.value
-        subtracted = f"offset {offset:.4g} V, which the controller and exported laws subtract"
+        subtracted = f"the controller and exported laws subtract the offset {offset:.4g} V"
         assert f"Calibration clipped.csv: usable; {subtracted}\n" in brief
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     assert next(iter(told)) == "headline"
@@ -146,11 +147,13 @@ def test_a_start_beyond_the_data_is_said_first_where_it_is_decisive(run):
     _, out, _ = run("design", scenario("far.toml", sensor), "--no-report", "--verbose")
     # of a constant slope the impulse is that of the distances: 22.2 of 42.2 mm
     assert out.startswith(
-        UNSUPPORTED + "the start at 42.2 mm to 20 mm (last measured distance), which contributes 53 % of the impulse"
+        UNSUPPORTED
+        + "the start at 42.2 mm to 20 mm (last measured distance). The sensor curve beyond 20 mm contributes 53 % of "
+        "the impulse"
     )
     assert (
-        "To remove this warning, calibrate the sensor out to 42.2 mm with more readings at each distance, or start "
-        "the encounter at 20 mm." in out
+        "To remove this warning, calibrate the sensor up to a distance of 42.2 mm with more readings at each "
+        "distance, or start the encounter at 20 mm." in out
     )
     _, out, _ = run("design", scenario("less.toml", sensor, ("42.2 mm", "20.9 mm")), "--no-report", "--verbose")
     assert out.startswith("Optimal gain")
@@ -222,8 +225,8 @@ def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_
     code, _, err = run(verb, scenario("far.toml", sensor, ("42.2 mm", "22 mm"), known), *options)
     assert code == 2
     assert (
-        "; the calibration covers only distances from 0 mm (reason: first measured distance) to 56 mm (reason: last "
-        "measured distance)" in err
+        "; the calibration covers only distances from 0 mm to 56 mm. Reason for the lower limit: first measured "
+        "distance. Reason for the upper limit: last measured distance." in err
     )
 
 

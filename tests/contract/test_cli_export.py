@@ -128,7 +128,7 @@ def test_an_earlier_export_is_replaced_only_on_demand_and_only_unchanged(tmp_pat
     write_folder(target, {"law.c": b"new"}, overwrite=True)
     assert sorted(p.name for p in target.iterdir()) == ["law.c", MANIFEST]
     (target / "law.c").write_bytes(b"edited")
-    with pytest.raises(OutputExistsError, match=r"contains the file law\.c"):
+    with pytest.raises(OutputExistsError, match=r"The file law\.c was added or changed after the export"):
         write_folder(target, {"law.c": b"newer"}, overwrite=True)
     assert (target / "law.c").read_bytes() == b"edited"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["law"]

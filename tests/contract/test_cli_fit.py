@@ -146,7 +146,7 @@ def test_notes_are_wrapped_and_count_rows_without_an_output(run):
     header = "distance [mm],the output of the sensor without a unit,first,second,temperature,gain"
     Path("gap.csv").write_text("\n".join([header, *rows]) + "\n")
     out = run("fit", "gap.csv", "--columns", "output=2", "--labels", "none", "--no-report")[1]
-    assert "note: Rows or cells without an output (empty, nan or -): 1. They are not used.\n" in out
+    assert "note: Number of rows or cells without an output (empty, nan or -): 1. They are not used.\n" in out
     assert "note: The column 'the output of the sensor without a unit' of sensor outputs has no unit, so" in out
     assert max(map(len, out.splitlines())) <= 100
 
@@ -257,7 +257,7 @@ def test_columns_and_labels_are_chosen_on_the_command_line_as_the_messages_say(r
     Path("equal.csv").write_text("\n".join(["distance,output,output", *rows]) + "\n")
     code, _, err = run("fit", "equal.csv", "--json")
     assert code == 2
-    assert '--columns "output=2" (in a scenario file and in Python, the option is called columns)' in err
+    assert '--columns "output=2" (called columns in a scenario file and in Python)' in err
     code, _, err = run("fit", "equal.csv", "--columns", "output=3", "--json")
     assert (code, '--columns "distance=1 [mm]"' in err) == (2, True)
     code, out, _ = run("fit", "equal.csv", "--columns", "distance=1 [mm], output=3 [V]", "--json")
@@ -302,7 +302,8 @@ def test_gathered_distances_are_told_once(run):
     out = run("fit", "dense.csv", "--no-report")[1]
     note = (
         "note: The readings at 400 distances were combined into 50 groups of neighboring distances. "
-        "The readings of each group were averaged. The narrowest group is 0.793 mm wide, and the widest group 2.08 mm."
+        "The readings of each group were averaged. The narrowest group is 0.793 mm wide, and the widest group is "
+        "2.08 mm wide."
     )
     assert (" ".join(out.split()).count(note), out.count("combined")) == (1, 1)
 

@@ -54,8 +54,8 @@ def test_simulate_prints_the_contact_and_where_the_report_is(run):
         "predicted",
         "without mitigation 0.3 m/s",
         "impact force",
-        "the sensor measures at 500 Hz",
-        "the seed is 0",
+        "The simulated sensor measures at 500 Hz",
+        "The random seed is 0",
     ):
         assert words in out
     assert "loop-simulate.html" in out.splitlines()[-1]

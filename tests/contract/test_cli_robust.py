@@ -100,8 +100,8 @@ def test_an_answer_that_is_no_ends_with_1_and_its_object(run, changes, status):
         ("wrong.toml", "wrong.toml, line 21: uncertainty.obstacle.velocity.uniform[0]: found "),
         (
             "fast.toml",
-            "fast.toml, line 21: uncertainty.obstacle.velocity: the value in the encounter is -1.5 m/s, but the "
-            "distribution of obstacle.velocity covers -0.4 m/s to -0.2 m/s",
+            "fast.toml, line 21: uncertainty.obstacle.velocity: the nominal value of obstacle.velocity is -1.5 m/s, "
+            "but its distribution covers -0.4 m/s to -0.2 m/s",
         ),
         ("wide.toml", "wide.toml, line 20: uncertainty: mass: found -"),
     ],

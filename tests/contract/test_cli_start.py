@@ -137,8 +137,8 @@ def test_a_wrong_answer_is_asked_again(
     code, _, err = command(monkeypatch, capsys)("init")
     assert code == 0, err
     assert "expected one of RPR-220" in err
-    assert "found 300, expected a quantity with its unit (speed), such as 0.3 m/s" in err
-    assert "found 200, expected a quantity with its unit (length), such as 200 mm" in err
+    assert "found 300, expected a speed with its unit, such as 0.3 m/s" in err
+    assert "found 200, expected a length with its unit, such as 200 mm" in err
     task = pt.load_scenario("scenario.toml")
     assert (task.sensor_part.name, task.scenario.relative_velocity) == ("VCNL4040", -0.4)
     assert {c.name: c.limit for c in task.limits} == {"excursion": 0.2}
@@ -167,17 +167,17 @@ def test_the_typical_curve_has_the_signal_of_the_part(tmp_path: Path) -> None:
         (["old.csv", "--output", "old.csv", "--force"], "old.csv"),
         (["--output", "no/a.toml"], "no such folder"),
         (["--part", "VCNL9999"], "expected one of RPR-220"),
-        (["--speed", "3 m"], "--speed: found 3 m, expected a quantity with its unit (speed), such as 0.3 m/s"),
-        (["--speed", "300"], "--speed: found 300, expected a quantity with its unit (speed), such as 0.3 m/s"),
-        (["--excursion", "200"], "--excursion: found 200, expected a quantity with its unit (length), such as 200 mm"),
-        (["--distance", "50"], "--distance: found 50, expected a quantity with its unit (length), such as 200 mm"),
-        (["--robot-mass", "4"], "--robot-mass: found 4, expected a quantity with its unit (mass), such as 4 kg"),
+        (["--speed", "3 m"], "--speed: found 3 m, expected a speed with its unit, such as 0.3 m/s"),
+        (["--speed", "300"], "--speed: found 300, expected a speed with its unit, such as 0.3 m/s"),
+        (["--excursion", "200"], "--excursion: found 200, expected a length with its unit, such as 200 mm"),
+        (["--distance", "50"], "--distance: found 50, expected a length with its unit, such as 200 mm"),
+        (["--robot-mass", "4"], "--robot-mass: found 4, expected a mass with its unit, such as 4 kg"),
         (
             ["--part", "other", "--rate", "100"],
-            "--rate: found 100, expected a quantity with its unit (rate), such as 100 Hz",
+            "--rate: found 100, expected a rate with its unit, such as 100 Hz",
         ),
-        (["--contact-speed", "0.1"], "--contact-speed: found 0.1, expected a quantity with its unit (speed)"),
-        (["--recess", "5"], "--recess: found 5, expected a quantity with its unit (length)"),
+        (["--contact-speed", "0.1"], "--contact-speed: found 0.1, expected a speed with its unit"),
+        (["--recess", "5"], "--recess: found 5, expected a length with its unit"),
         (["--recess", "inf m"], "--recess: found inf m, expected a positive length"),
         (["--columns", "distance=1,output=2"], "--columns: this option needs a calibration"),
         (["--speed", "-3 m/s"], "positive"),

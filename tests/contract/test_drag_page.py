@@ -322,8 +322,8 @@ def test_a_gain_says_what_a_drag_would_do() -> None:
     assert shown(row(found, "largest acceleration", title)) == peaks
     (said,) = re.findall("^With a virtual drag.*$", str(design), re.MULTILINE)
     assert said == (
-        f"With a virtual drag of the same excursion (\u03c6 = {phi:.4g} N s\u00b2), the contact speed would be "
-        f"{speeds[1]:.4g} m/s instead of {speeds[0]:.4g} m/s. The largest acceleration would be "
+        f"With a virtual drag of \u03c6 = {phi:.4g} N s\u00b2, the excursion would be the same. The contact speed "
+        f"would be {speeds[1]:.4g} m/s instead of {speeds[0]:.4g} m/s. The largest acceleration would be "
         f"{peak(phi) * V**2:.4g} m/s\u00b2 instead of {own.largest_acceleration:.4g} m/s\u00b2. With this virtual "
         f"drag, the contact speed is {100 * share(phi):.3g} % of every approach speed."
     )

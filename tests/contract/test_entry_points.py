@@ -42,18 +42,19 @@ rate = "3 1/s"
 BAD = {
     "nowhere": (
         "no_such_module:Law",
-        'cannot be imported from no_such_module:Law, because of the error "ModuleNotFoundError: .*repair or',
+        'cannot be imported from no_such_module:Law. The error is "ModuleNotFoundError: .*Repair or',
     ),
-    "missing": ("cube_law:Nothing", 'cannot be imported from cube_law:Nothing, because of the error "AttributeError: '),
+    "missing": ("cube_law:Nothing", 'cannot be imported from cube_law:Nothing. The error is "AttributeError: '),
     "failing": (
         "failing_law:Law",
-        'cannot be imported from failing_law:Law, because of the error "ZeroDivisionError: division by zero"',
+        'cannot be imported from failing_law:Law. The error is "ZeroDivisionError: division by zero"',
     ),
     "number": (
         "cube_law:NUMBER",
-        "is invalid: found 3, but a law must be a class or value that has all members of pretouch.motion.ContinuousLaw",
+        "is invalid: found 3, expected a control law. A control law is a class or an object with all members of "
+        "pretouch.motion.ContinuousLaw",
     ),
-    "other": ("cube_law:Cube", 'the kind of the law is "cube", but must equal'),
+    "other": ("cube_law:Cube", 'the kind of the law is "cube", but the name of its entry point is "other"'),
     "undeclared": (
         "cube_law:Undeclared",
         "a scenario file cannot set the field other of the class; declare this field by pretouch.fields",
@@ -137,7 +138,10 @@ def test_a_broken_entry_point_ends_in_one_sentence(folder, monkeypatch, name):
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ("cube", 'the entry point "cube" .* in the package other_law is also in the package cube_law; uninstall one'),
+        (
+            "cube",
+            'the entry point "cube" .* in the package other_law is also in the package cube_law; uninstall one',
+        ),
         ("virtual-drag", 'entry point "virtual-drag" .* in the package other_law has the name of a built-in kind'),
     ],
 )

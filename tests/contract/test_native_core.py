@@ -70,7 +70,7 @@ def test_a_part_of_an_array_is_filled_where_its_rows_are_contiguous(part):
     "array", [np.zeros((3, 8))[:, ::2], np.zeros((4, 3)).T, np.zeros((3, 4), dtype=np.float32), np.zeros((4, 3))]
 )
 def test_rows_that_a_kernel_would_misread_are_refused(array):
-    with pytest.raises(TypeError, match="needs an aligned array of type float64 and shape"):
+    with pytest.raises(TypeError, match=r"needs an aligned float64 array of the shape \(3, 4\) with contiguous rows"):
         native.rows_of(array, (3, 4))
 
 
@@ -180,7 +180,7 @@ def test_a_library_that_is_not_as_it_was_built_is_refused_in_one_sentence(tmp_pa
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith(
-        f"pretouch: the compiled core of pretouch cannot be used, because the file {library.name} {what}"
+        f"pretouch: the compiled core of pretouch cannot be used. The file {library.name} has this problem: it {what}"
     )
     assert f". The file is in the folder {tmp_path}, set by PRETOUCH_LIBRARY. Reinstall pretouch by pip" in done.stderr
     assert done.stderr.endswith("run python native/build.py\n")

@@ -54,7 +54,7 @@ def test_a_verdict_shows_one_line_and_prints_a_report() -> None:
         "relative velocity at contact",
         "Best gain on the simulated loop"
         if found.loss.loop_gain is None
-        else f"best gain on the simulated loop that has a gain margin of {found.loss.sought_margin:g}",
+        else f"best gain with a gain margin of {found.loss.sought_margin:g} on the simulated loop",
         "tried changes",
         "assumptions",
     ):

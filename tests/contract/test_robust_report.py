@@ -232,7 +232,7 @@ def test_what_fresh_samples_refuse_is_a_warning(one: RobustDesign) -> None:
     missed = replace(v.limits[0], held=0.5)
     warned = replace(one, validation=replace(v, limits=(missed,), reached=0.75))
     assert [split_code(text)[1][:30] for text in warned.warnings] == [
-        "in 25 % of the fresh encounter",
+        "25 % of the fresh encounters e",
         "the relative_velocity limit is",
     ]
     assert all(f"warning {text}\n" in str(warned) for text in warned.warnings)

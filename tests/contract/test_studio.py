@@ -264,7 +264,7 @@ def test_the_page_is_written_to_a_file(tmp_path):
     [
         ("none.toml", "there is no such file"),
         ("course.toml", "without a course"),
-        ("fingertip.toml", "[constraints] also has impact_force"),
+        ("fingertip.toml", "[constraints] also has the constraints impact_force"),
         ("tradeoff.toml", "the admittance has bounds"),
         ("robots/arm.toml", "[robot] names a robot model"),
     ],

@@ -145,7 +145,8 @@ def test_the_law_is_that_of_the_loop_unless_it_is_given() -> None:
 
 def test_a_loop_without_a_law_in_continuous_time_needs_the_law_of_the_task() -> None:
     unknown = replace(NOISY, law=WithoutContinuous(-0.7, 1e-3))
-    with pytest.raises(pt.errors.InvalidInputError, match=r"^loop: the control law WithoutContinuous has no form"):
+    expected = r"^loop: the prediction needs .* in continuous time, but the control law WithoutContinuous has none\."
+    with pytest.raises(pt.errors.InvalidInputError, match=expected):
         TASK.replace(loop=unknown)
     assert TASK.replace(loop=unknown, law="virtual-damper").replace(gain=-0.5).law == pt.motion.DAMPER
 

@@ -56,8 +56,8 @@ def test_reports_are_sound_for_every_status(found: pt.Verdict) -> None:
 
 def test_the_assumptions_name_the_number_of_runs_and_their_seed(one: pt.Verdict) -> None:
     alone = case("one run, no changes")
-    assert any("40, independent, from seed 0" in text for text in one.assumptions)
-    assert any("a single one, of seed 0" in text for text in alone.assumptions)
+    assert any("40 independent runs with the random seed 0" in text for text in one.assumptions)
+    assert any("a single run with the random seed 0" in text for text in alone.assumptions)
 
 
 def sections_of(page: str) -> list[str]:
@@ -88,7 +88,7 @@ def test_a_report_contains_the_numbers_of_the_verdict(one: pt.Verdict) -> None:
     assert row(page, "lowest sensor rate for a stable loop") == [f"{s.lowest_rate:.3g} Hz"]
     assert row(page, "lowest sensor rate for a gain margin of 2") == [f"{s.lowest_rate_for_margin_2:.3g} Hz"]
     assert row(page, "readings") == ["250 Hz, one every 4 ms"]
-    best = row(page, "best gain on the simulated loop that has a gain margin of 2, mean of the runs")
+    best = row(page, "best gain with a gain margin of 2 on the simulated loop, mean of the runs")
     assert best == [f"{loss.loop_gain:.4g} N s", f"{loss.loop_objective:.5g}"]
     own, mean = row(page, "verified gain, mean of the runs")
     assert (own, mean.split(" \u00b1 ")[0]) == (f"{one.gain:.4g} N s", f"{loss.objective:.5g}")
@@ -138,7 +138,7 @@ def test_a_contact_that_is_harder_than_without_mitigation_is_why_it_does_not_hol
     assert wild.best_change.standing == 1
     title = "What would help most (not fully checked)"  # of the sensor, which is too slow, too
     assert row(page, "contact harder than without mitigation", title) == ["yes", "no"]
-    best = row(page, "best gain on the simulated loop that has a gain margin of 2, mean of the runs")
+    best = row(page, "best gain with a gain margin of 2 on the simulated loop, mean of the runs")
     assert best[0] == f"{wild.loss.loop_gain:.4g} N s"
     assert row(page, "largest excursion", "Limits")[:2] == ["300 mm", "every run"]
 

@@ -6,7 +6,7 @@ import pytest
 from pretouch._core.errors import CalibrationDataError
 from pretouch.calibration import read_calibration, read_calibrations
 
-REMEDY = "(in a scenario file and in Python, the option is called columns)"
+REMEDY = "(called columns in a scenario file and in Python)"
 
 
 @pytest.fixture
@@ -103,7 +103,9 @@ def test_the_units_of_a_wide_table_are_said_or_stand_in_its_corner(file, text, c
 
 def test_numbered_columns_beside_a_distance_are_repeats_where_that_is_said(file):
     text = "distance [mm],1,2,3\n0,9,5,3\n10,8,4,\n"
-    with pytest.raises(CalibrationDataError, match=r'"distance=1"\. If .* headers, use --columns "distance=\[mm\]"'):
+    with pytest.raises(
+        CalibrationDataError, match=r'"distance=1"\. If .* headers, use the option --columns "distance=\[mm\]"'
+    ):
         read_calibration(file(text))
     curve = read_calibration(file(text), columns={"distance": 1})
     assert curve.distances.tolist() == [0, 0, 0, 0.01, 0.01]
@@ -244,7 +246,7 @@ EQUAL = "distance [mm],output,output\n0,9,8\n1,8,6\n2,7,4\n3,6,2\n"
 def test_of_two_equal_headers_one_is_chosen_by_its_number(file):
     with pytest.raises(CalibrationDataError, match=r"the columns 2: 'output' and 3: 'output' may") as error:
         read_calibration(file(EQUAL))
-    assert str(error.value).endswith(f' with --columns "output=2" {REMEDY}')
+    assert str(error.value).endswith(f' with the option --columns "output=2" {REMEDY}')
     for columns in (
         {"output": 3},
         {"output": "3"},
@@ -290,13 +292,13 @@ def test_columns_are_chosen_by_header_number_and_unit(file, text, columns):
         ),
         (
             {"output": "output"},
-            "for the output column. This name is ambiguous, because the columns 2 and 3 of the file sensor.csv have",
+            "for the output column. This name is ambiguous. The columns 2 and 3 of the file sensor.csv have",
         ),
         ({"distance": "[V]"}, "columns: found the unit 'V' for the distance, expected a unit of length such as mm"),
         (
             {"distance": "1 [cm]", "output": 2},
-            "two units for the distance, 'cm' in the option and 'mm' in the column header 'distance [mm]'; give only "
-            "one unit",
+            "two units for the distance. The option gives the unit 'cm', but the column header 'distance [mm]' gives "
+            "the unit 'mm'. Give only one unit",
         ),
         ({"distance": 2, "output": 2}, "columns: column 2 is given as the distance and also as the output"),
     ],
@@ -315,7 +317,7 @@ def test_a_choice_that_cannot_be_is_refused(file, columns, message):
         ("0,5,10,inf\n9,5,3,1\n", f'--columns "distance=[mm]" {REMEDY}'),
         ("sensor,0,5,10\na,9,5,3\n", "line 1: the distances '0', '5', '10' have no unit"),
         ("0,5,10,20\n9,5,3,1\n", 'line 1: the first row contains numbers, but a header such as "distance [mm],'),
-        ("0,5,10,20\n9,5,3,1\n", '--columns "distance=[mm]" if they are distances'),
+        ("0,5,10,20\n9,5,3,1\n", '. If these numbers are distances, use --columns "distance=[mm]"'),
         ("1,1cm,2mm\n9,5,3\n", "line 1: the header '1' has no unit, and the units of the other headers differ"),
         ("-1cm,2cm\n9,5\n", "line 1: found the distance '-1 cm', which must not be negative"),
         ("0cm,1e400cm\n9,5\n", "line 1: found the distance '1e400 cm', expected a number of a magnitude"),
@@ -338,7 +340,7 @@ def test_a_choice_that_cannot_be_is_refused(file, columns, message):
         ("Bench 4\nSerial 5\n0 2\n5 1\n", "line 1: found 'Bench 4', but a header such as"),
         ("1,2\n2,3\ndistance [mm],output [V]\n0,2\n", "line 1: found the numbers '1,2' above the header in line 3"),
         ("Bench 4\ndistance,output [V]\n0,2\n", "line 2: found 'distance', a distance without a unit"),
-        ("distance,output [V]\n0,2\n", f'or use --columns "distance=1 [mm]" {REMEDY}'),
+        ("distance,output [V]\n0,2\n", f'or use the option --columns "distance=1 [mm]" {REMEDY}'),
         ("distance [mm],drive current [mA],gain\n0,8,2\n", f'--columns "distance=1,output=2" {REMEDY}'),
         ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "use --labels none. In Python and in"),
     ],

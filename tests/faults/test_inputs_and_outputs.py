@@ -140,8 +140,8 @@ def test_no_input_is_ever_written_over(
     before = Path(name).read_bytes()
     code, out, err = run(*arguments, "--output", spelled(name)[spelling], "--force")
     assert code == 2
-    assert "is an input of this command" in err
-    assert "and pretouch never overwrites an input; choose another name with --output" in err
+    assert ": the output would overwrite the input file " in err
+    assert f"{name}. Choose another name with --output" in err
     assert Path(name).read_bytes() == before
     assert "--json" not in arguments or json.loads(out)["status"] == "error"
 
@@ -153,11 +153,11 @@ def test_nor_by_a_sweep_its_figure_or_python(run: Any, folder: Path) -> None:
     before = Path("sensor.png").read_bytes()
     code, _, err = run("sweep", "fingertip.toml", "--axis", "gain=-1:-0.1:5", "--figure", "sensor.png", "--force")
     assert code == 2
-    assert "sensor.png: this file is an input of this command" in err
+    assert "sensor.png: the output would overwrite the input file " in err
     task = pt.load_scenario("fingertip.toml")
     design = pt.design_gain(task)
     for path in ("sensor.png", "fingertip.toml"):
-        with pytest.raises(pt.errors.OutputExistsError, match="is an input of this command"):
+        with pytest.raises(pt.errors.OutputExistsError, match="the output would overwrite the input file "):
             write_report(design, path, source=task.source, overwrite=True)
     assert Path("sensor.png").read_bytes() == before
     assert Path("fingertip.toml").read_text(encoding="utf-8") == text

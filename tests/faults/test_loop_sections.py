@@ -31,7 +31,7 @@ MISTAKES = [
     ('part = "VCNL4010"', "", "[chain]", "chain", 'missing rate, expected rate = "250 Hz"'),
     ('"VCNL4010"', '"VNCL4010"', "part", "chain.part", 'did you mean "VCNL4010"?'),
     ('"VCNL4010"', "4010", "part", "chain.part", "found 4010, expected text"),
-    ('"VCNL4010"', '"RPR-220"', "part", "chain.part", "curve are in counts (sensor.scale, line 3)"),
+    ('"VCNL4010"', '"RPR-220"', "part", "chain.part", "curve are in counts (see the key sensor.scale, line 3)"),
     (IN_CHAIN, 'noise = "20 mV"', "noise", "chain.noise", 'found "20 mV", expected counts, the unit of sensor.scale'),
     (IN_CHAIN, 'noise = "-1 counts"', "noise", "chain.noise", "expected a nonnegative sensor output"),
     (IN_CHAIN, "noise = true", "noise", "chain.noise", "found true, expected a sensor output"),
@@ -56,7 +56,7 @@ MISTAKES = [
     (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = "1 mV"', "floor", "controller.floor", 'found "1 mV", expected counts'),
     (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = 0', "floor", "controller.floor", "expected a positive sensor output"),
     (IN_CONTROLLER, "rate = 1000\nfloor = 3e4", "scale", "sensor.scale", "below the controller's floor of 3e+04"),
-    (IN_CONTROLLER, "rate = 1000\nsaturation = 50", "satur", "controller.saturation", "offset + floor"),
+    (IN_CONTROLLER, "rate = 1000\nsaturation = 50", "satur", "controller.saturation", "the sum of offset and floor"),
     (IN_CONTROLLER, "rate = 1000\nmedian_window = 17", "median", "controller.median_window",
      "from 1 (no median filter) to 16"),
     (IN_CONTROLLER, "rate = 1000\nmedian_window = 3.0", "median", "controller.median_window", "a whole number of at l"),
@@ -164,7 +164,7 @@ def test_the_undamaged_file_is_read(write):
 )
 def test_a_part_of_a_loop_alone_is_refused(message, sections, named, missing):
     text, keys = ENCOUNTER + sections, {"chain": 'part = "VCNL4010" or rate =', "controller": 'rate = "1 kHz"'}
-    place = f"line {line_of(f'[{named}]', text)}: {named}: this section also needs the section [{missing}]"
+    place = f"line {line_of(f'[{named}]', text)}: {named}: the section [{named}] also needs the section [{missing}]"
     (told,) = (line for line in message(text).splitlines() if place in line)
     assert f"add, for example: [{missing}] with {keys[missing]}" in told
 
@@ -247,7 +247,7 @@ def test_a_margin_that_leaves_no_gain_is_placed(write):
     "axes", [{"admittance.mass": [1, 2]}, {"start": {"obstacle.position": [0.03, 0.04], "obstacle.velocity": [-1, -2]}}]
 )
 def test_a_margin_does_not_hold_for_a_sweep_that_moves_the_limit(write, axes):
-    with pytest.raises(ScenarioFileError, match=r"loop\.stability_margin: a sweep over \w+\.\w+"):
+    with pytest.raises(ScenarioFileError, match=r"loop\.stability_margin: a sweep over the input \w+\.\w+"):
         pt.sweep(load_scenario(write(LOOPED)), axes)
 
 
@@ -273,4 +273,4 @@ def test_a_curve_in_volts_takes_no_part_in_counts(message):
     )
     table = '[sensor]\nmodel = "table"\ndistances = ["0 mm", "50 mm"]\noutputs = ["4 V", "1 V"]\n'
     told = message(LOOPED.replace(SENSOR.replace("1.30e-5", '"0.533 counts"'), table))
-    assert "but the outputs of the sensor curve are in V (sensor.outputs, line 4)" in told
+    assert "but the outputs of the sensor curve are in V (see the key sensor.outputs, line 4)" in told

@@ -210,8 +210,8 @@ def test_a_distance_without_a_unit_that_no_sensor_reaches_is_asked_about(write, 
     """60 is 60 m; who means that says it. The largest number without a unit is 5."""
     text = message(replaced('"42.2 mm"', "60"))
     assert (
-        "obstacle.position: found 60, expected a quantity with its unit, because the number is implausibly large in "
-        "the default unit m" in text
+        "obstacle.position: found 60, expected a quantity with its unit. Without a unit, the number means 60 m, which "
+        "is implausibly large" in text
     )
     assert 'Did you mean "60 mm"? Otherwise write "60 m"' in text
     assert load_scenario(write(replaced('"42.2 mm"', '"60 m"'))).scenario.distance == 60.0

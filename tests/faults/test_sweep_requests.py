@@ -79,7 +79,7 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
         (
             {"sample": {"obstacle.velocity": [-0.3, -0.2], "plant.velocity": [0.0]}},
             {"gain": -0.5},
-            "the axis sample has 2 values of obstacle.velocity, 1 values of plant.velocity, but all inputs",
+            "found 2 values of obstacle.velocity, 1 values of plant.velocity on the axis sample, expected the same",
         ),
         ({"obstacle.velocity": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "as the name of an axis of paired inputs"),
         ({"time": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "the axis name 'time' is already the name of a result"),
@@ -163,7 +163,9 @@ def test_a_library_that_is_not_installed_is_named_with_what_installs_it(
 def test_results_beyond_memory_are_refused_before_anything_is_allocated() -> None:
     pytest.importorskip("xarray", reason="needs the extra 'sweep'")
     axes = {"gain": np.linspace(-2.0, -0.1, 100_000), "obstacle.velocity": np.linspace(-1.0, -0.1, 100_000)}
-    with pytest.raises(InvalidInputError, match=r"10,000,000,000 encounters .* at most .* in memory.*NAME\.zarr"):
+    with pytest.raises(
+        InvalidInputError, match=r"10,000,000,000 encounters, expected at most .* in memory.*NAME\.zarr"
+    ):
         pt.sweep(pt.Task(SCENARIO, CURVED), axes)
 
 

@@ -344,7 +344,7 @@ def test_a_start_where_a_users_curve_does_not_hold_is_refused_with_the_remedy() 
             admittance=admittance((1, 10, 25)), obstacle=Obstacle(position=distance, velocity=-distance)
         )
         with pytest.raises(
-            InvalidInputError, match=r"nan at .* must be finite; .* maximum_distance|polynomials.* maximum_dist"
+            InvalidInputError, match=r"nan at .* must be finite; .* maximum_distance|maximum_distance\. .*polynomials"
         ):
             find_contact(scenario, ENDING[name], -0.5)
 

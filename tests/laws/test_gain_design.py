@@ -159,9 +159,10 @@ def test_a_limit_that_no_gain_meets_and_those_that_it_conflicts_with_are_named_a
     design = design_gain(Task(letter_encounter, CURVES["inverse-power"], F1, bounds=BOUNDS, constraints=limits))
     assert not design.constraints[0].achievable
     assert design.headline.count("D_p =") == 1
-    assert f"the limits are violated least with {design.number.equals(float(design.nearest.gain))}" in design.headline
+    gain = design.number.equals(float(design.nearest.gain))
+    assert f"the gain {gain} violates the limits least" in design.headline
     assert "excursion and relative_velocity cannot be met together" in design.headline
-    assert "within the bounds, excursion alone is at least 0.95" in design.headline
+    assert "the smallest excursion within the bounds is 0.95" in design.headline
     assert "time" not in design.headline
 
 

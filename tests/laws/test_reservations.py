@@ -197,9 +197,9 @@ def test_an_offset_with_a_wide_interval_has_no_standard_error() -> None:
     found = answer(0.008, 0.06)
     offset = pt.calibration.OffsetEstimate(value=180.0, standard_error=1.2, low=140.0, high=220.0, kind="fitted")
     wide = replace(found, report=replace(found.report, offset=offset))
-    assert "the fitted offset 180 V (95 % interval 140 to 220) from each reading" in str(wide)
+    assert "the fitted offset from each reading: 180 V (95 % interval: 140 to 220)" in str(wide)
     narrow = replace(wide, report=replace(found.report, offset=replace(offset, low=177.6, high=182.4)))
-    assert "the fitted offset 180 ± 1.2 V (95 % interval 177.6 to 182.4) from each reading" in str(narrow)
+    assert "the fitted offset from each reading: 180 ± 1.2 V (95 % interval: 177.6 to 182.4)" in str(narrow)
 
 
 @pytest.mark.parametrize("near", np.random.default_rng(6).uniform(1e-4, 0.3, 20))

@@ -373,8 +373,7 @@ def test_what_is_shown_is_what_was_designed() -> None:
                     "obstacle.velocity": TruncatedNormal(location=-0.45, deviation=0.06, low=-0.6, high=-0.1)
                 }
             },
-            "obstacle.velocity: the value in the encounter is -0.3 m/s, but the distribution of obstacle.velocity "
-            "covers -0.56",
+            "obstacle.velocity: the nominal value of obstacle.velocity is -0.3 m/s, but its distribution covers -0.56",
         ),
         ({"bounds": (-1.0, -2.0)}, "expected two gains in ascending order"),
         ({"confidence": 1.0}, "confidence: found 1"),

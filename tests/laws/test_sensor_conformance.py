@@ -275,14 +275,17 @@ UNLAWFUL = {
     ),
     "slope 10 % off": (
         _custom(straight, lambda d: 1.1 * forty(d)),
-        r"between .* the average slope is -44 1/m, but ln xi changes by -40 1/m\. The slope must be the",
+        r"between .* average of log_slope is -44 1/m, but log_output changes by -40 per meter\. The function log_slope",
     ),
-    "slope 0.3 % off": (_custom(straight, lambda d: 1.003 * forty(d)), r"the average slope is -40\.12 1/m"),
-    "jump": (_custom(lambda d: -40 * d - 0.1 * (d > 0.02), forty), "The slope must be the derivative of ln xi"),
+    "slope 0.3 % off": (_custom(straight, lambda d: 1.003 * forty(d)), r"the average of log_slope is -40\.12 1/m"),
+    "jump": (
+        _custom(lambda d: -40 * d - 0.1 * (d > 0.02), forty),
+        "The function log_slope must be the derivative of log_output",
+    ),
     "flat": (_custom(lambda d: 0 * d, lambda d: 0 * d), "found a slope of 0 1/m at every distance"),
     "raises": (
         _custom(lambda _: {}["slope"], forty),
-        "found the error \"KeyError: 'slope'\", but log_output and log_slope of a sensor curve must accept distances",
+        "log_output or log_slope raised the error \"KeyError: 'slope'\". Both functions must accept distances",
     ),
     "scalars only": (
         _custom(lambda d: -40 * math.tanh(d), forty),

@@ -445,7 +445,7 @@ class TestRecessed:
 
     def test_a_recess_beyond_the_end_of_the_curve_is_refused(self) -> None:
         with pytest.raises(
-            InvalidInputError, match=r"recess: a recess of 0\.1 m is too large, because the .* no distance"
+            InvalidInputError, match=r"recess: found 0\.1 m, expected less than .* m\. The .* curve of the sensor ends"
         ):
             Recessed(sensor=TABLE_I, recess=0.1)
 

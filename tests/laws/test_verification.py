@@ -87,8 +87,8 @@ def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
             [velocity_limit(0.1, 0.99)],
             NARROWLY,
             "60 runs. This does not demonstrate the required probability of 99 %. The runs demonstrate only a "
-            "probability of 95.12 % (95 % confidence). To demonstrate it with the same share of runs, simulate 299 "
-            "runs",
+            "probability of 95.12 % (95 % confidence). To demonstrate the required probability with the same "
+            "share of runs, simulate 299 runs",
         ),
         ([pt.Constraint(name="excursion", limit=0.0985)], NARROWLY, "is met with a margin of only"),
     ],

@@ -247,4 +247,4 @@ def test_a_prediction_outside_of_the_range_of_the_sensors_is_explained(exponent:
     assert (
         ". This prediction is outside of the range. A difference of up to 15 % counts as agreement." in check.text
     ) is bool(way)
-    assert (" (a contact up to 15 % harder counts as agreement)." in check.text) is (way == "softer")
+    assert (" A contact that is up to 15 % harder counts as agreement." in check.text) is (way == "softer")

@@ -205,7 +205,7 @@ def test_a_change_has_one_sentence_with_its_numbers() -> None:
         "robot-bandwidth": "Raise the bandwidth of the robot's controller from 50 Hz to 100 Hz.",
         "robot-stiffness": "Raise the stiffness of the robot's impedance controller from 4000 N/m to 8000 N/m, and its "
         "damping to 254.6 N s/m.",
-        "offset": "Subtract the exact offset of the sensor, 0.12 (unit of the readings) instead of 0.1, and "
+        "offset": "Subtract the exact offset of the sensor: 0.12 instead of 0.1 (unit of the readings), and "
         "track its drift.",
         "largest-rate": "Set the controller's largest_rate to 48 1/s. This value is twice the largest rate "
         "|d ln xi / dt| of the sensor signal xi in an approach, plus noise.",
@@ -217,9 +217,9 @@ def test_an_offset_that_the_controller_does_not_subtract_is_a_change_and_so_is_d
         loop = loop_of(offset=offset, drift=drift, conditioning={"offset": 0.1})
         return next((c.sentence for c in candidates_of(loop, **APPROACH) if c.name == "offset"), None)
 
-    exact = "Subtract the exact offset of the sensor, "
+    exact = "Subtract the exact offset of the sensor: "
     assert said(0.1, 0.0) is None
-    assert said(0.12, 0.0) == exact + "0.12 (unit of the readings) instead of 0.1."
+    assert said(0.12, 0.0) == exact + "0.12 instead of 0.1 (unit of the readings)."
     assert said(0.1, 0.01) == exact + "0.1 (unit of the readings), and track its drift."
 
 

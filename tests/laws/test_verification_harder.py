@@ -153,8 +153,8 @@ BOTH = {"natural_frequency": (2.0, 12.0)}
 def test_bounds_without_a_gain_that_mitigates_are_refused_with_the_sign(verb: Any) -> None:
     task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=QUICK, bounds=(0.01, 10.0), verify=pt.VerifyOptions(runs=2))
     expected = (
-        "bounds: the range from 0.01 to 10 N s makes the robot chase the object, because a mitigating gain is "
-        "negative. Did you mean -10 to -0.01 N s?"
+        "bounds: no gain from 0.01 to 10 N s mitigates the impact. The sign of a mitigating gain is negative. "
+        "Did you mean -10 to -0.01 N s?"
     )
     with pytest.raises(pt.errors.InvalidInputError) as refused:
         verb(task)
@@ -223,7 +223,7 @@ def test_a_loop_that_loses_most_of_the_mitigation_does_not_hold() -> None:
         assert (found.effect.lost > 0.5) == lost
         assert (found.status is pt.VerdictStatus.DOES_NOT_HOLD) == lost
         said = (
-            "most of the predicted mitigation is lost on the simulated loop: contact at a mean speed of "
+            "most of the predicted mitigation is lost on the simulated loop: the mean contact speed is "
             f"{mean:.3g} m/s (predicted speed: {predicted:.3g} m/s; without mitigation: 0.3 m/s)"
         )
         assert (found.reasons[0] == said) == lost

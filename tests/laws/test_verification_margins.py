@@ -33,7 +33,7 @@ def test_the_best_gain_is_sought_among_those_with_a_margin_of_2() -> None:
     assert found.loss.loop_gain is not None
     assert found.stability.strongest / found.loss.loop_gain >= 2 * (1 - 1e-12)
     assert BOUNDS[0] < found.stability.strongest < 0
-    assert line(str(found), "best gain on the simulated loop that has a gain margin of 2, mean of the runs").startswith(
+    assert line(str(found), "best gain with a gain margin of 2 on the simulated loop, mean of the runs").startswith(
         "-0."
     )
 

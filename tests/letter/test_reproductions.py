@@ -203,7 +203,7 @@ def test_every_disagreement_says_why() -> None:
 
 
 def test_an_unknown_name_is_answered_with_the_nearest_one() -> None:
-    with pytest.raises(InvalidInputError, match=r"'Table_2'.* available parts .* table-2, .*; did you mean table-2\?"):
+    with pytest.raises(InvalidInputError, match=r"'Table_2'.* available parts .* table-2, .*\. Did you mean table-2\?"):
         reproduce(["Table_2"])
 
 

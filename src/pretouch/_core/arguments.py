@@ -196,7 +196,7 @@ class _TypeCheckingOnly(type):
 
 
 class _Namespace(dict[str, Any]):
-    """Dictionary of a module's names with placeholders for missing names."""
+    """Dictionary of module names that returns a placeholder for a missing name."""
 
     def __missing__(self, name: str) -> Any:
         if hasattr(builtins, name):

@@ -180,9 +180,9 @@ class PageSection(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LazyBlock(Value):
-    """A part of a report with deferred computation.
+    """A part of a report that is computed when the report is written.
 
-    The part, such as a figure, is computed when the report is written, because it takes long.
+    The computation of such a part, for example a figure, takes long.
 
     Args:
         make: returns the block; None if there is nothing to show.
@@ -316,7 +316,7 @@ def _label(text: str) -> str:
 
 
 def _parts(blocks: Iterable[Block]) -> Iterator[str]:
-    """Yield the plain text of the brief report blocks."""
+    """Yield the plain text of report blocks that the terminal shows."""
     for block in blocks:
         if not block.brief:
             continue

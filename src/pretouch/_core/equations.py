@@ -1,8 +1,8 @@
-"""List the equations of the letter that pretouch implements.
+"""List the equations of the paper that pretouch implements.
 
-The letter is the short paper on this design method. The code cites its equations as L(1) to L(23). A function or class
-that implements an equation cites its id in the first two paragraphs of its docstring. A test that checks the equation
-independently has the marker `equation`. tests/contract/test_equation_ids.py fails if either is missing.
+The short paper on this design method is called the letter. The code cites its equations as L(1) to L(23). A function
+or class that implements an equation cites its id in the first two paragraphs of its docstring. A test that checks the
+equation independently has the marker `equation`. tests/contract/test_equation_ids.py fails if either is missing.
 """
 
 from __future__ import annotations

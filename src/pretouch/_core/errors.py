@@ -40,7 +40,7 @@ class CalibrationDataError(InvalidInputError):
 
     @classmethod
     def without_content(cls, message: str) -> CalibrationDataError:
-        """Create an error whose message does not quote the calibration file."""
+        """Create an error without any content of the calibration file."""
         return cls(message, problem=message)
 
 

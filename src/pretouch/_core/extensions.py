@@ -45,11 +45,15 @@ class Extensions:
         match = None
         for entry in self._entries():
             if entry.name in built_in:
-                raise InvalidInputError(f"{self._label(entry)} has the name of a built-in kind; rename it")
+                raise InvalidInputError(
+                    f"the entry point {self._label(entry)} has the name of a built-in kind; rename the entry point"
+                )
             if entry.name == name:
                 if match is not None:
                     other = _package(match)
-                    raise InvalidInputError(f"{self._label(entry)} is also in the package {other}; uninstall one")
+                    raise InvalidInputError(
+                        f"the entry point {self._label(entry)} is also in the package {other}; uninstall one of them"
+                    )
                 match = entry
         return None if match is None else self._load(match)
 
@@ -72,20 +76,20 @@ class Extensions:
         except Exception as error:  # whatever a foreign module raises
             text = " ".join(f"{type(error).__name__}: {error}".split())
             raise InvalidInputError(
-                f'{self._label(entry)} cannot be imported from {entry.value}, because of the error "{text}"; '
-                "repair or uninstall the package"
+                f"the entry point {self._label(entry)} cannot be imported from {entry.value}. The error is "
+                f'"{text}". Repair or uninstall the package'
             ) from error
         problem = self.problem(entry.name, value) or _incomplete(value)
         if problem:
-            raise InvalidInputError(f"{self._label(entry)} is invalid: {problem}")
+            raise InvalidInputError(f"the entry point {self._label(entry)} is invalid: {problem}")
         return value
 
     def _label(self, entry: EntryPoint) -> str:
-        return f'the entry point "{entry.name}" of {self.group} in the package {_package(entry)}'
+        return f'"{entry.name}" of {self.group} in the package {_package(entry)}'
 
 
 def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
-    """Create a check for the class and name of an entry point.
+    """Return a function that checks the class and name of an entry point.
 
     Args:
         base: the base class; if a subclass has an attribute `kind` or `name`, this attribute must equal the name of the
@@ -103,15 +107,15 @@ def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
         return (
             ""
             if kind == name
-            else f'the kind of the class is "{kind}", but must equal the name of the entry point; use the same name '
-            "for both"
+            else f'the class has the kind "{kind}", but its entry point has the name "{name}"; use the same name for '
+            "both"
         )
 
     return problem
 
 
 def _incomplete(value: Any) -> str:
-    """Return why a scenario file cannot create a class.
+    """Return the reason why scenario files cannot create instances of a class.
 
     The text is empty if there is no reason.
     """

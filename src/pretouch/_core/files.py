@@ -72,8 +72,7 @@ def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
             same = os.path.realpath(path) == os.path.realpath(each)
         if same:
             raise OutputExistsError(
-                f"{path}: this file is an input of this command (input file {each}), and pretouch never "
-                "overwrites an input; choose another name with --output"
+                f"{path}: the output would overwrite the input file {each}. Choose another name with --output"
             )
 
 

@@ -42,7 +42,7 @@ _word: Final = ctypes.c_size_t.from_address
 
 
 def _data_offset() -> int | None:
-    """Return the offset of a NumPy array's data pointer [bytes].
+    """Return the byte offset of the data pointer in a NumPy array.
 
     The result is None if the offset is unknown.
     """
@@ -103,8 +103,9 @@ def _check_file(path: Path) -> None:
 def _broken(path: Path, what: str) -> BrokenCoreError:
     origin = f", set by {_LIBRARY}" if os.environ.get(_LIBRARY) else ""
     return BrokenCoreError(
-        f"the compiled core of pretouch cannot be used, because the file {path.name} {what}. The file is in "
-        f"the folder {path.parent}{origin}. Reinstall pretouch by pip; in a source tree, run python native/build.py"
+        f"the compiled core of pretouch cannot be used. The file {path.name} has this problem: it {what}. The "
+        f"file is in the folder {path.parent}{origin}. Reinstall pretouch by pip; in a source tree, run python "
+        "native/build.py"
     )
 
 
@@ -172,8 +173,8 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
     """
     if array.dtype != dtype or not array.flags.c_contiguous:
         raise TypeError(
-            f"the compiled function needs a contiguous array of the type {dtype}. It received an array of the "
-            f"type {array.dtype} with the strides {array.strides}"
+            f"the compiled function needs a contiguous array of the type {dtype}. The given array has the "
+            f"type {array.dtype} and the strides {array.strides}"
         )
     if _DATA_OFFSET is None:
         return int(array.__array_interface__["data"][0])
@@ -181,7 +182,7 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
 
 
 def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _FLOAT) -> int:
-    """Return the memory address of an array of required shape.
+    """Return the memory address of an array after checking its shape.
 
     Args:
         array: see `address`.
@@ -220,8 +221,8 @@ def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ..
     *steps, last = array.strides
     if array.shape != shape or (last != _FLOAT.itemsize and array.size) or not array.flags.aligned:
         raise TypeError(
-            f"the compiled function needs an aligned array of type float64 and shape {shape} with contiguous rows. "
-            f"It received type {array.dtype} and shape {array.shape} with strides {array.strides}"
+            f"the compiled function needs an aligned float64 array of the shape {shape} with contiguous rows. The "
+            f"given array has the type {array.dtype}, the shape {array.shape} and the strides {array.strides}"
         )
     start = address(array[..., :0])  # an empty slice is contiguous
     return (start, *[step // _FLOAT.itemsize for step in steps])
@@ -311,7 +312,7 @@ def copy_of(memory: T) -> T:
 
 
 def location(memory: Any, name: str) -> tuple[int, int]:
-    """Return the address and size of an argument's memory [bytes].
+    """Return the memory address and the size [bytes] of an argument.
 
     A compiled function reads this memory.
 
@@ -330,8 +331,8 @@ def location(memory: Any, name: str) -> tuple[int, int]:
     if isinstance(memory, np.ndarray) and memory.flags.c_contiguous and not memory.dtype.hasobject:
         return int(memory.__array_interface__["data"][0]), memory.nbytes
     raise InvalidInputError(
-        f"{name}: found {type(memory).__name__}, expected a ctypes.Structure or a contiguous NumPy array, "
-        "because compiled functions access its memory directly"
+        f"{name}: found {type(memory).__name__}, expected a ctypes.Structure or a contiguous NumPy array. "
+        "Compiled functions read the memory of this argument directly"
     )
 
 

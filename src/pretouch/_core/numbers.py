@@ -212,7 +212,7 @@ def chebyshev_sum(terms: FloatArray, z: FloatArray | float) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChebyshevBasis:
-    """Values of Chebyshev polynomials at nodes, and matrices for fits.
+    """Chebyshev polynomials evaluated at nodes, with matrices that compute fit coefficients.
 
     The matrices convert function values at the nodes to coefficients.
 

@@ -161,7 +161,7 @@ def _starts_factor(part: str) -> bool:
 
 
 def _ends_factor(tokens: list[str]) -> bool:
-    """Check whether a tokenized unit ends with a complete factor."""
+    """Check whether the last token completes a factor of a unit."""
     # Such a factor is `mm` or `s^2`.
     return tokens[-1] in {")", "%"} or tokens[-1].isalpha() or (len(tokens) > 1 and tokens[-2] in {"^", "**"})
 
@@ -305,7 +305,7 @@ def _expected(words: str, unit: str) -> str:
 
 
 def has_workable_magnitude(value: float) -> bool:
-    """Check that a number has a moderate magnitude.
+    """Check that a number is neither extremely large nor extremely small.
 
     Products of such numbers neither overflow nor underflow. Zero is accepted too.
 

@@ -74,7 +74,7 @@ class Value(Picklable):
 
 
 class _ReadOnly:
-    """Wrapper for pickling that restores a NumPy array as read-only."""
+    """Pickle wrapper for a NumPy array that stays read-only after loading."""
 
     __slots__ = ("array",)
 

@@ -33,7 +33,7 @@ class Entry:
     is_magnitude: bool = True
 
     def in_words(self) -> Entry:
-        """Return a copy with only the name, symbol and unit."""
+        """Return a copy of this entry with only name, symbol and unit."""
         return Entry(self.words, self.symbol, self.unit)
 
     @property
@@ -43,7 +43,7 @@ class Entry:
 
 
 def _state(name: str, words: str, symbol: str, unit: str, *, whole: bool = False, limit: str = "") -> Entry:
-    """Return the entry for a quantity of the contact state."""
+    """Return the vocabulary entry for an attribute of the contact state."""
     return Entry(words, symbol, unit, whole, lambda state, _: getattr(state, name), limit)
 
 

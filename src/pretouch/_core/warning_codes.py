@@ -67,7 +67,7 @@ def split_code(text: str) -> tuple[str, str]:
 
 
 def with_context(context: str, text: str) -> str:
-    """Return a warning that also names its context, such as a sensor site.
+    """Return a warning with a context, such as a sensor name.
 
     The context, such as the name of a sensor site, follows the warning code.
     """
@@ -76,7 +76,7 @@ def with_context(context: str, text: str) -> str:
 
 
 def codes_in(texts: Iterable[str]) -> tuple[str, ...]:
-    """Return the warning codes in several texts.
+    """Return the warning codes that occur in several texts.
 
     Each code occurs once. The codes are in ascending order.
     """
@@ -313,7 +313,7 @@ _TABLE: Final = (
         "In some of the fresh random encounters, the object does not reach the robot.",
         "The risk measure excludes these encounters, or is infinite.",
         "Truncate the distributions with `between`, or accept that some encounters end without contact.",
-        "in 3 % of the fresh encounters there is no contact",
+        "3 % of the fresh encounters end without contact: truncate the distributions, or accept these encounters",
     ),
     (
         "PT310",
@@ -485,7 +485,7 @@ _TABLE: Final = (
         "Some joints of the robot model have no actuator.",
         "pretouch treats these joints as free, which changes the moved mass.",
         "Add the actuators, or lock the joints.",
-        "No actuator moves some joints, so pretouch lets them move freely (wrist)",
+        "No actuator moves these joints, so pretouch lets them move freely (wrist)",
     ),
     (
         "PT504",
@@ -509,7 +509,7 @@ _TABLE: Final = (
         "In the simulation of the whole robot, a joint range or a singularity ends the motion along the axis.",
         "The robot stops before the law has reduced the contact speed, and touches harder than predicted.",
         "Choose a weaker gain or a posture with a longer retreat.",
-        "Before contact, the reference motion of the site fingertip stops at a joint range of the robot",
+        "The reference motion of the site fingertip stops before contact, at a joint range: choose a weaker gain",
     ),
     (
         "PT507",
@@ -517,7 +517,7 @@ _TABLE: Final = (
         "The contact speed of the simulated robot differs from the prediction by more than 5 %.",
         "A gain that was designed for one axis then does not have the designed effect on this robot.",
         "Rely on the simulation. Other warnings of the result name the reason, if it is known.",
-        "The simulated contact speed of the site fingertip is 12 % higher than its prediction: rely on the simulation.",
+        "At the site fingertip, the simulated contact speed is 12 % higher than the predicted contact speed",
     ),
     (
         "PT508",
@@ -525,7 +525,7 @@ _TABLE: Final = (
         "Some hinges of the robot model have no range.",
         "pretouch treats them as turning without end, so the robot may have less room to retreat than stated.",
         "Add the range to each joint that has one.",
-        "Some hinges have no range in the model, so pretouch lets them turn without limit (elbow)",
+        "The model has no range for these hinges, so pretouch lets them turn without limit (elbow)",
     ),
     # --- recordings
     (
@@ -559,7 +559,7 @@ _TABLE: Final = (
         "Readings arrive out of order, have equal times, or arrive faster than the controller takes them.",
         "The law uses the rate of change, so a wrong time results in a wrong force.",
         "Use the time stamps of the sensor, not of the arrival (`--clock header`).",
-        "12 readings arrived after readings with a later time stamp",
+        "12 readings arrived too late, after readings with a later time stamp",
     ),
     (
         "PT605",
@@ -567,7 +567,7 @@ _TABLE: Final = (
         "The recording contains no detection.",
         "Unit, offset or floor may be wrong, or no object came near.",
         "Check that the topic has the unit of the scenario, and that an object came near.",
-        "No reading was above the noise floor (largest 12, floor 100)",
+        "No reading was above the noise floor (largest signal 12, noise floor 100)",
     ),
     (
         "PT606",

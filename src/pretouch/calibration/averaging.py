@@ -152,7 +152,7 @@ def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNois
 def two_components(
     variance: FloatArray, dof: FloatArray, signal: FloatArray, *, usual: float | None = None
 ) -> tuple[float, float]:
-    """Split the noise of readings into two components."""
+    """Split the noise into constant noise and noise proportional to the signal."""
     # Sigma and c of variance = sigma^2 + (c xi)^2 have the maximum likelihood for groups of repeats.
     # Sigma has a closed form for each ratio c / sigma. The prior of c is flat up to `usual`; beyond, ln c has a normal
     # prior.
@@ -171,7 +171,7 @@ def two_components(
 
 
 def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return the weights of a line fit for its slope.
+    """Return the weights that compute the slope of a fitted line.
 
     The weighted sum of values at these distances [m] is the slope of the line.
     """
@@ -210,7 +210,7 @@ def count_copies_once(calibration: Calibration) -> Calibration:
 
 
 def _occurrence(place: IntArray, counts: IntArray) -> IntArray:
-    """Count the equal readings before each reading."""
+    """For each reading, count the earlier readings that are equal to it."""
     # Equal readings have the same index `place`.
     earlier = np.empty(len(place), dtype=np.int64)
     earlier[np.argsort(place, kind="stable")] = np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -256,7 +256,7 @@ def condense(calibration: Calibration) -> Calibration:
     note = (
         f"The readings at {distinct} distances were combined into {count} groups of neighboring "
         "distances. The readings of each group were averaged. "
-        f"The narrowest group is {widths[0]} wide, and the widest group {widths[1]}."
+        f"The narrowest group is {widths[0]} wide, and the widest group is {widths[1]} wide."
     )
     return replace(
         calibration,

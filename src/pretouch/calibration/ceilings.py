@@ -301,7 +301,7 @@ class _Problem:
 
 
 def _under(level: FloatArray, ceiling: Any, sharpness: Any) -> tuple[FloatArray, FloatArray]:
-    """Return the log output of a softly saturating sensor.
+    """Return the logarithm of a sensor output with gradual saturation.
 
     The second result is the factor by which saturation reduces the slope.
     """

@@ -34,7 +34,7 @@ class ColumnOption:
 
     @property
     def names_a_column(self) -> bool:
-        """Whether this option selects a column instead of only giving a unit."""
+        """Whether this option selects a column by number or header."""
         return self.number is not None or bool(self.name)
 
     def index(self, table: TextTable) -> int | None:
@@ -53,8 +53,8 @@ class ColumnOption:
             return header_unit
         if header_unit is not None and header_unit != self.unit:
             raise CalibrationDataError(
-                f"columns: found two units for the {self.key}, {self.unit!r} in the option and {header_unit!r} in the "
-                f"column header {title!r}; give only one unit"
+                f"columns: found two units for the {self.key}. The option gives the unit {self.unit!r}, but the column "
+                f"header {title!r} gives the unit {header_unit!r}. Give only one unit"
             )
         return self.unit
 
@@ -106,8 +106,8 @@ def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
             )
         if isinstance(value, bool) or not isinstance(value, (str, int)) or not str(value).strip():
             raise CalibrationDataError(
-                f"columns: found {value!r} for the {key} column, expected a column header, a column number such as "
-                f'{key}=1, or a unit such as {key}="[{("mm" if key == "distance" else "V")}]"'
+                f"columns: found {value!r} for the {key} column, expected a column header, a column number or a "
+                f'unit. Examples are {key}=1 and {key}="[{("mm" if key == "distance" else "V")}]"'
             )
         text = str(value).strip()
         match = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", text)
@@ -138,7 +138,7 @@ def find_label_columns(table: TextTable, labels: Sequence[str | int]) -> tuple[i
 
 def columns_hint(columns: str) -> str:
     """Return the option `--columns` with recommended values, for an error message."""
-    return f'--columns "{columns}" (in a scenario file and in Python, the option is called columns)'
+    return f'the option --columns "{columns}" (called columns in a scenario file and in Python)'
 
 
 def _find(table: TextTable, number: int | None, names: tuple[str, str], message: str) -> int | None:
@@ -160,9 +160,8 @@ def _find(table: TextTable, number: int | None, names: tuple[str, str], message:
         at = [i for i, title in enumerate(among) if title == wanted]
         if len(at) > 1:
             raise CalibrationDataError(
-                f"{message}. This name is ambiguous, because the columns "
-                f"{' and '.join(str(i + 1) for i in at[:2])} of the file {table.file} have the same name. Give the "
-                "column number instead"
+                f"{message}. This name is ambiguous. The columns {' and '.join(str(i + 1) for i in at[:2])} of the "
+                f"file {table.file} have the same name. Give the column number instead"
             )
         if at:
             return at[0]

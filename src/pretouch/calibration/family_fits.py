@@ -109,7 +109,7 @@ def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
 
 
 def quick_families(curve: AveragedCurve) -> tuple[Family, ...]:
-    """Return the families of sensor curves with fast evaluation.
+    """Return the families of sensor curves that are fast to evaluate.
 
     These are all families except the Mittag-Leffler curve.
     """
@@ -208,7 +208,7 @@ def find_noise(
 def _separate_noise_from_misfit(
     curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, residuals: FloatArray
 ) -> NoiseEstimate:
-    """Separate random noise from the fixed error of the curve."""
+    """Separate random noise from the systematic error of the fitted curve."""
     # For this, the residuals at neighboring distances are compared.
     row, share = residuals / noise.of_means(curve.count, signal), 1.0
     if len(row) >= 5 and noise.misfit > 0:
@@ -220,7 +220,7 @@ def _separate_noise_from_misfit(
 def _misfit(
     curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, residuals: FloatArray, freedom: int
 ) -> float:
-    """Return the fixed error of the fitted sensor curve.
+    """Return the systematic error of the fitted sensor curve.
 
     This misfit is 0 if noise explains the residuals.
     """

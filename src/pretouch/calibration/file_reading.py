@@ -135,9 +135,9 @@ def _curves(
     if labels is None and len(groups) > 3 and max(map(len, groups.values())) * len(layout.pairs) == 1:
         titles = ", ".join(repr(table.name(i)) for i in label_columns)
         raise CalibrationDataError(
-            f"{table.file}: every row has a different label in {titles}, so each curve would have only one "
-            "reading. Name the label columns with --labels NAME,NAME, or use --labels none. In Python and in "
-            "scenario files, give a list named labels"
+            f"{table.file}: every row has a different label (label columns: {titles}). Therefore, each curve would "
+            "have only one reading. Name the label columns with --labels NAME,NAME, or use --labels none. In Python "
+            "and in scenario files, the option labels is a list of names"
         )
     extra = _no_object_readings(no_object, layout)
     names = tuple(table.name(i) for i in label_columns)
@@ -266,7 +266,7 @@ def _curve(
     without_object = np.isinf(readings.distances)
     label = ", ".join(f"{name}={value}" for name, value in labels.items())
     dropped = int((~present).sum())
-    missing = f"Rows or cells without an output (empty, nan or -): {dropped}. They are not used."
+    missing = f"Number of rows or cells without an output (empty, nan or -): {dropped}. They are not used."
     _refuse_stray_distance(table, readings.distances[present & ~without_object])
     if not (present & ~without_object).any():
         raise CalibrationDataError(
@@ -325,8 +325,8 @@ def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
         wanted = split_title(layout.pairs[0][1].title)[0]
         if wanted not in names:
             raise CalibrationDataError(
-                f"{table.place}: the table has {len(names)} columns; pretouch needs a single column of readings, "
-                f"or a column named {wanted!r}"
+                f"{table.place}: found {len(names)} columns, expected a single column of readings, or a column named "
+                f"{wanted!r}"
             )
         index = names.index(wanted)
     cells = list(zip(table.lines, table.columns[index], strict=True))

@@ -293,8 +293,8 @@ def why_not(model: str, prepared: Prepared) -> str:
         return (
             ""
             if count > size
-            else f"The model has {size} parameters. It needs {size + 1} or more distances with a signal above the "
-            f"noise floor, but the number of distances with this signal is {count}."
+            else f"The model has {size} parameters. Therefore, it needs {size + 1} or more distances with a signal "
+            f"above the noise floor. The number of distances with such a signal is only {count}."
         )
     rises = np.flatnonzero(np.diff(used.output) >= 0)
     if not len(rises):

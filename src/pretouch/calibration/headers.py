@@ -83,7 +83,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Which columns of a calibration table contain distances and sensor outputs.
+    """Columns of a calibration table that contain distances, outputs and labels.
 
     A long table has one pair of columns, a wide table has many.
 
@@ -165,9 +165,7 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
     place = f"{table.file}, line {line}"
     if math.isfinite(value):
         unit = f" (unit: {column.unit})" if column.unit else ""
-        expected = (
-            f"expected a number {WORKABLE}{unit}, because other numbers are too large or too small to fit a curve"
-        )
+        expected = f"expected a number {WORKABLE}{unit}. Other numbers are too large or too small to fit a curve"
         problem = "a number that is too large or too small for the arithmetic"
     else:
         expected, problem = f"expected a number such as 12{table.decimal_mark}5", "a cell that is not a number"
@@ -269,9 +267,9 @@ def is_named(title: str, kind: str) -> bool:
 
 
 def output_unit(text: str | None) -> tuple[str, float]:
-    """Return the base unit of a sensor output.
+    """Return the base unit, V or counts, of a sensor output.
 
-    It is V or counts. The second result is the conversion factor. Other units are returned unchanged.
+    The second result is the conversion factor. Units of other dimensions are returned unchanged.
     """
     try:
         unit = parse_unit(text or "")

@@ -31,8 +31,8 @@ def calibration_page(report: CalibrationReport) -> Page:
     else:
         parameters = tuple(block for fit in report.fits for block in _parameters(fit, report))
         note = Paragraph(
-            text=f"In a scenario file, these lines describe the fitted sensor curve {best.model}. With these lines, "
-            "contact is at the nearest usable distance of the sensor.",
+            text=f"Copy these lines into a scenario file to use the fitted {best.model} curve. They place contact at "
+            "the nearest usable distance of the sensor.",
             quiet=True,
         )
         blocks = (
@@ -125,11 +125,12 @@ def _headline(report: CalibrationReport) -> str:
         return f"{name}: the readings contain no usable signal, so they do not determine a sensor curve."
     low, high = (format_quantity(d, "m") for d in (report.window.l_min, report.window.l_max))
     slope = report.best.middle_slope
-    spread = "" if not math.isfinite(slope.standard_error) else f" \u00b1 {slope.standard_error:.2g}"
-    reserve = "" if report.verdict == "usable" else ", with reservations"
+    error = "" if not math.isfinite(slope.standard_error) else f" \u00b1 {slope.standard_error:.2g}"
+    distances = f"{low} to {high}" + ("" if report.verdict == "usable" else ", with reservations")
+    middle = f"{slope.value:.4g}{error}"
     return (
-        f"{name}: the readings are usable from {low} to {high}{reserve}. The {report.best.model} curve fits "
-        f"best, with a slope g = {slope.value:.4g}{spread} 1/m in the middle of the usable range."
+        f"{name}: the readings are usable from {distances}. The {report.best.model} curve fits "
+        f"best, with a slope g = {middle} 1/m in the middle of the usable range."
     )
 
 
@@ -204,10 +205,10 @@ def _offset_clause(report: CalibrationReport) -> str:
     if offset is None:
         return "over all curves that fit the readings"
     error = f" \u00b1 {offset.error_in_words}" if offset.standard_error else ""
-    clause = f"if the offset is {offset.value:.4g}{error} {unit}".rstrip()
+    value = f"{offset.value:.4g}{error} {unit}".rstrip()
     if offset.is_wide:
-        return f"{clause}; the uncertainty is larger for other offsets in the 95 % interval"
-    return f"{clause}, over all curves that fit"
+        return f"if the offset is {value}; the uncertainty is larger for other offsets in the 95 % interval"
+    return f"if the offset is {value}, over all curves that fit"
 
 
 def _ranking(report: CalibrationReport) -> PageSection:

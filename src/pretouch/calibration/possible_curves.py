@@ -45,9 +45,10 @@ class FamilyFits(Value):
     costs: FloatArray
 
     def interval(self, level: float) -> tuple[float, float] | None:
-        """Return the range of offsets below a cost level.
+        """Return the range of sensor offsets with a low fit cost.
 
-        It is None if no offset has such a low fit cost. The square root of the cost is interpolated linearly.
+        The fit cost of these offsets is at most `level`. The range is None if no offset has such a low cost. The square
+        root of the cost is interpolated linearly.
         """
         root = np.sqrt(np.maximum(self.costs - min(float(self.costs.min()), level), 0.0))
         below = np.flatnonzero(self.costs <= level)
@@ -121,11 +122,11 @@ class PossibleCurves(Value):
         return tuple(curves)
 
     def doubt(self, offset: OffsetEstimate) -> float:
-        """Return the deviation of an offset from the best fit.
+        """Return the deviation of a sensor offset from the best-fitting offset.
 
-        The deviation is 0 at the best fit, and 1 at an end of its 95 % interval. The deviation is that of the value in
-        the interval of the offset that is nearest to the best-fitting offset. It is infinite if this value is beyond
-        all fitted offsets.
+        The deviation is 0 for the best-fitting offset, and 1 at an end of its 95 % interval. The deviation is that of
+        the value in the interval of the offset that is nearest to the best-fitting offset. It is infinite if this value
+        is beyond all fitted offsets.
         """
         cost = np.inf
         for part in self.parts:

@@ -86,11 +86,12 @@ def prepare(
         clipped = f"No distance is usable, because {near.reason}: {remedy}."
         return _without_signal(calibration, curve, near, offset_estimate, caution("PT110", clipped))
     if count < needed:
-        because = f", because {near.reason}" if near.index else ""
+        usable = f"{count}, because {near.reason}" if near.index else f"{count}"
         few = caution(
             "PT110" if near.flat else "PT101",  # noise has a peak anywhere
-            f"The number of usable distances is {count}{because}, but a curve needs at least {needed}: measure at 8 or "
-            "more distances. Measure up to where the output no longer changes, and record readings with no object.",
+            f"The number of usable distances is {usable}, but a curve needs at least {needed}: measure at 8 or "
+            "more distances. Extend the measurement until the output no longer changes. Also record readings with no "
+            "object.",
         )
         return replace(_without_signal(calibration, curve, near, offset_estimate, few), too_few=not near.flat)
     if not np.ptp(curve.output[near.index :]) > 0:
@@ -114,7 +115,7 @@ def _prepared(
     end: int,
     floor_sigmas: float,
 ) -> Prepared:
-    """Prepare the falling part of a calibration for fitting."""
+    """Prepare the readings in the range where the output falls with distance."""
     place = np.arange(len(curve.distance))
     good = (place >= near.index) & (place < end)
     ceilings = fit_under_ceilings(curve.part(good), raw, fixed)
@@ -207,16 +208,12 @@ def _steep_end(
     return NearEnd(index=int(place[first]), reason=reason, saturation=near.saturation), True
 
 
-_OF_A_RANGING_PART = "write a scenario file with `pretouch init --part VL53L0X`"
-_CORRECT_THE_PART = "Correct rate and noise in `[chain]` of this file."
-
-
 def _reports_distance(calibration: Calibration) -> str:
     """Return the warning about a sensor that outputs distances."""
     return caution(
         "PT113",
-        f"The sensor output is a distance in {calibration.unit} and needs no calibration: {_OF_A_RANGING_PART}. "
-        f"{_CORRECT_THE_PART}",
+        f"The sensor output is a distance in {calibration.unit} and needs no calibration: write a scenario file with "
+        "`pretouch init --part VL53L0X`. Correct rate and noise in `[chain]` of this file.",
     )
 
 
@@ -228,8 +225,8 @@ def _rising(calibration: Calibration) -> str:
     return caution(
         "PT113",
         "The sensor output rises with the distance: if the electronics invert the signal, replace each reading by "
-        f"{highest} minus the reading, in the file and on the robot; if the sensor reports a distance, "
-        f"{_OF_A_RANGING_PART}. {_CORRECT_THE_PART}",
+        f"{highest} minus the reading, in the file and on the robot; if the sensor reports a distance, write a "
+        "scenario file with `pretouch init --part VL53L0X`. Correct rate and noise in `[chain]` of this file.",
     )
 
 
@@ -309,15 +306,15 @@ def _why_no_signal(
             )
         )
     if count < _FEWEST_POINTS:
-        largest = f"The largest usable distance is {format_quantity(window.distances[-1], 'm')}. " if count else ""
+        largest = f" The largest usable distance is {format_quantity(window.distances[-1], 'm')}." if count else ""
         floor, sigma = (f"{value} {unit}".rstrip() for value in (f"{window.floor:.4g}", f"{noise.output:.2g}"))
         reasons.append(
             caution(
                 "PT110",
                 f"The output exceeds the noise at only {count} of {_FEWEST_POINTS} required distances: "
                 "measure in finer steps near the sensor. Repeat readings, and record the output with no object. "
-                f"An averaged output contains a signal if it is above {floor}. {largest}The offset is "
-                f"{offset.in_words(unit)}, and the noise of one reading is {sigma}.",
+                f"Averaged outputs above {floor} contain a signal.{largest} The offset is {offset.in_words(unit)}. The "
+                f"noise of one reading is {sigma}.",
             )
         )
     return tuple(reasons)

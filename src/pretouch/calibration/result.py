@@ -50,7 +50,7 @@ class DrawnCurve(Value):
 
 
 class AllowedCurves(Protocol):
-    """Interface for sources of random sensor curves.
+    """Interface of objects that draw random sensor curves.
 
     The curves fit the readings.
     """
@@ -145,7 +145,7 @@ class OffsetEstimate(Value):
 class NoiseEstimate(Value):
     """Noise of the readings and misfit of the curve.
 
-    The misfit is the fixed error of the fitted sensor curve. The mean of n readings has the variance (output^2 +
+    The misfit is the systematic error of the fitted sensor curve. The mean of n readings has the variance (output^2 +
     (relative xi)^2) / n + (misfit xi)^2 about the curve.
 
     Args:

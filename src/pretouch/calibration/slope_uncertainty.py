@@ -85,13 +85,13 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
     gap = _largest_gap(prepared, best, float(slope.distances[-1]))
     if gap is not None:
         share, near, far = gap[0], *(format_quantity(d, "m", 3) for d in gap[1:])
+        difference = f"{100 * abs(share):.0f} % {'flatter' if share > 0 else 'steeper'}"
         warnings.append(
             caution(
                 "PT108",
-                f"Between the distances {near} and {far}, the readings are {100 * abs(share):.0f} % "
-                f"{('flatter' if share > 0 else 'steeper')} than the best model, {best.model}: use the "
-                "table model, or check how the distances were set. The true curve has another shape, and the table "
-                "model follows this shape.",
+                f"Between the distances {near} and {far}, the readings are {difference} than the best model, "
+                f"{best.model}: use the table model, or check how the distances were set. The true "
+                "curve has another shape, and the table model follows this shape.",
             )
         )
     return warnings

@@ -81,8 +81,8 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
         free = [i for i in range(len(table.header)) if i != distance_or_first]
         output_guess = next((i for i in free if not is_named(table.header[i], "setting")), free[0])
         raise CalibrationDataError(
-            f"{table.place}: the columns are named {columns}, but one column must be named distance and one "
-            "output; rename the columns, or select them with "
+            f"{table.place}: the table needs one column named distance and one column named output. It has the columns "
+            f"{columns}. Rename two columns, or select two columns with "
             f"{columns_hint(f'distance={distance_or_first + 1},output={output_guess + 1}')}",
             problem=f"{table.place}: the table has no columns that are named distance and output",
         )
@@ -102,12 +102,13 @@ def _repeats(table: TextTable, distance: int | None) -> list[int]:
 
 def _refuse_no_header(table: TextTable) -> None:
     if all(is_number(cell) for cell in table.header):
-        wide = ', or --columns "distance=[mm]" if they are distances' if len(table.header) > 2 else ""
-        raise CalibrationDataError(
+        message = (
             f'{table.place}: the first row contains numbers, but a header such as "distance [mm],output [V]" is '
-            "expected. Add a header, or name the columns with "
-            f"{columns_hint('distance=1 [mm],output=2 [V]')}{wide}"
+            f"expected. Add a header, or name the columns with {columns_hint('distance=1 [mm],output=2 [V]')}"
         )
+        if len(table.header) > 2:
+            message += '. If these numbers are distances, use --columns "distance=[mm]"'
+        raise CalibrationDataError(message)
     if len(table.header) < 2:
         raise CalibrationDataError(
             f"{table.place}: the table has only one column ({quoted(table.header[0])}), but needs two or more "
@@ -171,9 +172,8 @@ def _single_match(table: TextTable, matches: Sequence[int], what: str) -> int | 
 
 def _distance_column(table: TextTable, index: int, option: ColumnOption) -> Column:
     title, unit = table.header[index], option.unit_with(table.header[index])
-    how = (
-        f'write the unit into the header, such as "distance [mm]", or use {columns_hint(f"distance={index + 1} [mm]")}'
-    )
+    hint = columns_hint(f"distance={index + 1} [mm]")
+    how = f'write the unit into the column header, as in "distance [mm]", or use {hint}'
     if not unit:
         raise CalibrationDataError(
             f"{table.place}: found {quoted(title)}, a distance without a unit: {how}",
@@ -309,8 +309,8 @@ def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, Di
         first = next((unit for unit in header_units if unit != option_unit), option_unit)
         if option_unit is not None and first != option_unit:
             raise CalibrationDataError(
-                f"columns: found two units for the distance, {option_unit!r} in the option and {first!r} in the "
-                "headers; give only one unit"
+                f"columns: found two units for the distance. The option gives the unit {option_unit!r}, but a column "
+                f"header gives the unit {first!r}. Give only one unit"
             )
         if bare and len(header_units) > 1:
             raise CalibrationDataError(

@@ -165,7 +165,7 @@ def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
             texts.append(line)
             if len(texts) > _MOST_ROWS:
                 raise _refusal(
-                    f"{file}: the table is too long, because at most {_MOST_ROWS:,} rows are allowed; average "
+                    f"{file}: the table has more than {_MOST_ROWS:,} rows, the largest allowed number; average "
                     "readings at the same distance, or keep every tenth row"
                 )
         elif not texts:

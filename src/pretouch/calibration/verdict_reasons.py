@@ -130,7 +130,7 @@ def find_reservations(
             caution(
                 "PT115",
                 f"{copies} of {given} readings repeat another reading exactly, so they do not show the noise: remove "
-                "copies, and record raw readings. Such readings are not counted. They may be copies, averages or "
+                "copies, and record raw readings. Repeated readings are not counted. They may be copies, averages or "
                 "readings of a coarse sensor.",
             )
         )
@@ -161,41 +161,49 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
     offset, noise, reasons = prepared.offset, prepared.noise, []
     if offset is None or noise is None:
         return []
-    curve, record = average(prepared.calibration), "record the output with no object"
+    curve = average(prepared.calibration)
     at = int(curve.output.argmin())
     lowest = float(curve.output[at])
     kind, level = offset.kind, _level(prepared.calibration, offset.value)
     if offset.value < 0 and offset.high < 0 and min([lowest, *prepared.calibration.no_object]) >= 0:
         reasons.append(
-            caution("PT103", f"The {kind} offset of {level} is negative, but no reading is negative: {record}.")
+            caution(
+                "PT103",
+                f"The {kind} offset of {level} is negative, but no reading is negative: record the output with no "
+                "object.",
+            )
         )
     if offset.kind == "declared" and offset.value > lowest + 4 * noise.output / math.sqrt(float(curve.count[at])):
         reading = _level(prepared.calibration, lowest)
         reasons.append(
             caution(
                 "PT103",
-                f"The {kind} offset of {level} is larger than some readings, such as {reading}: {record}. These "
-                "readings contain no signal.",
+                f"The {kind} offset of {level} is larger than some readings, such as {reading}: record the output with "
+                "no object. These readings contain no signal.",
             )
         )
     if offset.kind == "fitted" and prepared.flattens:
-        similar = (
-            "The offset was fitted, and the output flattens near the sensor; both change the curve in similar ways"
+        reasons.append(
+            caution(
+                "PT103",
+                "The offset was fitted, and the output flattens near the sensor; both change the curve in similar "
+                "ways: record the output with no object.",
+            )
         )
-        reasons.append(caution("PT103", f"{similar}: {record}."))
     if prepared.free is None or prepared.free.doubt(offset) <= _DOUBT[offset.kind]:
         return reasons
     free_offset = prepared.free.offset("fitted")
     fitted = _level(prepared.calibration, free_offset.value)
-    interval = f"95 % interval {free_offset.low:.4g} to {free_offset.high:.4g}"
-    remedy = f"{record}, or fit the offset"
+    interval = f"{free_offset.low:.4g} to {free_offset.high:.4g}"
     contradiction = (
-        f"The readings at large distances level off at {fitted}, above the {kind} offset of {level}: {remedy}. The "
-        f"fitted offset has the {interval}. The controller subtracts too little, so the virtual force becomes too weak."
+        f"The readings at large distances level off at {fitted}, above the {kind} offset of {level}: record the output "
+        f"with no object, or fit the offset. The fitted offset has the 95 % interval {interval}. The controller "
+        "subtracts too little, so the virtual force becomes too weak."
         if free_offset.value > offset.value
         else f"The readings at large distances fall more steeply than any curve with the {kind} offset of {level}: "
-        f"{remedy}. The readings agree with an offset of {fitted} ({interval}). The controller subtracts too much, so "
-        "the virtual force becomes too strong at large distances."
+        f"record the output with no object, or fit the offset. The readings agree with an offset of {fitted} (95 % "
+        f"interval {interval}). The controller subtracts too much, so the virtual force becomes too strong at large "
+        "distances."
     )
     return [*reasons, caution("PT103", contradiction)]
 

@@ -44,7 +44,7 @@ def is_rising(curve: AveragedCurve, noise: ReadingNoise) -> bool:
 
 
 def end_of_falling(curve: AveragedCurve, noise: ReadingNoise) -> int:
-    """Return the number of points before the output rises again.
+    """Return the number of calibration points before the output rises again.
 
     All points count if the output never rises. Points that may already include a part of the rise are excluded as well.
     """
@@ -145,7 +145,7 @@ def find_window(
     near = find_near_end(calibration, curve, saturation, near_field_peak)
     if near.index == len(curve.distance):
         raise CalibrationDataError(
-            f"saturation: the readings are clipped at every distance ({near.reason}); measure at larger "
+            f"saturation: the readings are clipped at every distance, because {near.reason}. Measure at larger "
             "distances, lower the gain of the sensor, or set saturation=None"
         )
     return window_of(calibration, curve, near, offset=offset_estimate, sigma=sigma, floor_sigmas=floor_sigmas)
@@ -183,7 +183,7 @@ def find_near_end(
 
 
 def _end_of_clipping(clipped: BoolArray) -> int:
-    """Return the index after the last clipped distance.
+    """Return the index of the first distance beyond the clipped readings.
 
     Isolated clipped distances count only at index 0.
     """
@@ -263,8 +263,8 @@ def window_of(
             f"{value} {calibration.unit}".rstrip() for value in (f"{offset.value:.4g}", f"{floor - offset.value:.3g}")
         )
         reason = (
-            f"from the distance {beyond} on, the output exceeds the offset of {base} by less than {floor_sigmas:g} "
-            f"standard errors, or {least}"
+            f"from the distance {beyond} on, the output is less than {least}, or {floor_sigmas:g} standard errors, "
+            f"above the offset of {base}"
         )
     return UsableWindow(
         distances=tuple(float(curve.distance[i]) for i in used),

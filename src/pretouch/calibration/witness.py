@@ -105,7 +105,7 @@ def witness_of(
 
 
 def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
-    """Remove rises of the log output caused by noise."""
+    """Remove rises due to noise from the logarithm of the output."""
     # The log outputs are unchanged if noise cannot explain all rises.
     if (np.diff(level) <= 0).all():
         return level

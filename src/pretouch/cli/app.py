@@ -71,9 +71,9 @@ _EXAMPLES: Final[
 
 
 def _epilog(first: str, second: str, page: str) -> str:
-    """Return the end of a command's help text.
+    """Return the examples and the documentation path for a command's help.
 
-    It has two examples and the path of the documentation page.
+    They are the end of the help text.
     """
     return f"\b\nExamples:\n  pretouch {first}\n  pretouch {second}\n\n\b\nDocumentation: docs/{page}"
 

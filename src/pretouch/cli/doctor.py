@@ -91,7 +91,7 @@ def _lines(
 
 
 def _core() -> dict[str, Any]:
-    """Test the compiled core by computing one contact."""
+    """Test the compiled core by computing the contact of one encounter."""
     try:
         import pretouch as pt  # noqa: PLC0415
         from pretouch._core import native  # noqa: PLC0415

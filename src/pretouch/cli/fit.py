@@ -80,7 +80,7 @@ def _show(request: FitRequest, shown: Presentation) -> None:
 
 
 def _print_notes(curve: Calibration, printed: tuple[str, ...]) -> None:
-    """Print the new notes on a calibration curve.
+    """Print the notes on a calibration curve without repeating earlier notes.
 
     Notes that are already printed are skipped.
     """

@@ -81,7 +81,7 @@ def init(
 
 
 def _request(csv: Path | None, columns: str | None, labels: str | None, select: list[str] | None) -> FitRequest | None:
-    """Return the request for reading a calibration file."""
+    """Return the options for fitting a sensor curve to a calibration."""
     from pretouch.config.sensor import FitRequest  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     if csv is not None:
@@ -152,11 +152,16 @@ def _init(
             )
         )
         return
-    source = "your calibration" if request is not None else "a typical sensor curve; replace it by your calibration"
-    if request is None and chosen is not None and chosen.chain.measures_distance:
-        source = f"the sensor part {chosen.name}. This part needs no calibration, because it reports distances"
+    content = "this first scenario file uses a typical sensor curve; replace it by your calibration"
+    if request is not None:
+        content = "this first scenario file uses your calibration"
+    elif chosen is not None and chosen.chain.measures_distance:
+        content = (
+            f"this first scenario file uses the sensor part {chosen.name}. This part needs no calibration, because it "
+            "reports distances"
+        )
     print_text(
-        f"{output}: this first scenario file uses {source}.\n\nCheck the values in the file. Then run\n"
+        f"{output}: {content}.\n\nCheck the values in the file. Then run\n"
         f"  pretouch design {output}    to choose the gain, and\n"
         f"  pretouch verify {output}    to check the gain in a simulated control loop."
     )
@@ -218,7 +223,7 @@ def _size(text: str, *, unit: str, zero: bool = False) -> float:
     except UnitError:
         value = math.nan
     if math.isnan(value):
-        raise InvalidInputError(f"found {text}, expected a quantity with its unit ({name}), such as {example}")
+        raise InvalidInputError(f"found {text}, expected a {name} with its unit, such as {example}")
     if not (0 < value < math.inf or (zero and value == 0)):
         raise InvalidInputError(f"found {text}, expected a positive {name}, such as {example}")
     return value

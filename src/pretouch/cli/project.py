@@ -25,11 +25,11 @@ def project(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print all rows and all warnings.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print only a JSON object.")] = False,
 ) -> None:
-    """Print mass and limits of a robot model at its sites.
+    """Print mass and limits of a robot model at its named points.
 
-    The table also has the longest retreat. Sites are named points of the model. Each site is projected along its own
-    axes x, y and z, in the posture in which the model is defined and in all of its keyframes. This command needs
-    MuJoCo: pip install 'pretouch[mujoco]'.
+    The table also has the longest retreat. The named points are the sites of the model. Each site is projected along
+    its own axes x, y and z, in the posture in which the model is defined and in all of its keyframes. This command
+    needs MuJoCo: pip install 'pretouch[mujoco]'.
 
     Exit status: 0 the table is printed, 2 a mistake in the request or in the model.
     """
@@ -37,7 +37,7 @@ def project(
 
 
 def _project(file: Path, *, verbose: bool, json: bool) -> None:
-    """Print mass and limits for all sites of a robot."""
+    """Print mass and limits at all named points of a robot model."""
     from pretouch._core.blocks import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick, as below
     from pretouch._core.files import as_json  # noqa: PLC0415
     from pretouch.robots import load_model, project_all  # noqa: PLC0415

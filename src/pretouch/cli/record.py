@@ -213,7 +213,7 @@ class _Steps:
 
 
 def _goal(file: Path, accuracy: float) -> tuple[Path, RecordGoal]:
-    """Return the calibration path and the goal of the recording."""
+    """Return the calibration path and the required accuracy and distances."""
     from pretouch.recording.record_judgment import RecordGoal  # noqa: PLC0415
 
     if not 0 < accuracy < 1:

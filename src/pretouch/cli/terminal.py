@@ -212,7 +212,7 @@ def _write(stream: Any, text: str) -> None:
 
 
 def reservations_about(task: Task, answer: Any) -> Reservations | None:
-    """Return the calibration warnings on a result.
+    """Return the calibration warnings for a design or simulation result.
 
     The result is None without a calibration, and for results without a predicted encounter, such as a replay.
     """
@@ -224,7 +224,7 @@ def reservations_about(task: Task, answer: Any) -> Reservations | None:
 
 
 def verb(run: Callable[..., None]) -> Callable[..., None]:
-    """Make a command from a function that shows one result.
+    """Create a pretouch command from a function that prints one result.
 
     The output options that all commands share are added.
 

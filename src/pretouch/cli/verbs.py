@@ -37,7 +37,7 @@ LoopSeed: TypeAlias = Annotated[int | None, option("NUMBER", "Seed of the noise;
 
 
 def _load(file: Path, activity: str) -> Task:
-    """Load a scenario file, and print which computation comes next."""
+    """Load a scenario file, and print a progress message."""
     from pretouch.config import load_scenario  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     task = load_scenario(file)
@@ -46,9 +46,9 @@ def _load(file: Path, activity: str) -> Task:
 
 
 def load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> Task:
-    """Return the task of a scenario file with a sampled loop.
+    """Return the task of a scenario file, with --gain and --seed applied.
 
-    The options --gain and --seed override its values.
+    The options --gain and --seed override the values in the file.
     """
     task = _load(file, activity)
     number = read_gain(gain, task.law)

@@ -137,7 +137,7 @@ class CalibrationPlan:
 
 
 def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
-    """Read from a scenario file which calibration it needs.
+    """Return the calibration path and distances that a scenario file requires.
 
     The calibration must be recorded at all distances of the encounter.
 
@@ -216,9 +216,9 @@ def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> st
     window, recess = calibration.window, getattr(sensor, "recess", 0.0)
     near, far = (format_quantity(max(d - recess, 0.0), "m") for d in (window.l_min, window.l_max))
     return (
-        f"the calibration covers only distances from {near} (reason: {window.start_reason}) to {far} "
-        f"(reason: {window.end_reason}). Calibrate over more distances, or extend the curve with "
-        "minimum_distance or maximum_distance"
+        f"the calibration covers only distances from {near} to {far}. Reason for the lower limit: "
+        f"{window.start_reason}. Reason for the upper limit: {window.end_reason}. Calibrate over more distances, or "
+        "extend the curve with minimum_distance or maximum_distance"
     )
 
 
@@ -351,7 +351,7 @@ class _Builder(Reading):
             start = f"{1e3 * low:.4g} mm{cause}"
             self.refuse(
                 ("sensor",),
-                f"the sensor curve starts at the distance {start}, but must reach contact; remedies: "
+                f"the sensor curve starts at the distance {start}, but must reach contact. Remedy: "
                 f"{recess_advice(recess + low, recess)}, or {other}",
             )
         if scenario.distance > high:
@@ -359,7 +359,7 @@ class _Builder(Reading):
             if window is not None and window.l_max <= (recess + high) * (1 + _ROUNDING):
                 cause = f", the end of the calibrated range ({window.end_reason})"
                 extending = (
-                    " Or calibrate at larger distances. A curve that is not a table can also be extrapolated: set "
+                    " Alternatively, calibrate at larger distances. To extrapolate a curve that is not a table, set "
                     f'maximum_distance = "{1e3 * scenario.distance:.4g} mm". Every result then begins with a '
                     "warning about the extrapolation."
                 )
@@ -400,8 +400,8 @@ class _Builder(Reading):
             self.refuse(
                 ("sensor",),
                 f"the sensor curve is too steep at the distance {nearest:g} m. There, the output falls by a factor of "
-                f"e within {1 / slope:.3g} m, expected at least {_STEEPEST:g} m. Check the parameters of the curve and "
-                "their units",
+                f"e (2.718) within a length of {1 / slope:.3g} m, expected at least {_STEEPEST:g} m. Check the "
+                "parameters of the curve and their units",
             )
 
     def _check_impact(self, quantity: str, path: KeyPath) -> None:
@@ -414,7 +414,7 @@ class _Builder(Reading):
 
 
 def _without_content(error: PretouchError, path: Path) -> str:
-    """Return a calibration error message without quoting the calibration file.
+    """Return an error message that does not quote the calibration file.
 
     A scenario may name any file, so the message must not reveal the content of that file. If the mistake is not in the
     calibration file, the message names the key of [sensor] with the mistake.
@@ -442,7 +442,7 @@ def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, floa
 
 
 def _terms(values: Mapping[str, Any]) -> Iterator[tuple[KeyPath, KeyPath, dict[str, Any]]]:
-    """Yield the terms of an objective with their keys.
+    """Yield each term of an objective with its scenario-file keys.
 
     The keys in the scenario file are those of the quantity and of its scale.
     """

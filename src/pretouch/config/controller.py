@@ -95,8 +95,8 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
         if saturation <= offset + floor:
             file.refuse(
                 ("chain", "highest"),
-                f"the readings saturate at {saturation:g}, expected more than {offset + floor:g}. This limit is the "
-                "sum of the controller's offset and floor, in the unit of the sensor output",
+                f"the readings saturate at {saturation:g}, expected more than {offset + floor:g}, the sum of the "
+                "controller's offset and floor. Both numbers are in the unit of the sensor output",
             )
             return None
     return file.attempt(

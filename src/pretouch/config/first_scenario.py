@@ -176,7 +176,7 @@ class FirstScenario(Value):
         )
 
     def _reading(self) -> str:
-        """Return the scenario-file lines on columns, labels and calibration curve."""
+        """Return the scenario-file lines that select calibration columns and curve."""
         lines = []
         if self.columns:
             lines.append(f"columns = {_table(self.columns)}")
@@ -187,7 +187,7 @@ class FirstScenario(Value):
         return "".join(f"{line}\n" for line in lines)
 
     def _signal(self) -> tuple[float, float]:
-        """Return one distance and sensor output of the typical curve."""
+        """Return a distance and the typical sensor output at this distance."""
         signal = None if self.part is None else self.part.signal
         return signal or (3.0 * self.distance, 1.0)
 

@@ -107,9 +107,9 @@ class _Scan:
             self.position += 1
 
     def value(self, path: KeyPath) -> None:
-        """Parse a TOML value and record the lines inside it.
+        """Parse a TOML value and record the line numbers inside it.
 
-        The lines are those of keys and list elements.
+        They are the line numbers of keys and list elements.
         """
         self.skip(_BLANK)
         opening = self.text[self.position : self.position + 1]

@@ -45,7 +45,7 @@ def law_fields(
             why = "the obstacle does not approach" if certain else "the approach speed is uncertain"
             file.refuse(
                 ("law", "largest_speed"),
-                f"the largest approach speed is missing. It does not follow from the scenario, because {why}; "
+                f"the largest approach speed is missing. The scenario does not determine this speed, because {why}; "
                 'add, for example: largest_speed = "0.5 m/s"',
             )
     speed = values.get("largest_speed")

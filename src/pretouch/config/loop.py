@@ -85,7 +85,7 @@ def _refuse_missing_sections(file: Reading) -> None:
         if name not in data and name not in file.misspelled:
             file.refuse(
                 (first,),
-                f"this section also needs the section [{name}]; add, for example: [{name}] with {keys}",
+                f"the section [{first}] also needs the section [{name}]; add, for example: [{name}] with {keys}",
             )
 
 

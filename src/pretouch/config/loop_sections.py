@@ -57,8 +57,8 @@ def _check_margin(values: Mapping[str, Any]) -> None:
     margin = values.get("stability_margin", 2.0)
     if not margin > 1:
         raise UnfitValueError(
-            f"found a gain margin of {margin:g}, expected a number above 1, such as 2. If the gain grows by "
-            "this factor, the loop becomes unstable",
+            f"found a gain margin of {margin:g}, expected a number above 1, such as 2. The gain margin is the "
+            "factor by which the gain can grow before the loop becomes unstable",
             "stability_margin",
         )
 
@@ -126,15 +126,15 @@ def _check_drag(values: Mapping[str, Any]) -> None:
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(
-            f"found the keys {ways[0]} and {ways[1]}, expected only one of the keys {', '.join(EFFECTS)}, drag",
+            f"found the keys {ways[0]} and {ways[1]}, expected only one of these keys: {', '.join((*EFFECTS, 'drag'))}",
             ways[1],
         )
     if "largest_speed" in values and ways[:1] not in [[name] for name in AT_A_SPEED]:
-        context = f"the key {ways[0]}" if ways else "none of them"
-        raise UnfitValueError(
-            f"this key is allowed only with one of the keys {', '.join(AT_A_SPEED)}, but the section has {context}",
-            "largest_speed",
-        )
+        allowed = ", ".join(AT_A_SPEED)
+        sentence = f"this key is allowed only with one of the keys {allowed}, but the section has none of them"
+        if ways:
+            sentence = f"this key is allowed only with one of the keys {allowed}, but the section has the key {ways[0]}"
+        raise UnfitValueError(sentence, "largest_speed")
 
 
 _DRAG: Final = declared_keys(VirtualDrag)
@@ -149,7 +149,7 @@ AT_A_SPEED: Final = ("acceleration", "contact_speed", "impact_force")
 
 
 def law_section(law: Any) -> Section:
-    """Describe the section [law] for a control law's parameters."""
+    """Describe the keys of the section [law] for one control law."""
     return described_section(law, {law.number.key: Key(gain_of(law))})
 
 

@@ -28,8 +28,8 @@ def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: Cali
         file.refuse(
             ("chain", "part"),
             f"the sensor component reports readings in {part.unit}, but the outputs of the sensor curve "
-            f"are in {unit} ({_location(file, path)}). Use a sensor curve in {part.unit}, or a component that "
-            f"reports readings in {unit}",
+            f"are in {unit} (see the key {_location(file, path)}). Use a sensor curve with outputs in {part.unit}, or "
+            f"a component with readings in {unit}",
         )
         return
     if part is not None and not unit:
@@ -42,7 +42,7 @@ def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: Cali
 
 
 def _unit_of_sensor(file: Reading, calibration: CalibrationReport | None) -> tuple[KeyPath, str]:
-    """Return the sensor's output unit and the key with it."""
+    """Return the sensor's output unit and the key that sets this unit."""
     # The unit is empty for bare numbers.
     if calibration is not None:
         return ("sensor", "calibration"), calibration.calibration.unit
@@ -54,7 +54,7 @@ def _unit_of_sensor(file: Reading, calibration: CalibrationReport | None) -> tup
 
 
 def _loop_outputs(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
-    """Yield the sensor outputs of the sampled loop.
+    """Yield the sensor outputs in the scenario sections of the sampled loop.
 
     Each item has the key, the text and the unit, V or counts.
     """

@@ -30,7 +30,7 @@ _LONGEST: Final = 60
 
 
 class UnfitValueError(ValueError):
-    """Raised for a value not allowed by a scenario-file key.
+    """Error for a value that a scenario-file key does not allow.
 
     Args:
         sentence: the message; if it starts with "expected", the wrong value is written before it.
@@ -148,10 +148,10 @@ class Quantity:
             )
         number = self._number(value)
         if not isinstance(value, str) and abs(number) > _LARGEST_BARE.get(self.unit, math.inf):
+            meant = f"{value:g} {self.unit}"
             raise UnfitValueError(
-                "expected a quantity with its unit, because the number is implausibly large in the default "
-                f'unit {self.unit}. Did you mean "{value:g} m{self.unit}"? Otherwise write "{value:g} '
-                f'{self.unit}"'
+                f"expected a quantity with its unit. Without a unit, the number means {meant}, which is implausibly "
+                f'large. Did you mean "{value:g} m{self.unit}"? Otherwise write "{meant}"'
             )
         if self.sign != "any" and not _HOLDS[self.sign](number, 0.0):
             raise UnfitValueError(f"expected {self._described(f'{self.sign} ')}")
@@ -167,7 +167,7 @@ class Quantity:
         if isinstance(value, str):
             value = re.sub(rf"^\s*({_NUMBER})\s*/", r"\1 1/", value)  # "-61 /m" means "-61 1/m"
             if instead := self._with_unit(value):
-                raise UnfitValueError(f"expected {instead}")
+                raise UnfitValueError(instead)
         for unit in _OUTPUT_UNITS.get(self.unit, (self.unit,)):
             number = _in_unit(value, unit)
             if number is not None:
@@ -175,19 +175,19 @@ class Quantity:
         raise UnfitValueError(f"expected {self.expected}{_reason(value)}")
 
     def _with_unit(self, text: str) -> str:
-        """Suggest a value with unit for a bare number."""
-        # The text is empty if no unit is missing.
+        """Return the error message that suggests a unit for a bare number."""
+        # The message is empty if no unit is missing.
         volts, counts, _ = _OUTPUT_UNITS.get(self.unit, (self.unit, "", ""))
         instead = missing_unit(text, volts)
         if counts and instead:
             number = text.strip()
             return (
-                f'a number with its unit, such as "{number} {volts}" or "{number} {counts}", or the bare '
+                f'expected a number with its unit, such as "{number} {volts}" or "{number} {counts}", or the bare '
                 f"number {float(number):.15g} (in the unit of the readings)"
             )
         if instead and abs(float(text)) > _LARGEST_BARE.get(self.unit, math.inf):
-            return f'{instead.partition(", or ")[0]} or "{text.strip()} {self.unit}"'
-        return instead
+            instead = f'{instead.partition(", or ")[0]} or "{text.strip()} {self.unit}"'
+        return f"expected {instead}" if instead else ""
 
 
 def _in_unit(value: float | str, unit: str) -> float | None:

@@ -251,7 +251,7 @@ class Reading:
         return dict(self.sections[section][1]) if section in self.sections else variants(section)[""]({})
 
     def options(self, section: str) -> Any:
-        """Return the options object of a section.
+        """Return the options object for a scenario-file section.
 
         If the section is missing, the options have their default values.
         """
@@ -261,7 +261,7 @@ class Reading:
         return variant.make(**variant({}))
 
     def make(self, section: str, without: tuple[str, ...] = ()) -> Any:
-        """Return the object that a section describes.
+        """Return the Python object that a scenario-file section describes.
 
         The keys in `without` are ignored.
         """
@@ -296,7 +296,7 @@ def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
         if not isinstance(data[name], (dict, list)) and homes:
             yield (
                 (name,),
-                f"this key is outside of all sections of the scenario file, but belongs in {' or '.join(homes)}",
+                f"this key is outside of all sections of the scenario file. The key belongs in {' or '.join(homes)}",
             )
         else:
             expected = f"[{near}]" if near else f"one of {', '.join(f'[{s}]' for s in SECTIONS)}"
@@ -372,7 +372,7 @@ _INSTEAD: Final = {
 
 
 def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, content: Mapping[str, Any], key: str) -> str:
-    """Write the error message about another variant's key."""
+    """Write the error message about a key of another section variant."""
     owners = [tag for tag, other in variants(name).items() if key in other.keys]
     if name == "sensor" and CALIBRATION in content:
         return (
@@ -389,7 +389,7 @@ def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, conte
         tag = _TAGS[name]
         selected = f'{tag} = "{content[tag]}"' if tag in content else f"the key {MODEL}"
         return (
-            f"this key belongs to the variant {quoted} of this section, but {selected} selects another variant. The "
-            f"allowed keys are {takes}"
+            f"this key belongs to the variant {quoted} of this section, but {selected} selects another variant. In "
+            f"the selected variant, the allowed keys are {takes}"
         )
     return f"found together with {', '.join(k for k in content if k != key)}, expected only {takes}"

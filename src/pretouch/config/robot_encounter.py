@@ -96,8 +96,8 @@ def _refuse_other_motion(path: Path, task: Task) -> None:
         wrong.append("obstacle.course")
     if wrong:
         raise ScenarioFileError(
-            f"{path}: the key {wrong[0]} is not possible with a robot model. Remove this key, or simulate the "
-            "encounter in Python with simulate_robot. With a robot model, the robot starts at its reference with a "
+            f"{path}: the key {wrong[0]} is not allowed with a robot model. Remove this key, or simulate the "
+            "encounter with the Python function simulate_robot. Reason: a robot model starts at its reference with a "
             "constant velocity, and the object moves freely"
         )
 

@@ -98,13 +98,13 @@ def _uncertainty(
         if part == "sensor" and sensor is not None and f"sensor.{key}" not in sensor_inputs(sensor):
             inputs = [name.removeprefix("sensor.") for name in sensor_inputs(sensor)]
             parameters = ", ".join(name for name in inputs if name != "scale") or "none"
-            file.refuse(path, f"the sensor curve {sensor.name} has no such parameter; its parameters are {parameters}")
+            file.refuse(path, f"the sensor curve {sensor.name} has no parameter {key}; its parameters are {parameters}")
             continue
         if "interval" in values and measure != "worst-case":
             file.refuse(
                 (*path, "interval"),
-                f'an interval has no probabilities, but the risk measure in measure = "{measure}" needs '
-                'probabilities. Use uniform if all values are equally likely, or measure = "worst-case"',
+                f'the risk measure "{measure}" needs probabilities, but an interval has none. Use uniform if all '
+                'values are equally likely. Otherwise, set measure = "worst-case"',
             )
         distribution = file.attempt("", partial(_distribution, values), path)
         distributions |= {} if distribution is None else {f"{part}.{key}": distribution}

@@ -57,8 +57,8 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
         raise UnfitValueError(f"found {what}, expected exactly one of {', '.join(DISTRIBUTION_KINDS.names())}")
     if "between" in values and "normal" not in values:
         raise UnfitValueError(
-            f'the key "between" is allowed only with the key "normal", not with the key "{kinds[0]}", because it '
-            "truncates a normal distribution",
+            f'the key "between" is allowed only with the key "normal", not with the key "{kinds[0]}". Reason: '
+            '"between" truncates a normal distribution',
             "between",
         )
     for key in ("uniform", "interval", "between"):
@@ -104,10 +104,7 @@ def _distribution_section(unit: str) -> Section:
 
 
 def _described_distribution(unit: str, name: str) -> Key | None:
-    """Return the scenario-file key for an added type of distribution.
-
-    An installed package may add such a type.
-    """
+    """Return the scenario-file key for a distribution from an installed package."""
     described = DISTRIBUTION_KINDS.find(name)
     if described is None:
         return None
@@ -134,9 +131,9 @@ def _from_calibration(value: Any) -> Any:
 
 
 def _inputs(part: str) -> dict[str, str]:
-    """Return the uncertain inputs of an encounter's part.
+    """Return the inputs that may be uncertain in a scenario section.
 
-    The result has the unit of each input. A part is, for example, the obstacle.
+    The result has the unit of each input. Examples of sections are the obstacle and the sensor.
     """
     # A sensor has the inputs of all curves, but no scale, which cancels from the slope.
     if part != "sensor":
@@ -147,7 +144,7 @@ def _inputs(part: str) -> dict[str, str]:
 
 
 def _part(part: str) -> Callable[[Any], Any]:
-    """Make a parser for the uncertain inputs of a part."""
+    """Make a parser for the uncertain inputs of a scenario section."""
     keys = {name: Key(_distribution_section(unit)) for name, unit in _inputs(part).items()}
     section = Section(keys | ({FROM_CALIBRATION: Key(_from_calibration)} if part == "sensor" else {}))
 

@@ -46,7 +46,7 @@ _OBSTACLE: Final = ("obstacle speed",)
 
 
 def _check_second_term(values: Mapping[str, Any]) -> None:
-    """Check the second term of the letter's objective.
+    """Check the second term of an objective with two terms.
 
     The objective, L(20) or L(22), has either contact velocity or impact force.
 
@@ -66,7 +66,7 @@ def _check_second_term(values: Mapping[str, Any]) -> None:
 
 
 def _two_term_objective(first: str, unit: str, example: str) -> Section:
-    """Describe the section [objective] for two terms."""
+    """Describe the section [objective] for an objective with two terms."""
     # The second term is contact velocity or impact force.
     return Section(
         {
@@ -226,8 +226,8 @@ def _check_course(values: Mapping[str, Any]) -> None:
     for i, (before, after) in enumerate(pairwise(ends), 1):
         if not after > before:
             sentence = (
-                f"this stretch of the obstacle's motion ends at {after:g} s, but must end after {before:g} s, the "
-                "end of the previous stretch"
+                f"this stretch of the obstacle's motion ends at {after:g} s, but must end after the previous "
+                f"stretch, which ends at {before:g} s"
             )
             raise UnfitValueError(sentence, "course", i, "until")
 

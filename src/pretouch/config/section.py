@@ -135,7 +135,7 @@ TAG: Final = Key(lambda _: None, REQUIRED)
 
 
 def _added_key(find: Callable[[str], Key | None], name: str) -> Key | None:
-    """Return the file key added by an installed package."""
+    """Return the scenario-file key that an installed package adds."""
     # The result is None if no package adds the key. A broken package raises an error.
     try:
         return find(name)

@@ -73,7 +73,8 @@ class Conditioning:
         if self.saturation is not None and not self.offset + self.floor < self.saturation <= _ANY_READING:
             raise InvalidInputError(
                 f"saturation: found a level of {self.saturation:g}, expected a level above "
-                f"{self.offset + self.floor:g} (offset + floor) and at most {_ANY_READING:g}"
+                f"{self.offset + self.floor:g}, the sum of offset and floor. The level must also be at most "
+                f"{_ANY_READING:g}"
             )
         if not abs(self.offset) + self.floor < _ANY_READING:
             raise InvalidInputError(
@@ -128,7 +129,7 @@ class Conditioning:
         )
 
     def fade_step(self, period: float) -> float:
-        """Return how much the force fades per control period.
+        """Return the fraction by which the force fades per control period.
 
         It is the fraction of the virtual force that is removed while a reading is overdue.
         """

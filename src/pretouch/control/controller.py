@@ -94,7 +94,7 @@ class Controller:
 
     @property
     def step(self) -> Callable[..., Any]:
-        """The function of one control step.
+        """The function that computes one control step.
 
         It computes next state and output from parameters, state and inputs. Robots use `begin` instead.
         """
@@ -149,7 +149,8 @@ class Controller:
         if abs(v) > limits.speed or farthest > limits.excursion:
             raise InvalidInputError(
                 f"start: the robot cannot stay within its limits from the position {x:g} m with the velocity {v:g} "
-                f"m/s. Start nearer to the reference, start slower, or widen the limits: {self.limits}"
+                "m/s. Start nearer to the reference, start slower, or widen the limits. The present limits are "
+                f"{self.limits}"
             )
         sensing = start_sensing(self.conditioning.numbers(self.period))
         return _join_parts(ControllerState, sensing, start_drive(x, v), self.law.start())
@@ -227,7 +228,7 @@ class Controller:
 
 
 def _join_parts(base: type[Structure], sensing: Structure, drive: Structure, law: Any) -> Any:
-    """Join the parameters or states of the controller's parts."""
+    """Join the parameters or states of sensing, motion and control law."""
     # For a compiled step, all parts are one block of memory, in which the law's part comes last.
     if not isinstance(law, ctypes.Structure):
         return Parts(sensing, drive, law)
@@ -237,7 +238,7 @@ def _join_parts(base: type[Structure], sensing: Structure, drive: Structure, law
 
 @cache
 def _with_law(base: type[Structure], law: type[ctypes.Structure]) -> type[Structure]:
-    """Return a copy of a C structure with another law type."""
+    """Return a copy of a C structure type with another law type."""
     fields = [(name, law if name == "law" else kind) for name, kind in base._fields_]
     return type(base.__name__, (Structure,), {"_fields_": fields})
 

@@ -42,9 +42,9 @@ _drive: Final = kernel("drive", POINTER, POINTER, POINTER, POINTER, POINTER, POI
 
 
 class Parts(NamedTuple):
-    """Parameters or state of a controller in three parts.
+    """Parameters or state of signal processing, robot motion and control law.
 
-    The parts are signal processing, robot motion and control law. The law is a Python function.
+    The control law is a Python function.
 
     Args:
         sensing: parameters or state of `observe`.
@@ -59,9 +59,9 @@ class Parts(NamedTuple):
 
 
 class Setting(Protocol):
-    """Interface of the controller settings for a control law.
+    """Interface of the controller settings that a control law reads.
 
-    A control law reads the settings to compute its own parameters.
+    The control law computes its own parameters from these settings.
     """
 
     @property
@@ -348,8 +348,8 @@ class VirtualDamper:
         if self.approach_only:
             yield (
                 "acts",
-                "the force acts only while an object approaches. A new approach begins after ln ξ, the logarithm of "
-                f"the sensor output, has fallen by {self.release:.4g}",
+                "the force acts only while an object approaches. After ln ξ, the logarithm of the sensor output, has "
+                f"fallen by {self.release:.4g}, its next rise counts as a new approach",
             )
         if self.ramp_time:
             yield "ramp of the gain", Measured(self.ramp_time, "s")

@@ -287,9 +287,9 @@ class DriveNumbers(Structure):
 
 
 class Delivery(Structure):
-    """Delivery of an impulse to the admittance.
+    """Remaining impulse of the control law, and the force that delivers it.
 
-    The impulse of the control law acts as a constant force over one sensor period. The fields are constant force [N],
+    This impulse acts on the admittance as a constant force over one sensor period. The fields are constant force [N],
     remaining impulse [N s], impulse delivered ahead [N s], and fading.
     """
 

@@ -208,10 +208,10 @@ class _AdmittanceSearch:
         return float(worst.min()) if worst.min() > HELD else None
 
     def answer(self, unchanged: GainDesign, chosen: GainDesign | None) -> AdmittanceDesign:
-        """Combine two gain designs into one result.
+        """Combine the gain designs for the given and the optimal admittance.
 
         Returns:
-            One result for the given and the optimal admittance.
+            One result for both admittances.
         """
         freedom, certificate = self.trials.freedom, None
         status = DesignStatus.INFEASIBLE if np.isfinite(self.rows).all(axis=1).any() else DesignStatus.NO_CONTACT

@@ -59,8 +59,8 @@ def _evidence(design: AdmittanceDesign) -> Iterator[Row]:
     active = ", ".join(f"{name.replace('_', ' ')} (multiplier {value:.3g})" for name, value in c.active)
     yield (
         "searched",
-        f"the search evaluated a grid of {c.grid} combinations of gain and admittance. None of {c.tests} further "
-        "combinations is better than the optimum",
+        f"the search evaluated {c.grid} combinations of gain and admittance on a grid. A test of {c.tests} other "
+        "combinations found none that is better than the optimum",
     )
     yield "active limits and bounds", active or "none: the optimum lies inside"
     yield "first-order residual, relative to the objective", f"{c.residual:.1e}"

@@ -198,8 +198,8 @@ class AdmittanceDesign(Answer):
         if self.unchanged.objective is not None:
             change = 100 * (self.objective / self.unchanged.objective - 1)
             return (
-                f"{text} Compared with the admittance of the task, the objective changes by {change:+.3g} % to "
-                f"{self.objective:.4g}."
+                f"{text} Compared with the admittance of the task, the objective changes by {change:+.3g} % "
+                f"(new value: {self.objective:.4g})."
             )
         return (
             f"{text} The objective is {self.objective:.4g}. With the admittance of the task, no gain "

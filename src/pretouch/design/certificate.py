@@ -1,4 +1,4 @@
-"""Define the evidence that a gain is optimal, such as all local minima."""
+"""Define parts of a gain design: status, constraints, optimality and sensitivities."""
 
 from __future__ import annotations
 

@@ -78,14 +78,14 @@ class CustomObjective(Objective):
             numbers = np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
-                f'objective: {self.name} failed with the error "{error}". pretouch evaluates the objective for many '
-                "contacts in one call: use functions that accept arrays, such as NumPy functions. In this call, the "
-                f"arrays of contact states had the shape {np.shape(state.time)}"
+                f'objective: the user-defined objective {self.name} failed with the error "{error}". pretouch '
+                "evaluates the objective for many contacts in one call: use functions that accept arrays, such as "
+                f"NumPy functions. In this call, the arrays of contact states had the shape {np.shape(state.time)}"
             ) from error
         if numbers.ndim and numbers.shape != np.shape(state.time):
             raise InvalidInputError(
-                f"objective: {self.name} returned an array of the shape {numbers.shape}, expected the shape "
-                f"{np.shape(state.time)}: one value for each contact"
+                f"objective: the user-defined objective {self.name} returned an array of the shape {numbers.shape}, "
+                f"expected one value for each contact (shape {np.shape(state.time)})"
             )
         return np.broadcast_to(numbers, np.shape(state.time))
 
@@ -105,15 +105,15 @@ class CustomObjective(Objective):
 
 
 def _objective_problem(name: str, objective: Any) -> str:  # noqa: ARG001 - an objective has no kind of its own
-    """Return an error message if an installed objective is invalid.
+    """Return an error message if an objective of an installed package is invalid.
 
     The text is empty if the objective is valid.
     """
     if callable(getattr(objective, "value", None)) or (callable(objective) and not isinstance(objective, type)):
         return ""
     return (
-        f"found {short_repr(objective)}, expected a function of the state at contact, "
-        "or a class or instance with the method value(state, obstacle_speed, impact)"
+        f"found {short_repr(objective)}, expected an objective: a function of the contact state, "
+        "or a class or object with the method value(state, obstacle_speed, impact)"
     )
 
 
@@ -148,8 +148,8 @@ def as_objective(given: AnyObjective) -> Objective:
         return given
     if isinstance(given, type) or not (callable(getattr(given, "value", None)) or callable(given)):
         raise InvalidInputError(
-            f"objective: found {given!r}, expected an Objective, a function of the state at contact, or an "
-            "instance with the method value(state, obstacle_speed, impact)"
+            f"objective: found {given!r}, expected an Objective. Other valid objectives are functions of the contact "
+            "state, and objects with the method value(state, obstacle_speed, impact)"
         )
     return CustomObjective(name=_name_of(given), given=given)
 
@@ -174,16 +174,17 @@ def appraise(
         if wrong.any():
             time = np.broadcast_to(np.asarray(state.time), wrong.shape)[wrong]
             raise InvalidInputError(
-                f"objective: {objective.name} returned {float(value[wrong][0]):g}, expected 0 or a positive number; "
-                f"add a constant to the objective. The time of this contact is {float(time[0]):g} s"
+                f"objective: the user-defined objective {objective.name} returned {float(value[wrong][0]):g}, expected "
+                "0 or a positive number; add a constant to the objective. The contact with this value occurs at a time "
+                f"of {float(time[0]):g} s"
             )
     return np.where(reached, value, np.inf)
 
 
 def _declares_parts(given: Any) -> bool:
-    """Return True if a user-defined objective provides its terms.
+    """Return True if a user-defined objective has a method for its terms.
 
-    Its method `parts` returns the terms.
+    The method is `parts`.
     """
     if not callable(getattr(given, "parts", None)):
         return False

@@ -30,7 +30,7 @@ _SMOOTH = 1e-2
 
 
 def _part(make: Callable[[Any], R]) -> cached_property[R]:
-    """Make a cached property for designs of a single encounter."""
+    """Make a cached property that raises an error for several encounters."""
 
     @wraps(make)
     def part(evidence: GainEvidence) -> R:
@@ -96,7 +96,7 @@ class GainEvidence(Answer):
 
     @_part
     def scanned(self) -> Scan:
-        """The objective at a dense series of gains.
+        """The objective for a dense grid of gains.
 
         Returns:
             The scan, whose neighboring gains allow accurate interpolation.
@@ -114,7 +114,7 @@ class GainEvidence(Answer):
         return self.problem.landscape(coordinate).merit
 
     def _between_gains(self) -> list[Minimum]:
-        """Find minima between two evaluated gains."""
+        """Find local minima of the objective between two evaluated gains."""
         near = self._least_excess
         if near is None or near.value > HELD:
             return []
@@ -126,7 +126,7 @@ class GainEvidence(Answer):
 
     @_part
     def _least_excess(self) -> Minimum | None:
-        """The gain closest to meeting all limits.
+        """The gain with the smallest limit violation.
 
         Returns:
             The minimum of the violation; None if no gain results in contact.
@@ -137,7 +137,7 @@ class GainEvidence(Answer):
 
     @_part
     def nearest_gain(self) -> float | None:
-        """The gain closest to meeting all limits, if none does.
+        """The gain with the smallest limit violation, if no gain is feasible.
 
         Returns:
             The gain; None unless the design is infeasible.
@@ -168,7 +168,7 @@ class GainEvidence(Answer):
 
     @_part
     def no_mitigation(self) -> ContactResult:
-        """The predicted motion and contact without mitigation, with a gain of 0."""
+        """The predicted motion and contact without mitigation (gain 0)."""
         return self.problem.run(0.0)
 
     @_part
@@ -217,7 +217,7 @@ class GainEvidence(Answer):
 
     @_part
     def place(self) -> str:
-        """The location of the optimal gain, such as on a bound.
+        """The location of the optimal gain: inside the bounds, or on a limit.
 
         Returns:
             `interior`, `bound`, `corner`, `edge of contact`, or the name of the active constraint.

@@ -53,8 +53,8 @@ def _certificate_rows(design: GainDesign) -> Iterator[Row]:
         yield "scan", f"{len(design.trade_off.gain)} gains"
     else:
         text = (
-            f"the search evaluated {c.scanned} gains; interpolation between these gains has a relative error of "
-            f"at most {c.resolution:.1e}"
+            f"the search evaluated {c.scanned} gains. Between these gains, the interpolated objective has a relative "
+            f"error of at most {c.resolution:.1e}"
         )
         yield "scan", text
         yield "local minima found and refined", str(len(c.local_minima))
@@ -76,7 +76,7 @@ def _certificate_rows(design: GainDesign) -> Iterator[Row]:
 
 
 def ideal_in_words(ideal: IdealDesign, number: LawNumber) -> str:
-    """Describe the optimal gain in continuous time in words.
+    """Return a text about the gain that is optimal in continuous time.
 
     Returns:
         Text such as `-0.7463 N s, which here is 24 % worse`.
@@ -113,8 +113,8 @@ def sensitivity_section(design: GainDesign) -> PageSection:
     )
     striped = "less negative" if n.sign < 0 else "more positive"
     caption = (
-        f"Each bar belongs to one input. It shows the change of the optimal {n.name} if the magnitude of this input "
-        f"grows by 1 %. A striped bar means that the {n.name} becomes {striped}."
+        f"Each bar shows how much the optimal {n.name} changes if the magnitude of one input grows by 1 %. If the bar "
+        f"is striped, the {n.name} becomes {striped}."
     )
     picture = Picture(figure="sensitivity", of=design, name=f"Sensitivity of the optimal {n.name}", caption=caption)
     head = ("input", "value", f"{n.name} change per +1 %", f"d{n.symbol} / d input")

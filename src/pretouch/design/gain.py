@@ -159,11 +159,11 @@ class GainDesign(GainEvidence):
                 text += f"{than} {format_quantity(free, 'm/s')} without mitigation"
             return f"{text}."
         if self.nearest is not None:
-            task, cause = self.problem.task, ""
-            if self.without_margin is not None:
-                rate = format_quantity(task.loop.chain.rate, "Hz")
-                cause = f" with a required gain margin of {task.stability_margin:g} and a sensor rate of {rate}"
-            return f"Infeasible{cause}: {_conflict(self)}."
+            task, conflict = self.problem.task, _conflict(self)
+            if self.without_margin is None:
+                return f"Infeasible: {conflict}."
+            rate, margin = format_quantity(task.loop.chain.rate, "Hz"), task.stability_margin
+            return f"Infeasible with a required gain margin of {margin:g} and a sensor rate of {rate}: {conflict}."
         return "No gain within the bounds ends in contact."
 
     def to_dict(self) -> dict[str, Any]:
@@ -195,27 +195,26 @@ class GainDesign(GainEvidence):
 def _conflict(design: GainDesign) -> str:
     """Name the constraints that prevent a feasible gain."""
     exceeded = [o for o in design.constraints if o.margin is None or o.margin < 0]
-    gain = design.number.equals(float(design.nearest.gain) if design.nearest else 0.0)
+    n = design.number
+    gain = n.equals(float(design.nearest.gain) if design.nearest else 0.0)
     if len(exceeded) == 1:
         one = exceeded[0]
         value, limit = (format_quantity(x or 0.0, one.unit) for x in (one.value, one.limit))
         margin = design.problem.task.stability_margin
         bounded = "within the bounds" if margin is None else f"within the bounds and the gain margin of {margin:g}"
-        return f"the {one.name} cannot be limited to {limit}: the smallest value {bounded} is {value}, with {gain}"
+        return f"the {one.name} cannot be limited to {limit}: its smallest value {bounded} is {value}, with {gain}"
     nearest = " and ".join(
         f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
         for o in exceeded
     )
-    alone = "".join(
-        f"; within the bounds, {o.name} alone is at least {format_quantity(o.best_value or 0.0, o.unit)}"
+    alone = (
+        f"the smallest {o.name} within the bounds is {format_quantity(o.best_value or 0.0, o.unit)}"
         for o in exceeded
         if not o.achievable
     )
-    together = (
-        f"the limits of {' and '.join(o.name for o in exceeded)} cannot be met together; the limits "
-        f"are violated least with {gain}: {nearest}"
-    )
-    return together + alone
+    names = " and ".join(o.name for o in exceeded)
+    together = f"the limits of {names} cannot be met together; the {n.name} {gain} violates the limits least: {nearest}"
+    return "; ".join((together, *alone))
 
 
 def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
@@ -279,20 +278,17 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
         if kind is ContactStatus.CONTACT or not count:
             continue
         share = "every gain" if count == status.size else f"{count} of {status.size} scanned gains"
-        low, cause = design.sensor.valid_range[0], ""
+        low, outcome = design.sensor.valid_range[0], f"for {share}, the encounter ended without contact"
         if np.all(np.asarray(design.scenario.relative_velocity) > 0):
-            cause = ", because the object recedes: an approach has a negative velocity"
+            outcome = f"{outcome}, because the object recedes: an approach has a negative velocity"
         elif kind is ContactStatus.LEFT_RANGE and low > 0:
-            cause = (
-                f", because the sensor curve starts at {format_quantity(low, 'm')}: mount the sensor this far behind "
-                "the contact surface, and set its recess"
+            outcome = (
+                f"{outcome}, because the sensor curve starts at {format_quantity(low, 'm')}: mount the sensor this far "
+                "behind the contact surface, and set its recess"
             )
-        nearest = float(np.asarray(scanned.closest_distance)[status == kind].min())
-        yield caution(
-            "PT307",
-            f"for {share}, the encounter ended without contact{cause}. {kind.meaning} The smallest "
-            f"distance to the object was {format_quantity(nearest, 'm')}.",
-        )
+        nearest = format_quantity(float(np.asarray(scanned.closest_distance)[status == kind].min()), "m")
+        distance = f"The smallest distance to the object was {nearest}."
+        yield caution("PT307", f"{outcome}. {kind.meaning} {distance}")
     if design.gain is not None and not design.no_mitigation.reached.all():
         yield caution("PT308", "without mitigation the encounter does not end in contact")
 

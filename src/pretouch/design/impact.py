@@ -103,7 +103,7 @@ class ElasticImpact(ImpactModel):
 
     @property
     def speed_exponent(self) -> float:
-        """Exponent of the peak force as a function of speed.
+        """Exponent of the impact speed in the formula of the peak force.
 
         It is 2 n / (n+1) for a contact force with exponent n.
         """

@@ -1,4 +1,4 @@
-"""Test which encounters provably have a later contact with a stronger gain, or no contact."""
+"""Test whether a stronger gain provably delays contact, and whether contact is impossible."""
 
 from __future__ import annotations
 
@@ -18,14 +18,17 @@ _PROBES: Final = 257
 
 
 def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
-    """Return for which encounters contact provably occurs later with a stronger gain."""
+    """Return True for encounters in which a stronger gain provably delays contact."""
     # The proof is in docs/developers/fast-designs.md.
     falling = sensor.valid_range[0] <= 0 and falls(sensor, farthest(scenario, sensor))
     return np.asarray(premises_hold(scenario) & falling)
 
 
 def never_touches(scenario: Scenario, sensor: SensorModel) -> BoolArray:
-    """Return for which encounters no mitigating gain provably results in contact."""
+    """Return True for encounters without contact at any mitigating gain.
+
+    The result is proved; False means that there is no proof.
+    """
     # The proof is in docs/developers/fast-designs.md.
     start, end = farthest(scenario, sensor), min(sensor.valid_range[1], LARGEST_START)
     falling = sensor.valid_range[0] <= 0 and falls(sensor, start) and falls(sensor, end)
@@ -34,9 +37,9 @@ def never_touches(scenario: Scenario, sensor: SensorModel) -> BoolArray:
 
 
 def premises_hold(scenario: Scenario, *, receding: bool = False) -> BoolArray:
-    """Return for which encounters a stronger gain delays contact.
+    """Return True for encounters in which a stronger gain delays contact.
 
-    With `receding`, return for which encounters the distance never falls. The sensor output must fall with the
+    With `receding`, return True for encounters in which the distance never falls. The sensor output must fall with the
     distance in both cases.
     """
     # The premise that ln xi falls with the distance is tested by `falls`.

@@ -61,8 +61,8 @@ class Term:
             return self.scale
         if np.any(np.asarray(obstacle_speed) == 0):
             raise InvalidInputError(
-                f"scale: found {OBSTACLE_SPEED!r}, but the obstacle is at rest and its speed is 0. To scale the "
-                f"{self.quantity}, use a number in m/s"
+                f"scale: found {OBSTACLE_SPEED!r}, but the obstacle is at rest and its speed is 0. Set the scale of "
+                f"the {self.quantity} to a number in m/s"
             )
         return np.abs(obstacle_speed)
 
@@ -129,9 +129,9 @@ class Objective:
 def excursion_objective(
     *, position_scale: float, velocity_scale: Scale, position_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
-    """Make the letter's objective L(20) of excursion and contact velocity.
+    """Make an objective of excursion and contact velocity.
 
-    It is the weighted sum of squared excursion and squared contact velocity.
+    The letter defines it in L(20). It is the weighted sum of squared excursion and squared contact velocity.
 
     Args:
         position_scale: x_typ [m]; x is the deviation from the reference at contact, x - x_d.
@@ -157,9 +157,9 @@ def excursion_objective(
 def time_objective(
     *, time_scale: float, velocity_scale: Scale, time_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
-    """Make the letter's objective L(22) of contact time and velocity.
+    """Make an objective of contact time and contact velocity.
 
-    It is the weighted sum of squared contact time and squared contact velocity.
+    The letter defines it in L(22). It is the weighted sum of squared contact time and squared contact velocity.
 
     Args:
         time_scale: t_typ [s].

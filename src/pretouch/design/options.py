@@ -59,7 +59,7 @@ def _hint(cls: Any, name: str) -> str:
 
 
 class Choice(Protocol):
-    """Interface of a design marked in a Pareto plot.
+    """Interface of the user's chosen design in a Pareto plot.
 
     The plot marks it as the user's choice.
     """

@@ -143,8 +143,8 @@ def _next_step(design: GainDesign) -> str:
     if design.without_margin is not None:
         gain = design.without_margin.gain
         return (
-            f"read the sensor faster: without the required gain margin, {design.number.equals(gain)} is optimal; "
-            f"`pretouch verify` reports the sensor rate that this {design.number.name} needs"
+            f"read the sensor faster, so that the optimal {design.number.name} {design.number.equals(gain)} has the "
+            "required gain margin; `pretouch verify` reports the necessary sensor rate"
         )
     if design.result is None:
         return step_without_gain(design.scenario, contact=design.status is not DesignStatus.NO_CONTACT)
@@ -217,7 +217,7 @@ def _trade_off(design: GainDesign) -> PageSection:
     itemized = bool(design.objective_parts or not isinstance(design.definition, CustomObjective))
     caption = (
         f"The left plot shows {'the objective and its terms' if itemized else 'the objective'} over the searched "
-        "range of gains. With the hatched gains, the encounter exceeds a limit or ends without contact. The right plot "
+        "range of gains. Hatched ranges contain gains that exceed a limit or do not result in contact. The right plot "
         "shows the state at contact for each gain."
     )
     if shows_equals(design):
@@ -324,8 +324,8 @@ def _gain_and_sensor(design: GainDesign) -> PageSection | None:
         return None
     power, exponent = law.degree, "" if law.degree == 1 else f"^{law.degree}"
     general = (
-        f"The virtual force is proportional to the {n.label} times (g(l) l′){exponent}, with the distance l, the "
-        "sensor slope g and the relative velocity l′.",
+        f"The virtual force is proportional to the {n.label} and to (g(l) l′){exponent}. Here, l is the distance, g "
+        "the sensor slope and l′ the relative velocity.",
         f"product {n.symbol} g{exponent}",
         f"{2**power} times",
     )
@@ -338,9 +338,9 @@ def _gain_and_sensor(design: GainDesign) -> PageSection | None:
             place = f"{name}, l = {format_quantity(distance, 'm')}"
             rows.append((place, Measured(gain, n.unit), Measured(slope, "1/m"), Measured(gain * slope**power, unit)))
     note = (
-        f"{force} The motion depends on the {n.name} only through this product. Therefore, do not compare the {n.name} "
-        f"between different sensors. For the same motion, half the slope needs about {times} the {n.name}. An offset "
-        "that remains in the readings lowers the measured slope g. This weakens the force."
+        f"{force} The motion depends on the {coefficient}, not on the {n.name} alone. Therefore, do not compare the "
+        f"{n.name} between different sensors. If the slope g is half as large, the same motion needs about {times} the "
+        f"{n.name}. An offset that remains in the readings reduces the measured slope g and weakens the force."
     )
     head = ("distance", n.label, "sensor slope g", coefficient)
     table = PageTable(head=head, rows=tuple(rows), note=note, brief=True)

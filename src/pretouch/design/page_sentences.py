@@ -43,7 +43,7 @@ def step_without_gain(scenario: Scenario, *, contact: bool) -> str:
 
 
 def verify_step(task: Task, gain: float | None = None) -> str:
-    """Suggest to verify a designed gain on the sampled loop.
+    """Recommend the command that verifies a gain on the sampled loop.
 
     Args:
         task: the task.
@@ -52,7 +52,8 @@ def verify_step(task: Task, gain: float | None = None) -> str:
     Returns:
         The recommendation.
     """
-    describe = "" if task.loop is not None else "describe sensor chain and controller, then "
-    number = task.law.number
-    option = "" if gain is None else f' with --gain "{number.text(gain)}"'
-    return f"{describe}run `pretouch verify`{option} to check the {number.name} on the sampled loop"
+    number, command = task.law.number, "`pretouch verify`"
+    if gain is not None:
+        command = f'{command} with --gain "{number.text(gain)}"'
+    step = f"run {command} to check the {number.name} on the sampled loop"
+    return step if task.loop is not None else f"describe sensor chain and controller, then {step}"

@@ -70,8 +70,8 @@ class ContactQuantity(str):
     ) -> ContactQuantity:
         if name in _BUILT_IN or not name.isidentifier():
             raise InvalidInputError(
-                f"name: found {name!r}, expected letters, digits and underscores; the names of built-in "
-                f"quantities ({', '.join(_BUILT_IN)}) are not allowed"
+                f"name: found {name!r}, expected letters, digits and underscores. The names of the built-in "
+                f"quantities are not allowed: {', '.join(_BUILT_IN)}"
             )
         parse_unit(unit)
         entry = Entry(
@@ -95,7 +95,7 @@ class ContactQuantity(str):
 
 
 def _quantity_problem(name: str, quantity: Any) -> str:
-    """Return an error message if an installed quantity is invalid.
+    """Return an error message if a quantity of an installed package is invalid.
 
     The text is empty if the quantity is valid.
     """
@@ -157,13 +157,13 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
     if entry.needs_impact and impact is None:
         raise InvalidInputError(
             f"{name}: this quantity depends on the physical masses of robot and obstacle. Pass an impact model "
-            "with the robot's physical (reflected) mass, not the virtual mass of the admittance"
+            "with these masses. The mass of the robot is its reflected mass, not the virtual mass of the admittance"
         )
     return entry.value(state, impact) if entry.value is not None else None
 
 
 def size_of(name: str, value: Any) -> Any:
-    """Return the value of a quantity to compare with limits.
+    """Return the value of a quantity that is compared with its limit.
 
     It is the magnitude or the signed value.
     """

@@ -103,10 +103,11 @@ class DragSchedule(Value):
         """Comparison of scheduled and constant virtual drag in words."""
         whole = self.constant.excursion
         if whole - self.lower_bound <= 2 * _CLOSE * whole:
+            kind = "rising drag schedule" if self.monotone else "drag schedule"
             return (
-                f"a constant virtual drag with an excursion of {1e3 * whole:.2f} mm is optimal. Every "
-                f"{'rising ' * self.monotone}drag schedule with the same steps of ln xi (xi: sensor output) needs an "
-                f"excursion of at least {1e3 * self.lower_bound:.2f} mm"
+                f"a constant virtual drag with an excursion of {1e3 * whole:.2f} mm is optimal. Every {kind} with the "
+                "same steps of ln xi (xi: sensor output) needs an excursion of at least "
+                f"{1e3 * self.lower_bound:.2f} mm"
             )
         saved = 1 - self.largest_excursion / whole
         return (
@@ -118,7 +119,7 @@ class DragSchedule(Value):
         )
 
     def drag_at(self, log_output: ArrayLike) -> Any:
-        """Return the virtual drag at given log outputs.
+        """Return the drag coefficient for given logarithms of the sensor output.
 
         The drag phi is in N s^2, the log output is ln xi. Beyond the ends of the schedule, the drag is constant.
         """
@@ -158,9 +159,9 @@ class ScheduledDrag(Value):
     drag: VirtualDrag
 
     def numbers(self, controller: Any) -> Any:
-        """Return the controller parameters of a unit drag.
+        """Return the controller parameters for a drag coefficient of 1.
 
-        The unit drag is phi = 1 N s^2. The method `step` multiplies its impulse by phi.
+        The coefficient is phi = 1 N s^2. The method `step` multiplies the impulse by the scheduled phi.
         """
         return self.drag.with_value(1.0).numbers(controller)
 
@@ -294,7 +295,7 @@ class _Paths(NamedTuple):
     rows: FloatArray
 
     def growth(self, shares: FloatArray) -> FloatArray:
-        """Return the exponent Q along each approach.
+        """Return the decay exponent Q of the speed along each approach.
 
         The speed at each point is exp(-Q) times the approach speed.
         """
@@ -316,7 +317,7 @@ class _Paths(NamedTuple):
         return excursion, _by_step(self.step, weighted, len(shares))
 
     def peaks(self, shares: FloatArray) -> FloatArray:
-        """Return peak acceleration per squared approach speed [1/m].
+        """Return the peak acceleration divided by the squared approach speed [1/m].
 
         There is one value for each reflectance.
         """

@@ -31,7 +31,7 @@ _FARTHEST: Final = 0.5  # largest error of a searched optimum, as a share of tha
 # Chebyshev nodes in the coordinate u of the gain around the optimum. Differentiating the polynomials through these
 # samples by u gives f_up and f_uu, so that no finite difference by an input is needed.
 def has_gradients(problem: GainProblem, constraint: Constraint | None) -> bool:
-    """Return True if a gain problem has exact derivatives.
+    """Return True if the design of a gain has exact derivatives.
 
     Contact quantities, objective and active constraint need exact derivatives.
     """
@@ -93,7 +93,7 @@ def _rise(samples: FloatArray, place: FloatArray) -> FloatArray:
 
 
 def _root(slope: FloatArray) -> FloatArray:
-    """Refine the optimal gain of the search."""
+    """Refine the optimal gain by Newton's method."""
     place = np.zeros(len(slope))
     for _ in range(4):
         step = _value(slope, place) / _rise(slope, place) / _HALF
@@ -224,9 +224,9 @@ def _derivative(above: FloatArray | None, below: FloatArray | None, step: float,
 
 
 def _inputs(problem: GainProblem) -> _Inputs:
-    """Return value, unit and magnitude of every scalar input.
+    """Return value, unit and typical magnitude of every scalar input.
 
-    The inputs are those of encounter and sensor. The magnitude is a typical one.
+    The inputs are those of encounter and sensor.
     """
     scenario, sensor = problem.task.scenario, problem.task.sensor
     length = float(scenario.distance)
@@ -276,7 +276,7 @@ def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tup
 
 
 def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, derivative: FloatArray) -> IntArray:
-    """Differentiate optimal gains exactly, and return encounters without exact derivatives."""
+    """Compute exact derivatives where possible, and return the remaining encounters."""
     kinds = _kinds(problem.column(where), gain[where])
     remaining = [where[kinds == _UNKNOWN]]
     for kind in np.unique(kinds[kinds != _UNKNOWN]):
@@ -290,9 +290,9 @@ def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, d
 
 
 def _kinds(problem: GainProblem, gain: FloatArray) -> Any:
-    """Return whether each optimal gain is inside, at a bound or at a limit.
+    """Return whether optimal gains are between the bounds, at a bound or at a constraint.
 
-    A limit is the number of an active constraint.
+    For a gain at a constraint, the result is the index of this constraint.
     """
     kinds = np.where(problem.axis.is_end(problem.axis.coordinate(gain)), _BOUND, _INSIDE)
     if problem.task.limits:

@@ -224,9 +224,9 @@ def _law_of(loop: Any) -> ContinuousLaw:
         return DAMPER
     if loop.continuous is None:
         raise InvalidInputError(
-            f"loop: the control law {type(getattr(loop.law, 'law', loop.law)).__name__} has no form in "
-            "continuous time, but the prediction needs this form. Set the attribute `continuous` of the control law "
-            'to "virtual-damper" or to a CustomLaw, for example. Or set the law of the task'
+            "loop: the prediction needs a control law in continuous time, but the control law "
+            f"{type(getattr(loop.law, 'law', loop.law)).__name__} has none. Set the attribute `continuous` of this "
+            'law, for example to "virtual-damper" or to a CustomLaw. Alternatively, set the attribute `law` of the task'
         )
     return cast("ContinuousLaw", loop.continuous)
 

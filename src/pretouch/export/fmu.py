@@ -51,7 +51,7 @@ def fmu_kind() -> str:
 
 
 def fmu_files(design: LawDesign) -> dict[str, str | bytes]:
-    """Return the files of an FMU export by name.
+    """Return the name and content of each file of an FMU export.
 
     The units have a library for the platform on which pretouch runs, if there is a C compiler. The environment variable
     CC names another compiler.
@@ -76,7 +76,7 @@ def fmu_files(design: LawDesign) -> dict[str, str | bytes]:
 
 
 def _unit(design: LawDesign, standard: int, compiler: tuple[str, ...]) -> dict[str, bytes]:
-    """Return the files of one FMU by archive path."""
+    """Return the path and content of each file of an FMU archive."""
     identifier = f"pretouch_{_name(design)}"
     token = _token(design, standard, identifier)
     sources = {

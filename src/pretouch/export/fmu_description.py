@@ -127,7 +127,7 @@ def _number(design: LawDesign) -> Variable:
     return Variable(
         "parameter",
         name,
-        f"Parameter {symbol} ({name}) of the control law; values between 0 and the exported value are allowed. "
+        f"The {name} {symbol} of the control law. Only values between 0 and the exported value are allowed. "
         f"{WEAKER_NUMBER.format(name=name)}",
         unit,
         variability="fixed",
@@ -207,7 +207,7 @@ def _add(parent: Xml.Element, tag: str, **attributes: Any) -> Xml.Element:
 
 
 def _role(variable: Variable, reference: int) -> dict[str, Any]:
-    """Return the attributes of a variable common to both FMI versions."""
+    """Return the variable attributes that both FMI versions share."""
     initial = {"parameter": "exact", "output": "calculated" if variable.follows else "exact"}.get(variable.causality)
     return {
         "name": variable.name,

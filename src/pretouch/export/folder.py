@@ -57,7 +57,7 @@ def write_folder(
 
 
 def check_free(folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Return the path of a folder if an export may write it.
+    """Return the path of the export folder, after a check that it may be written.
 
     Raises:
         InvalidInputError: the parent folder does not exist, or the folder may not be replaced.
@@ -84,26 +84,27 @@ def _check_replaceable(target: Path, *, overwrite: bool) -> None:
     foreign = _foreign_file(target)
     if foreign is not None:
         raise OutputExistsError(
-            f"{target}: pretouch does not replace this folder, because it contains {foreign}; choose another folder, "
-            "or remove this one first"
+            f"{target}: pretouch does not replace this folder; choose another folder, or remove this folder first. "
+            f"{foreign}"
         )
 
 
 def _foreign_file(target: Path) -> str | None:
-    """Return how a folder differs from an unchanged export.
+    """Explain how a folder differs from an unchanged export.
 
-    None if the folder is an unchanged export.
+    Returns:
+        The explanation; None if the folder is an unchanged export.
     """
     try:
         digests = json.loads((target / MANIFEST).read_text(encoding="utf-8"))["files"]
     except (OSError, ValueError, KeyError, TypeError):
-        return "no list of exported files"
+        return "The folder contains no list of exported files"
     for path in sorted(target.rglob("*")):
         name = path.relative_to(target).as_posix()
         if path.is_dir() or name == MANIFEST or name.startswith(f"{BUILD}/"):
             continue
         if name not in digests or hashlib.sha256(path.read_bytes()).hexdigest() != digests[name]:
-            return f"the file {name}, which was added or changed after the export"
+            return f"The file {name} was added or changed after the export"
     return None
 
 

@@ -22,7 +22,7 @@ FORMAT: Final = "pretouch-law-1"
 
 
 def json_files(design: LawDesign) -> dict[str, str]:
-    """Return the files of a JSON export by name."""
+    """Return the name and content of each file of a JSON export."""
     content = {
         "format": FORMAT,
         "pretouch": version("pretouch"),

@@ -69,7 +69,7 @@ class LawDesign(Value):
 
     @property
     def suffix(self) -> str:
-        """Suffix of the law's names in C.
+        """Suffix of the C names of this control law.
 
         The suffix is "_drag" for the virtual drag, and empty for the virtual damper.
         """
@@ -110,17 +110,18 @@ def law_design(task: Task, *, verify: bool = True, date: str | None = None) -> L
         )
     if type(loop.law.law) not in {VirtualDamper, VirtualDrag}:
         raise InvalidInputError(
-            f"law: found {type(loop.law.law).__name__}, but pretouch exports only the virtual damper and the virtual "
-            "drag. For a custom law, write the C code yourself, between the calls of pretouch_observe and "
-            "pretouch_drive (docs/how-to/own-law.md)"
+            f"law: found {type(loop.law.law).__name__}, expected the virtual damper or the virtual drag; pretouch "
+            "exports only these two laws. For a custom law, write the C code yourself (docs/how-to/own-law.md). Insert "
+            "this code between the calls of the functions pretouch_observe and pretouch_drive"
         )
     verdict = verify_gain(task, changes=False) if verify else None
     gain = chosen_gain(task) if verdict is None else verdict.gain
     if gain is None:
-        reasons = "" if verdict is None else f": {'; '.join(verdict.reasons)}"
+        name = task.law.number.name
+        reasons = "" if verdict is None else f". Reasons: {'; '.join(verdict.reasons)}"
         raise InvalidInputError(
-            f"{task.law.number.name}: the design found no {task.law.number.name} to export{reasons}. Change the limits "
-            f"or the bounds of the design, or set the {task.law.number.name} with --gain"
+            f"{name}: the design found no {name}, so there is nothing to export; change the limits or the bounds of "
+            f"the design, or set the {name} with the option --gain{reasons}"
         )
     controller = loop.law.with_value(gain)
     source: Any = task.source

@@ -41,7 +41,7 @@ _BELOW_FLOOR: Final = 1.0  # ln xi below the detection threshold at which the ta
 
 
 def ros2_files(design: LawDesign) -> dict[str, str]:
-    """Return the files of a ROS 2 package by path."""
+    """Return the path and content of each file of a ROS 2 package."""
     values = {
         "rate": str(round(1 / design.controller.period)),
         **_parameters(design),

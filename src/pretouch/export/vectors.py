@@ -132,7 +132,7 @@ def _dropouts(samples: tuple[Sample, ...], controller: Controller, rng: np.rando
 
 
 def _gap(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
-    """Remove the readings for longer than the sensor timeout."""
+    """Remove sensor readings for a period longer than the sensor timeout."""
     first = 2 * len(samples) // 3
     steps = int(1.5 * controller.conditioning.numbers(controller.period).timeout / controller.period) + 1
     for i, sample in enumerate(samples):

@@ -94,7 +94,7 @@ class Finding(Value):
 
     @property
     def failed(self) -> tuple[Step, ...]:
-        """The conditions that this finding requires but that are not met."""
+        """The required conditions of this finding that are not met."""
         return tuple(step for step in self.evidence if step.value is False)
 
     @property
@@ -154,7 +154,7 @@ class Reproduction(Value):
 
     @property
     def counts(self) -> Counter[Agreement]:
-        """The number of published values by degree of agreement."""
+        """The number of published values for each degree of agreement."""
         return Counter(c.agreement for c in self.comparisons)
 
     def __repr__(self) -> str:
@@ -200,7 +200,7 @@ class LetterReport(Described, Value):
 
     @property
     def counts(self) -> dict[Agreement, int]:
-        """The number of published values by degree of agreement.
+        """The number of published values for each degree of agreement.
 
         All tables, figures and sections are counted.
         """
@@ -247,9 +247,9 @@ def reproduce(ids: Sequence[str] = (), *, progress: Callable[[str], None] | None
     unknown = [name for name in ids if name not in IDS]
     if unknown:
         near = difflib.get_close_matches(unknown[0].lower().replace("_", "-"), IDS, n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
+        hint = f". Did you mean {near[0]}?" if near else ""
         raise InvalidInputError(
-            f"reproduce: the published letter has no part named {unknown[0]!r}; the available parts are "
+            f"reproduce: the published letter has no part named {unknown[0]!r}. The available parts are: "
             f"{', '.join(IDS)}{hint}"
         )
     reproductions = []

@@ -82,7 +82,7 @@ def _reduction_finding(reductions: dict[str, float]) -> Finding:
         error = 100 * ((100 - printed[name]) / (100 - printed["inverse-power"]) - 1)
         less, true = PRINTED[name], PRINTED["inverse-power"]
         steps.append(
-            (f"error of the remaining speed if {less} % is used as the reduction instead of {true} %", error, "%")
+            (f"error of the remaining speed, computed with the reduction {less} % instead of {true} %", error, "%")
         )
     near = all(abs(part - printed[name]) < 1.0 < abs(100 - part - printed[name]) for name, part in reductions.items())
     remain, less = (

@@ -85,21 +85,25 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
         rise, always = fixed[-1] / _at(speeds, fixed, 0.05), bool((np.diff(fixed[shown]) > 0).all())
         steps.append(
             (
-                f"{name} curve, typical velocity equal to the obstacle speed: ratio of the gain |D_p| for 0.05 m/s to "
-                "the gain for 0.3 m/s",
+                f"{name} curve, typical velocity equal to the obstacle speed: gain |D_p| at the obstacle speed "
+                "0.05 m/s divided by the gain at 0.3 m/s",
                 slow,
             )
         )
         steps.append(
             (
-                f"{name} curve, typical velocity equal to the obstacle speed: ratio of the largest to the smallest "
-                "gain |D_p|, for obstacle speeds from 0.2 to 1 m/s",
+                f"{name} curve, typical velocity equal to the obstacle speed: largest gain |D_p| divided by the "
+                "smallest one, for obstacle speeds from 0.2 to 1 m/s",
                 spread,
             )
         )
         steps.append(("the first of these two ratios is above 2, the second is below 2", bool(slow > 2 and spread < 2)))
         steps.append(
-            (f"{name} curve, fixed typical velocity: ratio of the gain |D_p| for 1 m/s to the gain for 0.05 m/s", rise)
+            (
+                f"{name} curve, fixed typical velocity: gain |D_p| at the obstacle speed 1 m/s divided by the gain at "
+                "0.05 m/s",
+                rise,
+            )
         )
         steps.append(
             (

@@ -50,9 +50,9 @@ def reproduce(variables: Variables) -> Reproduction:
     return Reproduction(
         summary="The published letter recommends one gain for all speeds. This gain is designed for a fast obstacle. "
         "The loss is the relative increase of the objective f₁ over its optimum at each speed. The velocity scale "
-        f"l'_typ of f₁ is the obstacle's speed. From 0.2 to 1 m/s, the gain {gain[FAST]:.3f} N s has the smallest "
-        f"worst-case loss. From 0.01 to 1 m/s, the gain {gain[ALL]:.3f} N s has the smallest worst-case loss. But "
-        f"this smallest loss is {100 * loss[ALL].max():.0f} %.",
+        f"l'_typ of f₁ is the obstacle's speed. At obstacle speeds from 0.2 to 1 m/s, the gain "
+        f"{gain[FAST]:.3f} N s has the smallest worst-case loss. At obstacle speeds from 0.01 to 1 m/s, the gain "
+        f"{gain[ALL]:.3f} N s has the smallest worst-case loss. But this loss is {100 * loss[ALL].max():.0f} %.",
         parameters=(*ADMITTANCE, *SENSORS["inverse-power"], *F_1[:3]),
         findings=(_price(gain[FAST], loss[FAST], final_speed[FAST], speeds < 0.2),),
         tables=(readings("The loss at each speed", columns, note),),

@@ -72,7 +72,7 @@ def letter_page(report: LetterReport) -> Page:
 
 
 def _overview(report: LetterReport) -> PageTable:
-    """Count the published values by degree of agreement."""
+    """Count the published values for each degree of agreement."""
     # The table has one row for each part of the letter.
     rows: list[tuple[Cell, ...]] = [
         (f"[{r.id}: {r.title}](#part-{r.id})", *(str(r.counts[a] or "") for a in Agreement))

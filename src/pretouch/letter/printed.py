@@ -33,10 +33,7 @@ class Agreement(Enum):
     meaning: str
 
     def __new__(cls, word: str, shape: str, meaning: str) -> Agreement:
-        """Create a degree of agreement.
-
-        It has a word, a symbol and a meaning.
-        """
+        """Create a degree of agreement from a word, a symbol and a meaning."""
         member = object.__new__(cls)
         member._value_, member.shape, member.meaning = word, shape, meaning
         return member

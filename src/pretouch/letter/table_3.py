@@ -136,8 +136,8 @@ def _trade_off() -> Finding:
         )
         steps.append(
             (
-                f"the same quotient, computed from the rounded values {less} % and {later} % (printed in the letter: "
-                f"{printed})",
+                f"rounded force reduction of {less} % divided by rounded time increase of {later} % (the letter prints "
+                f"the quotient {printed})",
                 rounded,
             )
         )

@@ -122,8 +122,8 @@ class Obstacle(_Body):
         """
         if self.course:
             raise InvalidInputError(
-                f"obstacle course: found a course (number of Stretch objects: {len(self.course)}), but this solver "
-                "needs an obstacle with constant acceleration. Use find_contact, design_gain or simulate instead"
+                f"obstacle course: found {len(self.course)} Stretch objects, expected none; use find_contact, "
+                "design_gain or simulate instead. This solver needs an obstacle with constant acceleration"
             )
         return self.acceleration
 

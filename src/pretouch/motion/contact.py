@@ -56,7 +56,7 @@ class KnownColumns(Value):
 
 @dataclass(frozen=True, slots=True)
 class _OtherGain(Value):
-    """Results of solved encounters in which only the reported gain is replaced."""
+    """Results of solved encounters with a different reported gain."""
 
     columns: Columns
     gain: FloatArray
@@ -210,10 +210,10 @@ class ContactResult(InNotebooks, Value):
             count = int((~self.reached).sum())
             which = "the run" if self.reached.size == 1 else f"{count} of {self.reached.size} runs"
             raise ResultUnavailableError(
-                f"contact: {which} did not end in contact, so there is no state at contact. The smallest distance was "
-                f"{float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m. The status is "
-                f"{status.label}. Meaning of this status: {status.meaning} For the final state, read the attribute "
-                "`end`"
+                f"contact: {which} did not end in contact, so there is no state at contact; read the attribute `end` "
+                f'for the final state. The first run without contact has the status "{status.label}". {status.meaning} '
+                "The smallest distance between robot and object was "
+                f"{float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m"
             )
         return self.end
 
@@ -321,9 +321,12 @@ def motion_of(
 
 
 def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
-    """Return the motion from the samples of a compiled solver.
+    """Convert the samples of a compiled solver to a motion.
 
     The virtual force is that of the virtual damper, L(2).
+
+    Returns:
+        The motion.
     """
     each, reference = request.relative, request.scenario.reference
     distance, _, speed, acceleration = (trace[..., i] for i in range(len(TRACE_COLUMNS)))

@@ -255,7 +255,7 @@ def polynomial_windows(
 
 
 def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, degree: int) -> FloatArray | None:
-    """Fit a polynomial to the log output ln xi on an interval."""
+    """Fit a polynomial to the logarithm of the sensor output, ln xi."""
     # The result is None if the error is too large. The variable of the polynomial is l - (low + high) / 2.
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     middle, half = (low + high) / 2, (high - low) / 2
@@ -325,9 +325,9 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
         pending = np.concatenate([lower, upper], axis=1)
         if pending.shape[1] + sum(map(len, done)) > _MAX_PIECES:
             raise CurveError(
-                f"sensor: the {sensor.name} curve is too rough: its interpolation needs more than {_MAX_PIECES} "
-                f"polynomials. The curve was interpolated from {low:g} m to {high:g} m. Smooth the curve, declare its "
-                "corners, or set a smaller maximum_distance"
+                f"sensor: the {sensor.name} curve is too rough; smooth the curve, declare its corners, or set a "
+                f"smaller maximum_distance. The interpolation from {low:g} m to {high:g} m needs more than "
+                f"{_MAX_PIECES} polynomials"
             )
     pieces = np.concatenate(done)
     pieces = pieces[np.argsort(pieces[:, 0])]

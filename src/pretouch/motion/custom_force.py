@@ -67,9 +67,9 @@ class ForceLaw(Value):
         array = np.asarray(force)
         if array.shape != (math.prod(shape),) or array.dtype.kind not in "iuf":
             raise InvalidInputError(
-                f"force: the vectorized custom law {self.kind} returned {short_repr(force)}, expected one force in N "
-                f"per array element (number of elements: {math.prod(shape)}). If the function accepts only single "
-                "numbers, set vectorized=False"
+                f"force: the vectorized custom law {self.kind} returned {short_repr(force)}, expected an array of "
+                f"forces in N. The number of forces must be {math.prod(shape)}, one per array element. If the function "
+                "accepts only single numbers, set vectorized=False"
             )
         return array.astype(np.float64).reshape(shape)
 

@@ -71,7 +71,7 @@ def _largest_magnitude(c: DragRun, name: str) -> FloatArray:
 
 
 def _raised(c: DragRun, on_path: FloatArray, at_ends: FloatArray) -> FloatArray:
-    """Combine the peaks of approach, start and end per encounter."""
+    """Return each encounter's largest value during approach, start and end."""
     largest = at_ends.copy()
     largest[c.lanes] = np.fmax(largest[c.lanes], np.where(np.isfinite(on_path), on_path, -np.inf))
     return largest

@@ -273,8 +273,8 @@ def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
         wrong = float(distance[~(np.isfinite(slope) & falls)][0])
         raise InvalidInputError(
             f"sensor: the slope of the curve is {float(sensor.log_slope(wrong)):g} 1/m at a distance of {wrong:g} m, "
-            "but must not be positive. The virtual drag interprets a rising output as an approach. Set "
-            "maximum_distance to the distance with the smallest output"
+            "but must not be positive; set maximum_distance to the distance with the smallest output. The virtual drag "
+            "interprets a rising output as an approach"
         )
 
 

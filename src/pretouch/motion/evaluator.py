@@ -1,4 +1,4 @@
-"""Define `find_contact` and `solve_motion`, which solve encounters, and the interface of custom solvers."""
+"""Solve encounters by `find_contact` and `solve_motion`, and define interfaces of custom solvers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class NoisyEvaluator(Protocol):
         """Solve encounters with one sensor curve, for one or several gains."""
 
     def after(self, runs: int) -> NoisyEvaluator:
-        """Return a solver that skips the noise of the first runs."""
+        """Return a solver that starts with the noise of a later run."""
 
 
 @runtime_checkable
@@ -49,7 +49,7 @@ class ManySensorEvaluator(Protocol):
 
 
 def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:
-    """Return a solver that skips the noise of the first runs."""
+    """Return a solver that starts with the noise of a later run."""
     # A solver without numbered noise is returned unchanged.
     return evaluator.after(runs) if isinstance(evaluator, NoisyEvaluator) else evaluator
 

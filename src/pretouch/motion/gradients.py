@@ -116,7 +116,7 @@ def input_names(sensor: SensorModel) -> tuple[str, ...]:
 
 
 def gradients_of(columns: Any) -> Any:
-    """Return the derivatives of a result's contact state.
+    """Return the derivatives of the state at contact.
 
     The derivatives are None if the solver of the result computes none. The uniform motion has no derivatives, since it
     does not start from the given state. Encounters with a course have none either.
@@ -256,7 +256,7 @@ class ContactGradients(Value):
         return np.asarray(sum(weight * rows[:, i] for i, weight in enumerate(weights.values())))
 
     def _by_factors(self, change: CurveSensitivity) -> FloatArray:
-        """Differentiate contact time and velocity with respect to a curve change."""
+        """Differentiate contact time and velocity with respect to a change of the sensor curve."""
         # The curve is scaled, shifted or stretched; CurveSensitivity explains these three factors.
         solution, relative = self.solution, self.solution.request.relative
         total = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)

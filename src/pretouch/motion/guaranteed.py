@@ -101,7 +101,10 @@ _ALWAYS_FINITE: Final = [i for i, name in enumerate(COLUMNS) if name != "settlin
 
 
 def _solve_closed_form(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Find the first zero of the closed-form distance, L(10)-(13)."""
+    """Find contacts in closed form for a constant sensor slope.
+
+    A contact is the first zero of the distance by the equations L(10)-(13).
+    """
     values, gain = request.part(which)
     solve_linear(values, request.slope, gain, (request.horizon, *request.sensor.valid_range), rows, status=status)
 
@@ -118,9 +121,10 @@ def _trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Integrate the robot's motion L(1) under the virtual damper L(2).
+    """Integrate the robot's motion under the virtual damper.
 
-    Encounters that leave the approximated part of the curve are repeated with a longer part.
+    The equation of motion is L(1), and the virtual force is L(2). Encounters that leave the approximated part of the
+    curve are repeated with a longer part.
 
     With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14). Encounters that start too far away stay
     unresolved.
@@ -218,8 +222,8 @@ def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
     bend, intercept = np.polyfit(probe, slope, 1)
     if np.abs(slope - bend * probe - intercept).max() > 1e-9 * np.abs(slope).max():
         raise InvalidInputError(
-            "method: the approximation 'uniform-motion' (equations L(16)-(19)) needs a second-order exponential sensor "
-            f"curve. This sensor has the {sensor.name} curve; use method='integration' instead"
+            "method: 'uniform-motion' needs a second-order exponential sensor curve, but this sensor has the "
+            f"{sensor.name} curve; use method='integration' instead"
         )
     return float(bend) / 2, float(intercept)
 
@@ -227,9 +231,9 @@ def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
 def uniform_motion(
     values: FloatArray, curvature: float, rate: float, gain: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute the uniform motion l = A t + B.
+    """Compute the uniform motion, which has a constant relative velocity.
 
-    It solves the motion equation L(15), with A from L(17) and B from L(18).
+    The distance is l = A t + B. It solves the motion equation L(15), with A from L(17) and B from L(18).
 
     L(17) requires the root with 0 <= |A| <= |v_o| and the sign of v_o. With s = sqrt(1 + 8 b_2 D_p v_o / K_a) the roots
     are 2 v_o / (1 + s) and 2 v_o / (1 - s). Only the first can satisfy both conditions, and it becomes v_o for
@@ -262,7 +266,10 @@ def uniform_motion(
 
 
 def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve encounters by the letter's uniform motion, L(16)-(19)."""
+    """Approximate encounters by the letter's uniform motion.
+
+    The equations of this motion are L(16)-(19).
+    """
     curvature, rate = _second_order_parameters(request.sensor)
     values, gain = request.part(which)
     a, b = uniform_motion(values, curvature, rate, gain)

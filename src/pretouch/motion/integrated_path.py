@@ -1,4 +1,7 @@
-"""Store encounters as arrays for the numerical integration: parameters and the obstacle's path."""
+"""Convert encounters to arrays for the numerical integration.
+
+The arrays contain the parameters and the obstacle's path.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +64,7 @@ class Encounters(Value):
         return np.asarray(self.position[0] - self.displacement)
 
     def terms(self, section: IntArray, which: IntArray, time: FloatArray) -> FloatArray:
-        """Return the summed term magnitudes of the obstacle's position [m].
+        """Return the sum of the absolute terms of the obstacle's position [m].
 
         The rounding error of the position is proportional to this sum.
         """
@@ -150,7 +153,7 @@ def obstacle_path(request: Request, times: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _stretches(scenario: Scenario, shape: tuple[int, ...]) -> list[tuple[FloatArray, FloatArray]]:
-    """Return end time [s] and acceleration [m/s^2] of each course section."""
+    """Return end time [s] and acceleration [m/s^2] of each motion section."""
 
     def flat(values: object) -> FloatArray:
         return np.array(np.broadcast_to(np.asarray(values, dtype=np.float64), shape)).reshape(-1)

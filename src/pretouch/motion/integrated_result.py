@@ -24,7 +24,7 @@ _ROUNDS: Final = 4  # refinements of these points
 def quantities(
     run: Integration, steps: Steps, share: FloatArray, nodes: tuple[FloatArray, ...]
 ) -> dict[str, FloatArray]:
-    """Return all quantities of the motion within integration steps.
+    """Return all motion quantities at given points of integration steps.
 
     Args:
         run: the motions.

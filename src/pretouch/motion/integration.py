@@ -122,7 +122,7 @@ class Integration:
         self.size = self.first.copy()
 
     def _begin(self, which: IntArray) -> None:
-        """Start a new piece of each motion.
+        """Prepare the integration of each motion after its start or an event.
 
         A motion ends if it leaves the sensor range or never approaches again.
         """
@@ -152,14 +152,14 @@ class Integration:
         return np.asarray(resting | leaving)
 
     def _keeps_receding(self, state: Start) -> BoolArray:
-        """Return True if the force is too weak to follow the object."""
+        """Return True if the force cannot make the robot follow the object."""
         far = np.maximum(np.minimum(self.law.valid_range[1], _AHEAD * state.distance), state.distance)
         probes = state.distance[:, None] * (far / state.distance)[:, None] ** np.linspace(0.0, 1.0, _PROBES)
         force = self.law.at(state.value[:, None], probes, np.zeros(probes.shape))
         return np.asarray((force <= (state.mass * state.push)[:, None]).all(axis=1))
 
     def _set_course(self, which: IntArray) -> None:
-        """Set the direction of each motion after zero relative speed."""
+        """Choose the next direction of each motion with zero relative velocity."""
         if not len(which):
             return
         self.course[which] = ALONG
@@ -244,7 +244,7 @@ class Integration:
         self._end(which, ContactStatus.UNRESOLVED)
 
     def _events(self, which: IntArray, state: Start, trial: Trial, border: FloatArray, h: FloatArray) -> _Events:
-        """Find turning points and curve borders within each integration step."""
+        """Find turning points and sensor curve borders within each integration step."""
         course = state.course[:, None]
         forward, beyond = trial.speed * course, (trial.distance - border[:, None]) * course
         time, initial = self.time[which], self.encounters.distance[which]
@@ -299,7 +299,7 @@ class Integration:
         self._begin(new[self.status[new] == _RUNNING])
 
     def _turn_now(self, which: IntArray) -> None:
-        """Start a new motion piece where the relative velocity is zero."""
+        """Set the relative velocity to zero, and restart the integration."""
         if not len(which):
             return
         self.speed[which] = 0.0

@@ -145,9 +145,9 @@ def solve_linear(
     *,
     status: IntArray,
 ) -> None:
-    """Solve the motion equation L(7) for a constant sensor slope.
+    """Solve encounters in closed form for a constant sensor slope.
 
-    The closed form is evaluated for one encounter at a time.
+    The closed form solves the motion equation L(7), for one encounter at a time.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -290,8 +290,8 @@ def drag_approaches(
         names |= {"times": shaped(course[0], (n, m)), "m": m, "trace": shaped(course[1], (n, m, 2))}
     if len(inputs) != _DRAG_INPUTS or not len(curves[0]):
         raise TypeError(
-            f"the compiled solver received {len(inputs)} input columns, but needs {_DRAG_INPUTS}. It received "
-            f"{len(curves[0])} polynomials of sensor curves, but needs at least one"
+            f"the compiled drag solver received {len(inputs)} input columns, expected {_DRAG_INPUTS}. The solver also "
+            f"received {len(curves[0])} polynomials of sensor curves, expected at least one"
         )
     wanted = _ApproachesOfCore(**names)
     _approaches(columns(inputs, n), n, byref(of_core(curves, n)), horizon, byref(wanted))
@@ -305,9 +305,9 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
     shared = len(curve_of) == 1
     if width not in _WIDTHS or not (shared or len(curve_of) == n):
         raise ValueError(
-            f"windows: the table of sensor curves has {width} columns; allowed numbers of columns are "
-            f"{sorted(_WIDTHS)}. The number of encounters with a sensor curve is {len(curve_of)}; expected {n}, or one "
-            "curve for all encounters"
+            f"windows: found a table with {width} columns, expected one of these numbers of columns: "
+            f"{sorted(_WIDTHS)}. The number of assigned sensor curves is {len(curve_of)}. The expected number is {n}, "
+            "one per encounter, or 1 for all encounters"
         )
     if not (_is_valid(starts, curve_of, rows) if shared else _are_valid(starts, curve_of, rows)):
         raise ValueError("curves: an encounter refers to a curve whose windows are not in the table")
@@ -316,14 +316,14 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
 
 
 def _is_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Return True if the polynomial table contains the shared sensor curve."""
+    """Return True if the indices of the shared sensor curve are valid."""
     # This check avoids the overhead of NumPy functions.
     which = int(curve_of[0])
     return 0 <= which < len(starts) - 1 and 0 <= int(starts[which]) <= int(starts[which + 1]) <= rows
 
 
 def _are_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Return True if the polynomial table contains all sensor curves."""
+    """Return True if the indices of all sensor curves are valid."""
     if len(starts) == 0 or starts[0] < 0 or starts[-1] > rows or (np.diff(starts) < 0).any():
         return False
     return len(curve_of) == 0 or bool(curve_of.min() >= 0 and curve_of.max() < len(starts) - 1)
@@ -339,9 +339,10 @@ def solve_series(
     samples: tuple[FloatArray, FloatArray] | None = None,
     sections: FloatArray | None = None,
 ) -> None:
-    """Integrate the robot's motion L(1) under the virtual damper L(2).
+    """Integrate the robot's motion under the virtual damper, for any sensor curve.
 
-    Any sensor curve is possible. This includes the motion equations L(4), L(7) and L(14).
+    The equation of motion is L(1), and the virtual force is L(2). This includes the motion equations L(4), L(7) and
+    L(14).
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).

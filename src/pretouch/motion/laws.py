@@ -346,13 +346,13 @@ def _law_problem(name: str, law: Any) -> str:
     # The text is empty for a valid law.
     if not (isinstance(law, ContinuousLaw) and isinstance(law.number, LawNumber)):
         return (
-            f"found {short_repr(law)}, but a law must be a class or value that has all members of "
-            "pretouch.motion.ContinuousLaw"
+            f"found {short_repr(law)}, expected a control law. A control law is a class or an object with all members "
+            "of pretouch.motion.ContinuousLaw"
         )
     return (
         ""
         if law.kind == name
-        else f'the kind of the law is "{law.kind}", but must equal the name of the entry point; use the '
+        else f'the kind of the law is "{law.kind}", but the name of its entry point is "{name}"; use the '
         "same name for both"
     )
 
@@ -362,7 +362,7 @@ LAW_KINDS: Final = Extensions(group="pretouch.laws", built_in=lambda: LAWS, prob
 
 
 def continuous_law(law: Any) -> ContinuousLaw:
-    """Return the continuous-time law of a law object or name.
+    """Return the continuous-time law for a law name or a law object.
 
     The argument is a law in continuous time, a sampled law, or the name of a law.
 

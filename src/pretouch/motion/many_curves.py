@@ -91,7 +91,7 @@ class ManyCurves:
         return np.array([sensor.log_slope(0.0) for sensor in self.sensors])
 
     def log_output(self, distance: FloatArray) -> FloatArray:
-        """Return the log output ln xi of each sensor curve.
+        """Return the logarithm of each sensor's output, ln xi.
 
         Distances [m] are limited to the valid range.
         """

@@ -1,4 +1,4 @@
-"""Approximate many related sensor curves by piecewise polynomials at once, which saves computing time.
+"""Approximate many related sensor curves by piecewise polynomials at once, to save computing time.
 
 Curves may be images of one curve under scaling and shift of the distance: ln xi_i(l) = ln xi(s_i l + t_i) + constant. A
 recessed sensor is a shifted curve. A parameter p scales the distance if its derivative is `stretch` l g and the product
@@ -70,7 +70,7 @@ class Images:
 
 
 def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images | None:
-    """Express all sensor curves as scaled and shifted variants of one."""
+    """Express all sensor curves as scaled and shifted variants of one curve."""
     # The result is None if this is not possible.
     if not values:  # curves that differ in the points of a table
         return None
@@ -91,7 +91,7 @@ def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images
 
 
 def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> float | None:
-    """Return the exponent with which a sensor parameter scales the distance."""
+    """Return the exponent of a sensor parameter that scales the distance."""
     # A parameter p scales the distance by p^k, with the exponent k. A parameter without effect has the exponent 0. A
     # parameter with another effect gives None.
     nominal = float(getattr(sensor, name))
@@ -178,7 +178,7 @@ def windows_from_pieces(sensors: Sequence[SensorModel], tops: FloatArray) -> Man
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Whole:
-    """One slope polynomial for the whole range of each sensor curve.
+    """Slope polynomials of sensor curves, each over the whole distance range.
 
     Windows overlap and are short where a curve bends, so one polynomial needs fewer evaluations of a curve.
 

@@ -19,12 +19,14 @@ def scenario_page(scenario: Scenario) -> Page:
     """Create the notebook report on an encounter."""
     if scenario.shape:
         return Page(kind="Encounters", headline=f"Encounters of shape {scenario.shape}")
-    speed, distance = float(scenario.relative_velocity), format_quantity(float(scenario.distance), "m")
-    verb = "approaches" if speed < 0 else "recedes" if speed > 0 else "rests"
-    headline = (
-        f"The object starts at a distance of {distance} from the robot, and {verb} at a speed of "
-        f"{format_quantity(abs(speed), 'm/s')}"
-    )
+    velocity, distance = float(scenario.relative_velocity), format_quantity(float(scenario.distance), "m")
+    speed = format_quantity(abs(velocity), "m/s")
+    if velocity < 0:
+        headline = f"The object starts at a distance of {distance} from the robot, and approaches at a speed of {speed}"
+    elif velocity > 0:
+        headline = f"The object starts at a distance of {distance} from the robot, and recedes at a speed of {speed}"
+    else:
+        headline = f"The object starts at a distance of {distance} from the robot, and rests"
     return Page(
         kind="Encounter", headline=headline, blocks=(PageTable(rows=tuple(scenario_rows(scenario)), brief=True),)
     )

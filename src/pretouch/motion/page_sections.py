@@ -65,7 +65,7 @@ _INTEGRATOR: Final = (
 
 
 class _Answer(Protocol):
-    """Interface of a design result that says how its encounters were solved."""
+    """Interface of a design result with the method that solved its encounters."""
 
     @property
     def method(self) -> str:
@@ -73,7 +73,7 @@ class _Answer(Protocol):
 
     @property
     def on_evaluator(self) -> bool:
-        """Whether a simulated loop or custom solver solved the encounters."""
+        """Whether a loop simulation or a custom solver solved the encounters."""
 
 
 def solved_on(answer: _Answer) -> str:
@@ -92,13 +92,16 @@ RESTING: Final = "give the obstacle a negative velocity: this object does not mo
 
 
 def approach_step(scenario: Scenario) -> str:
-    """Return the next step for an object that does not approach; empty for other objects."""
+    """Return advice for an object that does not approach the robot.
+
+    The text is empty for other objects.
+    """
     speed = np.max(scenario.relative_velocity)
     return RECEDING if speed > 0 else RESTING if speed == 0 and not scenario.obstacle.course else ""
 
 
 def mitigating_step(number: LawNumber, gain: float) -> str:
-    """Return the next step for a gain with the wrong sign."""
+    """Return advice for a gain with the wrong sign."""
     return f"use a {number.mitigating} {number.name}, such as {number.equals(-gain)}"
 
 

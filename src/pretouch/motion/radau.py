@@ -67,14 +67,14 @@ def apply(matrix: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def evaluate(coefficients: FloatArray, at: FloatArray) -> FloatArray:
-    """Evaluate one Legendre series per row."""
+    """Evaluate the Legendre series in each row of an array."""
     # The points of a series are in the same row of `at`. The coefficients have the shape (n, k). The points lie between
     # 0 and 1 and have the shape (n, m).
     return np.asarray(legendre.legval(2 * at - 1, coefficients.T[:, :, None], tensor=False))
 
 
 def first_root(values: FloatArray, passed: BoolArray) -> FloatArray:
-    """Find where interpolated values first cross zero in each step.
+    """Find the first zero crossing of the interpolated values in each step.
 
     The values of every step must cross zero.
 

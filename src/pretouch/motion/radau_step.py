@@ -143,7 +143,7 @@ def try_step(law: ForceLaw, start: Start, duration: FloatArray) -> Trial:
 
 
 def _magnitudes(start: Start, points: _Points) -> FloatArray:
-    """Return the summed term magnitudes of the relative acceleration [m/s^2].
+    """Return the sum of the absolute terms of the relative acceleration [m/s^2].
 
     The rounding error of the acceleration is proportional to this sum.
     """

@@ -59,7 +59,7 @@ class Request(Value):
 
     @property
     def gain(self) -> FloatArray:
-        """The gain D_p [N s] or another law's coefficient, per encounter."""
+        """The coefficient of the control law in each encounter, such as D_p [N s]."""
         return np.broadcast_to(self.relative.gain, self.size)
 
     def some(self, which: Which) -> Relative:
@@ -130,8 +130,8 @@ def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
         raise InvalidInputError(f"method: found {method!r}, expected one of {', '.join(METHODS)}")
     if method == "closed-form" and sensor.constant_log_slope is None:
         raise InvalidInputError(
-            "method: the closed form L(10) of the motion needs a sensor curve of constant slope. The slope of the "
-            f"{sensor.name} curve varies; use method='integration' or 'auto'"
+            "method: the method 'closed-form' needs a sensor curve of constant slope, but the slope of the curve "
+            f"{sensor.name} varies; use method='integration' or 'auto'"
         )
     if method == "auto":
         method = "integration" if sensor.constant_log_slope is None else "closed-form"
@@ -189,8 +189,8 @@ def make_request(
             shape = np.broadcast_shapes(scenario.shape, np.shape(gains))
         except ValueError:
             raise InvalidInputError(
-                f"gain: the shape {np.shape(gains)} of the gains does not broadcast with the shape "
-                f"{scenario.shape} of the scenario"
+                f"gain: the array of gains has the shape {np.shape(gains)}, but the scenario has the shape "
+                f"{scenario.shape}. Use two shapes that NumPy can broadcast together"
             ) from None
     relative = scenario.relative_columns(with_course=with_course)
     return Request(

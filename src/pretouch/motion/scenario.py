@@ -21,9 +21,9 @@ from .bodies import Obstacle, Plant, Reference
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Admittance(Value):
-    """Virtual mass, damping and stiffness of the admittance controller, L(1).
+    """Virtual mass, damping and stiffness of the admittance controller.
 
-    Each is a number or an array.
+    They are the parameters of L(1). Each is a number or an array.
 
     Args:
         mass: M_a > 0 [kg], the virtual mass; the inertia of the robot does not matter here.
@@ -125,7 +125,8 @@ class Scenario(InNotebooks, Value):
         except ValueError:
             shapes = ", ".join(sorted({str(np.shape(v)) for v in values if np.ndim(v)}))
             raise InvalidInputError(
-                f"scenario: the shapes of the array arguments do not broadcast with each other (shapes: {shapes})"
+                f"scenario: the array arguments have the shapes {shapes}. These shapes do not broadcast together; use "
+                "arrays of equal shape"
             ) from None
         object.__setattr__(self, "shape", shape)
         if not (self.distance > 0 if shape == () else np.all(self.distance > 0)):
@@ -177,7 +178,7 @@ class Scenario(InNotebooks, Value):
         )
 
     def relative(self) -> FloatArray:
-        """Return the inputs relative to the reference in one array.
+        """Return the inputs, relative to the reference position, in one array.
 
         Returns:
             The columns, stacked along a last axis of 10 over the broadcast shape.
@@ -206,14 +207,14 @@ def _check_rounding(quantity_and_unit: str, obstacle: Any, plant: Any, reference
         name, unit = quantity_and_unit.removesuffix("]").split(" [")
         first = float(np.broadcast_to(reference, np.shape(wrong))[wrong].flat[0])
         raise InvalidInputError(
-            f"reference {name}: found {first:g} {unit}, expected a smaller value, because rounding hides the "
-            f"difference between obstacle and robot. Give the {name} of obstacle, robot and reference relative to "
-            "another origin"
+            f"reference {name}: found the value {first:g} {unit}, expected a smaller value. For so large a value, "
+            "rounding hides the difference between obstacle and robot. Choose another origin for the "
+            f"{name} of obstacle, robot and reference"
         )
 
 
 def _relative_to(value: Any, reference: Any) -> Any:
-    """Subtract a reference value without copying if it is 0."""
+    """Subtract a reference value, unless it is 0."""
     return value if isinstance(reference, float) and reference == 0 else value - reference
 
 

@@ -61,9 +61,9 @@ class EncounterSimilarity(Value):
         return ContactResult(_Rescaled(result, self, scenario), result.method)
 
     def of_degree(self, degree: int) -> EncounterSimilarity:
-        """Return the scale factors for a force law of given degree.
+        """Return the scale factors for a force law with a given exponent.
 
-        The force is proportional to this power of the rate d(ln xi)/dt.
+        The force is proportional to the rate d(ln xi)/dt to the power of this exponent.
         """
         # For a force proportional to s'^d, the gain factor is k^d / s^(d - 1).
         if degree == 1:

@@ -90,7 +90,7 @@ class Solution(Value):
             self._fill_open(self._columns)
 
     def _solve_by_form(self, kept: bool) -> dict[str, FloatArray]:
-        """Find contact times by the closed form."""
+        """Compute contact times by the closed-form solution."""
         # Where the closed form fails, a Taylor-series solver replaces it. If `kept`, the relative velocity l' is
         # computed as well.
         request, outputs = self.request, {}
@@ -142,7 +142,7 @@ class Solution(Value):
         return self._columns[name]
 
     def _compute(self, name: str) -> dict[str, FloatArray]:
-        """Compute one quantity and all others of the same solver call."""
+        """Compute one result quantity, and all others that its solver returns."""
         # The values are meaningless for encounters without a proved contact.
         request = self.request
         if name == "virtual_force":  # by L(2)
@@ -180,7 +180,7 @@ class Solution(Value):
         return peaks
 
     def _proved(self) -> BoolArray:
-        """Return True for encounters whose contact a fast solver proved."""
+        """Return for each encounter whether a fast solver proved its contact."""
         proved = np.ones(self.request.size, dtype=np.bool_)
         proved[self._open] = False
         return proved
@@ -220,7 +220,7 @@ class Solution(Value):
         return np.asarray(self._cache[name])
 
     def reference(self, derivative: int) -> FloatArray:
-        """Return the final motion of the reference position.
+        """Return the final position, velocity or acceleration of the reference.
 
         `derivative` is 0 for the position [m], 1 for the velocity [m/s] and 2 for the acceleration [m/s^2].
         """
@@ -323,7 +323,10 @@ def _curves(request: Request, which: IntArray | None) -> Curves:
 
 
 def _settling(request: Request) -> FloatArray:
-    """Return where each object would come to rest without contact [m]."""
+    """Return the distance at which each motion would settle without contact [m].
+
+    It is infinite for motions that do not settle.
+    """
     r = request.relative
     has_spring, is_free = r.stiffness > 0, (r.stiffness == 0) & (r.damping == 0)
     rests = ((r.v == 0) | is_free) & (r.a == 0)

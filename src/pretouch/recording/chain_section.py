@@ -70,7 +70,7 @@ def _delay(declared: SensorChain, delay: tuple[float, str] | None) -> tuple[str,
 def _level_rows(
     noise: Noise, declared: SensorChain, kind: Kind, distance_noise: float | None
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield the entries of the section [chain] on sensor values."""
+    """Yield the [chain] entries on noise, offset, resolution and saturation."""
     kept = "not measured; from the scenario"
     if kind == "distance":
         yield "measures_distance", "true", "the topic is a distance"

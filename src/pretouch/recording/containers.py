@@ -71,8 +71,8 @@ def _files_of(folder: Path, contents: Contents) -> list[Path]:
     metadata = folder / "metadata.yaml"
     if not metadata.exists():
         contents.notes.append(
-            f"The bag has no file metadata.yaml, so pretouch read its files in the order of their names (files: "
-            f"{len(present)})."
+            "The bag has no file metadata.yaml: pretouch read the files of the bag in the order of their names (number "
+            f"of files: {len(present)})."
         )
         return present
     listed = _YAML_FILES.search(metadata.read_text(encoding="utf-8", errors="replace"))

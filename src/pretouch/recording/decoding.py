@@ -108,9 +108,10 @@ def decode_names(messages: Messages) -> tuple[str, ...]:
         lists = {tuple(getattr(message, "name", ())) for message in decoded}
     names = next(iter(lists))
     if len(lists) > 1 or not names:
-        found = f"the joints {' or '.join(', '.join(each) or 'none' for each in sorted(lists)[:2])}"
+        found = " or ".join(", ".join(each) or "none" for each in sorted(lists)[:2])
         raise InvalidInputError(
-            f"{topic.name}: found messages with {found}, expected the same joints in all messages of this topic"
+            f"{topic.name}: found messages with the joints {found}, expected the same joints in all messages of this "
+            "topic"
         )
     return names
 
@@ -204,9 +205,10 @@ def _field_of(field: str, fields: list[str], topic: Topic) -> str:
         return (usual or own)[0]
     if not own:
         raise InvalidInputError(f"{topic.name}: the message type {kind} has no numeric fields; choose another topic")
+    example = f"{topic.name}.{own[0]}"
     raise InvalidInputError(
-        f"{topic.name}: the message type {kind} has {len(own)} numeric fields; choose one of them, for example "
-        f"{topic.name}.{own[0]}. The numeric fields are {_listed(own)}"
+        f"{topic.name}: the message type {kind} has {len(own)} numeric fields; choose one of these fields, for example "
+        f"{example}. The numeric fields are {_listed(own)}"
     )
 
 

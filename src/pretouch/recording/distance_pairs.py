@@ -87,12 +87,16 @@ def pair_distances(
         speed = np.where(both, np.abs(last - first) / width, 0.0)
     kept = inside & (both | none)
     finite = between[kept & both]
-    if len(finite) < _FEWEST or np.ptp(finite) < _NARROW:
-        span = f"from {1e3 * finite.min():.4g} to {1e3 * finite.max():.4g} mm" if len(finite) else "none"
+    if len(finite) < _FEWEST:
         raise InvalidInputError(
-            f"reference: the number of readings with a distance is {len(finite)} (distances: {span}). A calibration "
-            f"needs at least {_FEWEST} such readings. Their distances must differ by more than {1e3 * _NARROW:g} mm. "
-            "Move the object toward the sensor while recording"
+            f"reference: the number of readings with a distance is {len(finite)}, but a calibration needs at least "
+            f"{_FEWEST} readings. Move the object toward the sensor while recording"
+        )
+    if np.ptp(finite) < _NARROW:
+        low, high = f"{1e3 * finite.min():.4g} mm", f"{1e3 * finite.max():.4g} mm"
+        raise InvalidInputError(
+            f"reference: the distances range only from {low} to {high}, but a calibration needs a range of at least "
+            f"{1e3 * _NARROW:g} mm. Move the object toward the sensor while recording"
         )
     return DistancePairs(
         distance=between[kept],

@@ -60,8 +60,8 @@ def _joint_names(file: Path, topic: str) -> tuple[str, ...]:
     """Read the joint names from the joint states of a topic."""
     if is_table(file):
         raise InvalidInputError(
-            f"{file}: pretouch reads joint states only from ROS 2 bags and MCAP files. In a CSV file, add a column "
-            "with the distances, and choose this column as the reference"
+            f"{file}: this is a CSV file, but pretouch reads joint states only from ROS 2 bags and MCAP files. Add a "
+            "column with the distances to the CSV file, and choose this column as the reference"
         )
     first = f"{topic}.position[0]"
     messages, _ = decode_topic(read_contents(file, [first]), first, file.name)

@@ -81,7 +81,9 @@ def estimate_latency(  # noqa: PLR0911 - one return for each reason
     best = int(np.argmax(np.abs(correlations)))
     peak = float(abs(correlations[best]))
     if peak < _LEAST:
-        return _unknown(peak, f"the two topics have a correlation of only {peak:.2f}, but {_LEAST} is required")
+        return _unknown(
+            peak, f"the correlation of the two topics is only {peak:.2f}, but a correlation of {_LEAST} is required"
+        )
     if best in {0, len(shifts) - 1}:
         return _unknown(
             peak, f"the correlation is largest at a time shift of {longest:.3g} s, the limit of the search range"
@@ -89,8 +91,8 @@ def estimate_latency(  # noqa: PLR0911 - one return for each reason
     if (rival := _rival(np.abs(correlations), best)) is not None:
         return _unknown(
             peak,
-            f"time shifts of {1e3 * shifts[best]:.4g} ms and {1e3 * shifts[rival]:.4g} ms fit almost equally well; "
-            "move the object irregularly",
+            f"the time shifts {1e3 * shifts[best]:.4g} ms and {1e3 * shifts[rival]:.4g} ms between the topics fit "
+            "almost equally well; move the object irregularly",
         )
     half_width = _half_width(np.abs(correlations), best) * float(shifts[1] - shifts[0])
     value, error = _refine(time, signal, _smoothed(other_time, other, half_width), float(shifts[best]), half_width)

@@ -115,8 +115,9 @@ def refuse_unknown(wanted: str, counts: Mapping[Topic, int], source: str) -> NoR
         raise InvalidInputError(f"{source}: this recording contains no topics; choose another file")
     near = get_close_matches(wanted, [*names, *(name.lstrip("/") for name in names)], 1, 0.5)
     hint = f" (did you mean {near[0]}?)" if near else ""
-    listed = [f"{topic.name} ({topic.message_type or topic.encoding}, {n:,} messages)" for topic, n in counts.items()]
-    more = f" and {len(listed) - _SHOWN} more" if len(listed) > _SHOWN else ""
+    topics = [f"{topic.name} ({topic.message_type or topic.encoding}, {n:,} messages)" for topic, n in counts.items()]
+    more = f" and {len(topics) - _SHOWN} more" if len(topics) > _SHOWN else ""
+    listed = f"{', '.join(topics[:_SHOWN])}{more}"
     raise InvalidInputError(
-        f"{source}: the recording has no topic {wanted!r}{hint}; its topics are {', '.join(listed[:_SHOWN])}{more}"
+        f"{source}: the recording has no topic {wanted!r}{hint}. The topics of the recording are {listed}"
     )

@@ -68,8 +68,7 @@ def read_recordings(
     if is_table(file):
         if clock is not None:
             raise InvalidInputError(
-                f"clock: no clock can be chosen for the file {file.name}, because its only clock is the time column; "
-                "omit this option"
+                f"clock: the CSV file {file.name} has only one clock, its time column; omit the option for the clock"
             )
         return tuple(_from_table(file, name, unit) for name, unit in wanted)
     if not all(name for name, _ in wanted):
@@ -160,8 +159,9 @@ def _valid_ranges(values: FloatArray, bounds: tuple[float, float]) -> tuple[Floa
         return values, ()
     changed = np.where(near, -np.inf, np.where(far, np.inf, values))
     return changed, (
-        f"Some distances are outside the sensor range from {1e3 * low:.4g} mm (min_range) to {1e3 * high:.4g} mm "
-        f"(max_range): {near.sum():,} distances count as too near, and {far.sum():,} distances count as no object.",
+        f"Some distances are outside the sensor range from {1e3 * low:.4g} mm to {1e3 * high:.4g} mm: pretouch treats "
+        "these distances as too near or as no object. The number of distances below min_range is "
+        f"{near.sum():,}, and the number of distances above max_range is {far.sum():,}.",
     )
 
 

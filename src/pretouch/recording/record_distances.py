@@ -63,9 +63,12 @@ class TypedDistances:
     def move(self, judgment: Judgment, display: RecordDisplay) -> float | None:
         """Ask the person for the next object distance."""
         suggested = judgment.missing.all[0] if judgment.missing.all else None
-        offer = "" if suggested is None else f", Enter for {format_quantity(suggested, 'm')}"
+        question = "Place the object, then type its distance in mm, or q to end: "
+        if suggested is not None:
+            place = format_quantity(suggested, "m")
+            question = f"Place the object, then type its distance in mm, Enter for the distance {place}, or q to end: "
         while True:
-            answer = display.ask(f"Place the object, then type its distance in mm{offer}, or q to end: ")
+            answer = display.ask(question)
             if answer is None or answer.strip().lower() in {"q", "quit", "end", "done"}:
                 return None
             if not answer.strip():

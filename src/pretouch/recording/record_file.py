@@ -165,15 +165,13 @@ class RecordFile:
         header = _HEADER.fullmatch(lines[0][1]) if lines else None
         if header is None:
             raise InvalidInputError(
-                f"{self.path}: this file was not written by pretouch record, because its header is not "
-                "'distance [mm],output [UNIT]'; choose another name"
+                f"{self.path}: this file was not written by pretouch record; choose another name. The header of a "
+                "recorded file is 'distance [mm],output [UNIT]'"
             )
         self.unit = header["unit"] or ""
         if unit is not None and unit != self.unit:
-            raise InvalidInputError(
-                f"--unit: found the unit {unit}, but the unit of the readings in the file {self.path} is "
-                f"{self.unit or 'not given'}"
-            )
+            expected = f"the unit {self.unit}" if self.unit else "no unit"
+            raise InvalidInputError(f"--unit: found the unit {unit}, expected {expected} as in the file {self.path}")
         for i, line in lines[1:]:
             cells = line.split(",")
             try:

@@ -102,7 +102,7 @@ def judge_recording(calibration: Calibration | None, goal: RecordGoal, *, final:
     reason = _objection(report, slope, missing, goal)
     if not reason and goal.load is not None:
         reason = _objection_of_scenario(goal.load)
-    done = "" if slope is None else f"The slope g is known to {100 * slope:.2g} % (95 % confidence)"
+    done = "" if slope is None else f"The slope g has an uncertainty of {100 * slope:.2g} % (95 % confidence)"
     good = f"{done}{', which is good enough for the scenario' if goal.load is not None else ''}."
     return Judgment(is_enough=not reason, reason=reason or good, missing=missing, uncertainty=slope, report=report)
 
@@ -139,8 +139,8 @@ def _objection(report: CalibrationReport, slope: float | None, missing: MissingD
     if slope > goal.accuracy:
         place = format_quantity(report.slope.worst_at, "m", 3)
         return (
-            f"The slope g is known to {100 * slope:.2g} % (95 % confidence), but {100 * goal.accuracy:g} % is "
-            f"required: record more readings at distances around {place}."
+            f"The slope g has an uncertainty of {100 * slope:.2g} % (95 % confidence), but at most "
+            f"{100 * goal.accuracy:g} % is allowed: record more readings at distances around {place}."
         )
     if missing.ends:
         return _ENDS

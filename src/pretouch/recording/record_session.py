@@ -109,11 +109,12 @@ class RecordedCalibration(Described, Value):
         return result
 
     def __repr__(self) -> str:
-        return f"<RecordedCalibration: {self.readings} readings at {len(self.distances)} distances in {self.path}>"
+        count = len(self.distances)
+        return f"<RecordedCalibration: {self.readings} readings at {count} distances in the file {self.path}>"
 
 
 def kept(readings: int, distances: int, empty: int, path: object) -> str:
-    """Return part of a sentence: how many readings a calibration file has."""
+    """Return a clause on the number of readings in a calibration file."""
     where = f"{distances} distance{'' if distances == 1 else 's'}"
     return f"{path} has {readings} readings at {where} and {empty} readings without an object"
 
@@ -235,7 +236,7 @@ class _Session:
 
     @contextmanager
     def explain_what_is_kept(self) -> Iterator[None]:
-        """Explain in sensor errors how to continue the recording."""
+        """Add to sensor errors how the user can continue the recording."""
         try:
             yield
         except SourceError as error:
@@ -311,7 +312,8 @@ class _Session:
             raise self._silence()
 
     def _check_silence(self, last: float, now: float, has_arrived: bool) -> float:
-        """Return the time of the last reading, unless readings are overdue."""
+        """Raise an error if readings are overdue."""
+        # The result is the time of the last reading.
         if has_arrived:
             return now
         if self.reader.has_ended:

@@ -66,7 +66,7 @@ def drifts(values: FloatArray) -> bool:
 
 
 class Stay:
-    """The readings at one distance of the object.
+    """Selection of the calibration readings at one object distance.
 
     The calibration uses only readings after settling.
 

@@ -150,9 +150,10 @@ def _one_clock(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     lost = total - (longest.stop - longest.start)
     other = {"header": "receive", "receive": "header" if len(recording.transport) else ""}.get(recording.clock)
     advice = f"; try --clock {other}" if other else ""
+    jumps = "once" if len(parts) == 2 else f"{len(parts) - 1} times"
     return recording.part(longest), (
-        f"The clock of the recording was set back (number of jumps: {len(parts) - 1}): pretouch replayed only the "
-        f"longest part without a jump{advice}. The replay ignores {lost:,} of {total:,} readings.",
+        f"The clock of the recording was set back {jumps}: pretouch replayed only the longest part without a jump"
+        f"{advice}. The replay ignores {lost:,} of {total:,} readings.",
     )
 
 
@@ -232,7 +233,7 @@ def _delay(
         # a latency counts from the middle of an exposure, and a delay from its end
         return (
             latency.value - exposure / 2,
-            f"lag behind the topic {reference.topic}, which is assumed to have no latency",
+            f"measured relative to the topic {reference.topic}, whose latency is assumed to be 0",
         )
     if used.clock == "header" and len(used.transport):
         transport = float(np.median(used.transport))

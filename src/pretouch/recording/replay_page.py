@@ -126,8 +126,8 @@ def _warnings(replay: Replay) -> Iterator[str]:
     if not replay.detections and replay.usable and xi is not None:
         yield caution(
             "PT605",
-            f"No reading was above the noise floor (largest {xi:.4g}, floor {format_output(floor)}): check that the "
-            "topic has the unit of the scenario, and that an object came near.",
+            f"No reading was above the noise floor (largest signal {xi:.4g}, noise floor {format_output(floor)}): "
+            "check that the topic has the unit of the scenario, and that an object came near.",
         )
     if replay.recording.kind == "reading" and noise.noise is not None:
         if noise.noise > _NOISIER * chain.noise and chain.noise > 0:
@@ -149,7 +149,7 @@ def _warnings(replay: Replay) -> Iterator[str]:
             yield caution(
                 "PT608",
                 f"Without an object, the median reading is {noise.offset:.5g}, but the controller subtracts the offset "
-                f"{replay.controller.conditioning.offset:.5g}; set offset in [controller] to the median.",
+                f"{replay.controller.conditioning.offset:.5g}: set offset in [controller] to the median.",
             )
 
 
@@ -187,19 +187,20 @@ def _fault_warnings(replay: Replay) -> Iterator[str]:
     if timing.late:
         yield caution(
             "PT604",
-            f"{timing.late:,} readings arrived after readings with a later time stamp; the law ignores them as too "
-            "old.",
+            f"{timing.late:,} readings arrived too late, after readings with a later time stamp: the law ignores these "
+            "late readings.",
         )
     if timing.repeated_stamps:
         yield caution(
             "PT604",
-            f"{timing.repeated_stamps:,} readings have the same time stamp as the reading before; the law uses only "
+            f"{timing.repeated_stamps:,} readings have the same time stamp as the previous reading: the law uses only "
             "the last reading of each time stamp.",
         )
     replaced = counts["replaced"] - timing.repeated_stamps - timing.late
     if replaced > _FEW * total:
         yield caution(
-            "PT604", f"{replaced:,} readings were not used, because a newer one arrived before the next control step."
+            "PT604",
+            f"The law did not use {replaced:,} readings: a newer reading arrived before the next control step.",
         )
 
 

@@ -101,7 +101,7 @@ class Replay(Described, Value):
         return _headline(self)
 
     def pairs(self) -> DistancePairs:
-        """Return the sensor readings with the distances from the reference.
+        """Return the sensor readings, paired with the distances of the reference topic.
 
         A known latency of the sensor is removed.
 

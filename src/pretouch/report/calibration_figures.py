@@ -177,7 +177,7 @@ def _distances(fit: SensorFit, report: CalibrationReport) -> FloatArray:
 
 
 def _points(report: CalibrationReport) -> _Points:
-    """Recover the averaged calibration readings from the best fit."""
+    """Compute the averaged calibration readings from the best fit and its residuals."""
     fit = report.fits[0]
     distance = np.asarray(fit.distances)
     log_output = np.asarray(fit.sensor.log_output(distance)) + fit.residuals

@@ -168,7 +168,7 @@ def _crosses(anchor: FloatArray, box: FloatArray, gap: float, occupied: FloatArr
 
 
 def _behind(anchor: FloatArray, box: FloatArray, gap: float, marks: FloatArray) -> bool:
-    """Return True if a curve separates a label from its anchor."""
+    """Return True if a curve lies between a label and its plotted point."""
     # Leader lines may cross reference lines.
     end = np.clip(anchor, box[:2], box[2:])
     length = float(np.hypot(*(end - anchor)))
@@ -200,7 +200,7 @@ def _candidates(
 
 
 def free_places(axes: Axes, boxes: FloatArray, occupied: FloatArray) -> Any:
-    """Return which label positions are inside the plot and free."""
+    """Return a mask of the unobstructed label positions inside the plot."""
     (x0, y0), (x1, y1) = axes.bbox.get_points()
     inside = (boxes[:, 0] >= x0 + 1) & (boxes[:, 2] <= x1 + 4) & (boxes[:, 1] >= y0 + 1) & (boxes[:, 3] <= y1 + 2)
     apart = (

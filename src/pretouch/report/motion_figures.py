@@ -171,9 +171,9 @@ def runs_of(design: GainDesign) -> list[DrawnMotion]:
 
 
 def lanes_of(design: GainDesign) -> tuple[list[Lane], SensorModel]:
-    """Return the animation rows of a gain design and the sensor curve.
+    """Return the motions to animate, and the sensor curve of the design.
 
-    The rows are the motions with and without mitigation.
+    The animation has one row with mitigation, and one row without mitigation.
 
     Args:
         design: the design.
@@ -220,7 +220,7 @@ def _curve(run: DrawnMotion, name: str, clock: Scale, scale: Scale, largest: flo
 
 
 def _reference(design: GainDesign, last: float, values: FloatArray, clock: Scale, scale: Scale) -> list[Curve]:
-    """Return the robot's reference motion as a curve, if visible."""
+    """Return the visible part of the robot's reference motion as a curve."""
     reference, time = design.scenario.reference, np.linspace(0.0, last, 50)
     path = reference.position + (reference.velocity + reference.acceleration * time / 2) * time
     margin = 0.1 * np.ptp(values)
@@ -272,7 +272,7 @@ def _limits(design: GainDesign, name: str) -> dict[str, float]:
 
 
 def _worth_drawing(limits: dict[str, float], values: FloatArray) -> dict[str, float]:
-    """Return only the limits close to the plotted motion."""
+    """Return the design limits that are close to the plotted motion."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     reach = _FAR * max(high - low, 1e-12)
     below = abs(low) >= abs(high)

@@ -94,7 +94,7 @@ def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
     """
     if isinstance(values, kind):
         raise InvalidInputError(
-            f"{name}: found a single {kind.__name__}, expected a list of such objects; try [{kind.__name__}(...)]"
+            f"{name}: found a single {kind.__name__}, expected a list; write {name}=[{kind.__name__}(...)]"
         )
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
         raise InvalidInputError(f"{name}: found {short_repr(values)}, expected a list of {kind.__name__}s")
@@ -138,7 +138,7 @@ def check_style(style: Any, subject: str) -> None:
 
 
 def check_axis(panel: Any, axis: str) -> None:
-    """Check the limits of an axis against the plotted items.
+    """Check that the limits and scale of an axis fit its data.
 
     Raises:
         InvalidInputError: a labeled item is outside the limits, or a logarithmic axis has a value that is not positive.

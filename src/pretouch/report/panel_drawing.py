@@ -307,7 +307,7 @@ def _with_power(label: str, power: int) -> str:
 
 
 def _within_limits(curve: Curve, panel: Panel, which: str) -> Any:
-    """Return which points of a curve are within the axis limits."""
+    """Return a mask of the curve points within the axis limits."""
     # If the panel has no limits, or no point is within the limits, all points count as within.
     limits, values = getattr(panel, f"{which}_limits"), np.asarray(getattr(curve, which), float)
     within = (values >= limits[0]) & (values <= limits[1]) if limits else np.ones(len(values), dtype=bool)
@@ -344,7 +344,7 @@ def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
 
 
 def _room_for_ends(axes: Axes, panel: Panel) -> float:
-    """Return the share of the plot width reserved for curve labels."""
+    """Return the label width as a fraction of the remaining plot width."""
     low, high = axes.get_ylim()
     down = [c.end for c in panel.curves if c.end and np.asarray(c.y, float)[c.known][-1] < low + 0.05 * (high - low)]
     width = _LETTER * max((len(line) for text in down for line in text.split("\n")), default=0)

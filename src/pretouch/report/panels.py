@@ -82,7 +82,7 @@ class Curve(Value):
         if len(set(sizes.values())) > 1:
             listed = ", ".join(f"{size} values of {name}" for name, size in sizes.items())
             raise InvalidInputError(
-                f"{subject}: the columns of a curve must have the same number of values, but found {listed}"
+                f"{subject}: found {listed}, expected the same number of values in each column of a curve"
             )
         if not self.known.any():
             raise InvalidInputError(f"{subject}: this curve has no point with finite numbers x and y; remove the curve")
@@ -194,12 +194,12 @@ class Map(Value):
         x, y = (as_column(getattr(self, name), f"map: {name}") for name in ("x", "y"))
         values = np.asarray(self.values, dtype=np.float64)
         if values.shape != (len(y), len(x)) or min(values.shape) < 2 or not np.isfinite(values).any():
-            actual = f"{np.isfinite(values).sum()} finite values of shape {values.shape}"
-            expected = (
-                f"an array of {len(y)} rows (one for each y) and {len(x)} columns (one for each x). The array needs "
-                "at least 2 rows, 2 columns and one finite value"
+            count = np.isfinite(values).sum()
+            raise InvalidInputError(
+                f"map: values: found an array of shape {values.shape} with {count} finite values, expected the shape "
+                f"{(len(y), len(x))}. The map needs one row for each y and one column for each x. It needs at least "
+                "2 rows, 2 columns and one finite value"
             )
-            raise InvalidInputError(f"map: values: found {actual}, expected {expected}")
         across, up = np.argsort(x), np.argsort(y)
         for name, column in (("x", x[across]), ("y", y[up]), ("values", values[up][:, across])):
             object.__setattr__(self, name, column)
@@ -250,8 +250,8 @@ class Panel(Value):
         for name in ("x_label", "y_label", "title")[: 2 if self.map is None else 3]:
             if not _UNIT.search(getattr(self, name)):
                 raise InvalidInputError(
-                    f"{name}: found {getattr(self, name)!r}, expected an axis label with its unit in brackets, "
-                    "such as 'distance l [mm]', or with '[1]' for pure numbers"
+                    f"{name}: found the text {getattr(self, name)!r}, expected a text with a unit in brackets, such "
+                    "as 'distance l [mm]'. The unit of pure numbers is '[1]'"
                 )
         for name, kind in (("curves", Curve), ("marks", Mark), ("spans", Span)):
             object.__setattr__(self, name, as_values(getattr(self, name), kind, name))

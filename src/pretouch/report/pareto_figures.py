@@ -1,4 +1,4 @@
-"""Plot Pareto fronts and designs of gain and admittance."""
+"""Plot Pareto fronts, and the best objective versus admittance parameters."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def outcome(design: RobustDesign) -> Figure:
 
 @check_arguments
 def price(design: RobustDesign) -> Figure:
-    """Draw the loss of the robust gain versus each uncertain input.
+    """Draw the objective loss of a robust gain versus uncertain inputs.
 
     Args:
         design: a design with a gain.
@@ -178,7 +178,7 @@ def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, R
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
-    """Yield plots of best gain and loss versus an uncertain input."""
+    """Yield plots of best gain and objective loss versus one input."""
     scale = scale_for(price.unit, float(np.abs(price.value).max()))
     x = price.value / scale.factor
     across = f"{price.name} [{scale.unit or '1'}]"

@@ -67,9 +67,9 @@ def simulation(encounter: SimulatedEncounter) -> Figure:
 
 
 def simulated_lanes(encounter: SimulatedEncounter) -> tuple[list[Lane], SensorModel]:
-    """Return the animation rows and the sensor curve of an encounter.
+    """Return the runs to animate, and the sensor curve of the encounter.
 
-    The rows are the runs with and without mitigation, until first contact.
+    The animation has one row with mitigation, and one row without mitigation. Each row ends with the first contact.
 
     Args:
         encounter: a result of `simulate_encounter`.

@@ -58,7 +58,7 @@ def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
     for name in names:
         if not bool(np.isfinite(flat[name].values).any()):
             raise InvalidInputError(
-                f"{name}: no encounter of this sweep has a value of this result, so there is nothing to draw. "
+                f"{name}: found no finite value of this result in the sweep, so there is nothing to draw. "
                 "The variable `status` of the dataset gives the reasons"
             )
     if len(dims) == 1:

@@ -59,7 +59,7 @@ def verdict(verdict: Verdict) -> Figure:
 
 
 def _quantities(verdict: Verdict) -> list[str]:
-    """Return the quantities to draw.
+    """Return the names of the quantities to plot.
 
     These are the most important quantities and all quantities with a limit.
     """

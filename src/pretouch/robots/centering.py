@@ -124,7 +124,7 @@ class HandMotion:
         self.position += self._period * (before + self.velocity) / 2
 
     def along(self, site: int) -> float:
-        """Return the direction of a site's motion with the hand.
+        """Return the sign of the hand motion along a site's axis.
 
         It is 1 for the first finger of the hand, -1 for the second, and 0 for all other sites.
         """
@@ -132,7 +132,7 @@ class HandMotion:
 
 
 def pair_of(centering: Centering, laws: Sequence[SiteLaw]) -> tuple[int, int]:
-    """Find the two fingers of a centering law among all laws."""
+    """Return the indices of the control laws of the two fingers."""
     names = [law.site.name for law in laws]
     for site in centering.sites:
         if site not in names:

@@ -46,8 +46,8 @@ def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteCon
         for reason in sorted({c.obstacle for c in runs} - {""}):
             yield caution(
                 "PT506",
-                f"Before contact, the reference motion of the site {site} stops at a {reason} of the robot: choose a "
-                "weaker gain or a posture with a longer retreat.",
+                f"The reference motion of the site {site} stops before contact, at a {reason}: choose a weaker gain, "
+                "or a posture with a longer retreat.",
             )
         turn, sideways = (max(getattr(c, name) for c in runs) for name in ("axis_turn", "sideways"))
         if turn > TURN or sideways > SIDEWAYS:
@@ -88,8 +88,8 @@ def report_deviations(
             shown = f"{percent:.2g}" if percent < 100 else f"{percent:.0f}"
             yield caution(
                 "PT507",
-                f"The simulated contact speed of the site {site} is {shown} % {more} than its prediction: rely on the "
-                "simulation. If the reason is known, another warning names it.",
+                f"At the site {site}, the simulated contact speed is {shown} % {more} than the predicted contact "
+                "speed: rely on the simulation. If the reason is known, another warning names it.",
             )
 
 

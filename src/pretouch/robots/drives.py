@@ -38,7 +38,7 @@ class AxisLimits(Value):
 
     @property
     def least(self) -> float:
-        """The smaller of the two limits, ahead and back along the axis."""
+        """The smaller of the limits toward and away from objects."""
         return min(self.ahead, self.back)
 
 
@@ -176,9 +176,9 @@ def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
 
 
 def _span(drives: Drives, columns: FloatArray, velocities: FloatArray) -> AxisLimits:
-    """Return the largest magnitudes of x[0] that the drives allow.
+    """Return the largest acceleration, speed or force that the drives allow.
 
-    The drives apply the joint torques columns @ x + load.
+    This quantity is x[0]. The drives apply the joint torques columns @ x + load.
 
     Args:
         drives: the drives.
@@ -186,7 +186,7 @@ def _span(drives: Drives, columns: FloatArray, velocities: FloatArray) -> AxisLi
         velocities: joint velocities per variable if the variables are velocities, else without columns.
 
     Returns:
-        Both magnitudes.
+        The largest magnitudes of x[0] in both directions.
 
     Raises:
         InvalidInputError: the limits exclude zero.

@@ -247,9 +247,9 @@ def axis_motion(dynamics: PostureDynamics, hold: str, locked: Any = ()) -> AxisM
 
 
 def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMotion | None:
-    """Return the joint motion along the axis with other directions held.
+    """Return the joint motion along the axis, with other directions fixed.
 
-    The result is None if the joints cannot hold them.
+    The result is None if the joints cannot keep these directions fixed.
     """
     inertia = dynamics.inertia[np.ix_(kept, kept)]
     solution = least_energy(held_rows(dynamics, hold)[:, kept], (0,), inertia)
@@ -273,7 +273,7 @@ def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMo
 
 
 def held_rows(dynamics: PostureDynamics, hold: str) -> FloatArray:
-    """Return the Jacobian of the sensor axis and the held directions.
+    """Return the Jacobian of the sensor axis and the fixed directions.
 
     The first row is that of the axis. The shape is (k, n).
     """
@@ -291,9 +291,9 @@ def held_rows(dynamics: PostureDynamics, hold: str) -> FloatArray:
 def least_energy(
     rows: FloatArray, driven: tuple[int, ...], inertia: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Find the least-energy joint motion for each driven row of a Jacobian.
+    """Find the least-energy joint motion along each of several directions.
 
-    Each motion moves along its own row only.
+    The directions are rows of a Jacobian. Each motion moves along its own row only.
 
     Args:
         rows: the Jacobian of all directions that move or are held, shape (k, n).

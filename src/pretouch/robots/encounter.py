@@ -117,7 +117,10 @@ def _warnings(
     contacts: Sequence[Sequence[SiteContact]],
     predictions: Sequence[Sequence[SiteContact | None]],
 ) -> Iterator[str]:
-    """Yield warnings about postures, model and deviations from the prediction."""
+    """Yield all warnings of a robot simulation.
+
+    They concern the postures, the model, and deviations from the prediction.
+    """
     names = [law.site.name for law in scene.laws]
     found = list(explain_deviations(names, contacts))
     if scene.centering is None:  # the prediction does not know the law of the hand
@@ -147,7 +150,7 @@ def _simulate_part(scene: _Scene, seed: int, runs: range) -> list[tuple[SiteCont
 
 @dataclass(frozen=True, slots=True)
 class _Tracer:
-    """Repeats a simulated run and records its time series."""
+    """Callable that repeats a simulated run and records its time series."""
 
     scene: Any
     seed: int
@@ -202,7 +205,8 @@ class _Scene:
         names = [law.site.name for law in laws]
         if not laws or len(set(names)) < len(names):
             raise InvalidInputError(
-                f"laws: found control laws for the sites {names}, expected at least one law, and at most one per site"
+                f"laws: found control laws for the sites {names}, expected at least one law, and at most one law per "
+                "site"
             )
         periods = {law.controller.period for law in laws}
         if len(periods) > 1:
@@ -274,9 +278,8 @@ def _check_bandwidth(tracking: Tracking, step: float) -> None:
     bandwidth = getattr(tracking, "bandwidth", 0.0)
     if 2 * math.pi * bandwidth * step > _FINEST:
         raise InvalidInputError(
-            f"bandwidth: found {bandwidth:g} Hz, expected at most {_FINEST / (2 * math.pi * step):.3g} Hz. This "
-            f"limit follows from the model's time step of {step:g} s. Reduce the bandwidth of the tracking or the time "
-            "step"
+            f"bandwidth: found {bandwidth:g} Hz, expected at most {_FINEST / (2 * math.pi * step):.3g} Hz for the "
+            f"model's time step of {step:g} s. Reduce the bandwidth of the joint controller, or reduce the time step"
         )
 
 
@@ -529,7 +532,7 @@ class _Run:
         return torques
 
     def _watch(self, site: _Site, now: float, h: float) -> None:
-        """Pass a site's distance to its sensor, and record its contact."""
+        """Update the reading of a sensor site, and record its contact."""
         model, data = self.scene.model, self.data
         before, site.glance = site.distance, site.sight.glance(data)
         site.distance = site.glance.distance

@@ -59,7 +59,7 @@ def distances_ahead(model: Model, site: SensorSite, joints: Mapping[str, FloatAr
     if not np.isfinite(distances).any():
         raise InvalidInputError(
             f"site {site.name!r}: no object lies on the sensor axis {site.axis} in any recorded posture. Choose "
-            "another axis, or add the object to the model. Put it where it was during the recording"
+            "another axis, or add the object to the model at its position during the recording"
         )
     return distances
 
@@ -80,7 +80,7 @@ def _joints_between(model: Model, site: int) -> IntArray:
 
 
 def _column(model: Model, joint: int, joints: Mapping[str, FloatArray]) -> FloatArray:
-    """Return a joint's recorded positions after a check of its range."""
+    """Check and return the recorded positions of a joint."""
     name = names_of(model, "joint")[joint]
     if not is_scalar_joint(model, joint):
         raise InvalidInputError(
@@ -101,7 +101,7 @@ def _column(model: Model, joint: int, joints: Mapping[str, FloatArray]) -> Float
             unit = unit_of_joint(model, joint)
             ends = " to ".join(describe_position(end, unit) for end in (low, high))
             raise InvalidInputError(
-                f"joint {name!r}: found the recorded position {values[worst]:g} {unit}, expected a position within the "
-                f"range of this joint in the model, {ends}. Joint states must come from the same robot, in rad or m"
+                f"joint {name!r}: found the recorded position {values[worst]:g} {unit}, expected a position in the "
+                f"joint range of the model ({ends}). Record the joint states of the same robot, in rad or m"
             )
     return values

@@ -73,7 +73,7 @@ def make_data(model: Model, posture: Mapping[str, Any] | None = None, *, keyfram
         joint = _joint_index(model, name)
         if not is_scalar_joint(model, joint):
             raise InvalidInputError(
-                f"posture: the position of the joint {name!r} is not a single number, expected a hinge or a slide"
+                f"posture: the joint {name!r} is neither a hinge nor a slide, so one number cannot set its position"
             )
         unit = unit_of_joint(model, joint)
         data.qpos[model.jnt_qposadr[joint]] = to_si(value, unit, name=f"posture {name}")

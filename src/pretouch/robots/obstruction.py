@@ -69,8 +69,8 @@ def refuse_overlap(model: Model, data: Data, site: SensorSite, index: int, dista
                 deepest, what = -float(contact.dist), f"the geom {_name_of(model, int(geom))}"
     if deepest > _TOLERANCE:
         raise InvalidInputError(
-            f"data: at the start, {what} overlaps the robot with the site {site.name!r} by "
-            f"{format_quantity(deepest, 'm')}; move the object away from the robot"
+            f"data: at the start, {what} overlaps the robot by {format_quantity(deepest, 'm')}; move the object away "
+            f"from the robot. This robot carries the site {site.name!r}"
         )
 
 

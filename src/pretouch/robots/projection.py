@@ -110,8 +110,8 @@ class Projection(Described, Value):
         for name, limit in limits.items():
             if not limit > 0:
                 raise InvalidInputError(
-                    f"{name}: in this posture, the site {self.site.name!r} has no possible {name} along its axis "
-                    f"{self.site.axis}; choose another posture or axis"
+                    f"{name}: the largest {name} of the site {self.site.name!r} along its axis {self.site.axis} is 0 "
+                    "in this posture; choose another posture or axis"
                 )
         return tuple(Constraint(name=n, limit=share * v) for n, v in limits.items() if math.isfinite(v))
 
@@ -343,8 +343,9 @@ def posture_warnings(
         yield caution(
             "PT501",
             "The posture is close to a singularity: choose another posture if a design needs more acceleration than "
-            f"the drives allow. The robot follows the prediction only up to this limit of the drives. Along the sensor "
-            f"axis, the drives move {motion.conditioning**-2:.0f} times as much mass as along the easiest direction.",
+            f"the drives allow. Beyond this acceleration, the robot does not follow the prediction. The mass that the "
+            f"drives move along the sensor axis is {motion.conditioning**-2:.0f} times the mass along the easiest "
+            "direction.",
         )
     rates = ((TURN, motion.turning), (SIDEWAYS, motion.sideways))
     straight = min((limit / rate for limit, rate in rates if rate > 0), default=math.inf)
@@ -364,8 +365,9 @@ def posture_warnings(
     if endless:
         yield caution(
             "PT508",
-            f"Some hinges have no range in the model, so pretouch lets them turn without limit ({', '.join(endless)}): "
-            "add the range of each hinge that has one. With a range, the robot may retreat less.",
+            f"The model has no range for these hinges, so pretouch lets them turn without limit "
+            f"({', '.join(endless)}): add the range of each hinge that cannot turn endlessly. With a range, the robot "
+            "may retreat less.",
         )
     passive = [
         joint_label(model, int(j))
@@ -375,6 +377,6 @@ def posture_warnings(
     if passive:
         yield caution(
             "PT503",
-            f"No actuator moves some joints, so pretouch lets them move freely ({', '.join(passive)}): add actuators, "
-            "or lock these joints.",
+            f"No actuator moves these joints, so pretouch lets them move freely ({', '.join(passive)}): add actuators, "
+            "or lock the joints.",
         )

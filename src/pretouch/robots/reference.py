@@ -115,7 +115,7 @@ class JointPath:
             self._anchors[0] = self._joints, solution, self._turn, self._direction, self._points
 
     def restart(self) -> JointPath:
-        """Return to the start of the path.
+        """Return the joint path, reset to its start.
 
         The points of the path that were already computed are kept.
         """
@@ -126,7 +126,7 @@ class JointPath:
 
     @property
     def holds(self) -> tuple[str, ...]:
-        """The directions that the joints hold at each sensor site.
+        """The `hold` option in use at each sensor site.
 
         Each value is "pose", "position" or "axis".
         """
@@ -141,7 +141,7 @@ class JointPath:
         return motion
 
     def held(self, data: Data) -> FloatArray:
-        """Return the Jacobian of all moved or held directions of the sites."""
+        """Return the Jacobian of the moved and fixed directions at all sites."""
         rows = []
         for drivetrain, axis, hold in zip(self._drivetrains, self._axes, self._holds, strict=True):
             turn = np.array(data.site_xmat[drivetrain.site]).reshape(3, 3)

@@ -155,10 +155,10 @@ def render_frames(
 
 
 def _open_renderer(model: Model, height: int, width: int) -> Any:
-    """Open MuJoCo's renderer with the first working kind of OpenGL.
+    """Open MuJoCo's renderer with the first working OpenGL backend.
 
     Returns:
-        The renderer; None if no kind works.
+        The renderer; None if no backend works.
     """
     linux = sys.platform.startswith("linux")
     kinds = ("egl", "osmesa", "glfw") if linux and not os.environ.get("MUJOCO_GL") else ("",)
@@ -171,9 +171,9 @@ def _open_renderer(model: Model, height: int, width: int) -> Any:
 
 
 def _choose_opengl(kind: str) -> None:
-    """Make MuJoCo use another kind of OpenGL.
+    """Make MuJoCo use another OpenGL backend.
 
-    By itself, MuJoCo chooses the kind only once, at its import.
+    By itself, MuJoCo chooses the backend only once, at its import.
     """
     os.environ["MUJOCO_GL"] = kind
     try:

@@ -111,7 +111,7 @@ class Sight:
             passed += found + _PAST
 
     def equivalent_distance(self, data: Data) -> float:
-        """Return the distance [m] of a plane with equal sensor output.
+        """Return the distance [m] at which a plane causes the same output.
 
         The plane faces the sensor, and causes the same output as the scene. The distance is infinite if nothing is
         visible.

@@ -55,7 +55,8 @@ class SensorSite(Value):
         check_types(self)
         axis = self.axis if isinstance(self.axis, str) else tuple(_unit_vector(self.axis))
         if isinstance(axis, str) and axis not in AXES:
-            raise InvalidInputError(f"axis: found {axis!r}, expected one of {', '.join(AXES)}, or a unit vector")
+            listed = ", ".join(AXES)
+            raise InvalidInputError(f"axis: found {axis!r}, expected a unit vector or one of the axes {listed}")
         angle = to_si(self.field_of_view, "rad", name="field_of_view")
         if not 0 <= angle < math.pi:
             raise InvalidInputError(

@@ -46,7 +46,7 @@ class SiteLaw:
 
     @property
     def running(self) -> Controller:
-        """The controller that the robot runs.
+        """The controller that runs on the robot, one-sided if requested.
 
         If `one_sided` is True, a virtual damper acts during approaches only.
         """

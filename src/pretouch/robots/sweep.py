@@ -263,14 +263,15 @@ def _balls(objects: Mapping[str, Any], count: int) -> dict[str, FloatArray]:
         value = objects.get(name, default)
         if value is None:
             raise InvalidInputError(
-                f"objects: the {name} of the ball is missing; give one value in {unit}, or one for each encounter"
+                f"objects: the {name} of the ball is missing; give one value [{unit}] for all postures, or one value "
+                "for each posture"
             )
         check = finite if name in {"velocity", "offset"} else positive
         column = np.asarray(check(value, f"objects {name}", unit), dtype=np.float64)
         if column.shape not in {(), (count,)}:
             raise InvalidInputError(
                 f"objects: found {column.size} values for the {name} of the ball, expected one value for all "
-                f"postures, or one for each of the {count} postures"
+                f"postures, or {count} values, one for each posture"
             )
         columns[name] = np.broadcast_to(column, count)
     return columns

@@ -63,14 +63,14 @@ class ProjectionTable(Described, Value):
 
     @property
     def projections(self) -> tuple[tuple[ProjectionRow, Projection], ...]:
-        """All existing projections of the overview, with their rows.
+        """The rows that have a projection, each with its projection.
 
         Each pair has the row first.
         """
         return tuple((row, row.projection) for row in self.rows if row.projection is not None)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all projections as a dictionary for JSON.
+        """Return mass and limits at all sites as a dictionary for JSON.
 
         All values are in SI units. Reasons stand for missing projections.
         """

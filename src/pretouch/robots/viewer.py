@@ -49,7 +49,8 @@ def view_robot(result: RobotSimulation, run: int = 0) -> None:
         window = viewer.launch_passive(result.model, data)
     except (ImportError, RuntimeError) as error:
         raise InvalidInputError(
-            f"view: MuJoCo cannot open its viewer ({' '.join(str(error).split())}); look at the film in the report"
+            "view: MuJoCo cannot open its viewer; look at the film in the report instead. "
+            f"MuJoCo reports the error: {' '.join(str(error).split())}"
         ) from None
     step = 1 / (_RATE * SLOWER)
     rows = np.searchsorted(trace.time, np.arange(0.0, trace.time[-1] + step, step)).clip(max=len(trace.time) - 1)

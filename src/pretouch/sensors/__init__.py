@@ -1,4 +1,4 @@
-"""Define sensor curves over the distance.
+"""Define the curves of sensor output versus distance.
 
 Each curve has two functions: the log output ln xi and its slope g.
 """

@@ -164,7 +164,7 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
         fault = _fault(sensor, np.linspace(low, high, _PROBES))
     if fault is not None:
         name = sensor.name or type(sensor).__name__
-        raise InvalidInputError(f"sensor: the {name} curve violates a requirement on sensor curves: {fault}")
+        raise InvalidInputError(f"sensor: the {name} curve is not a valid sensor curve: {fault}")
     verified[0] = high
 
 
@@ -185,8 +185,8 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
     obstacle = _evaluation_obstacle(sensor, distance)
     if obstacle is not None:
         return (
-            f'found the error "{obstacle}", but log_output and log_slope of a sensor curve must accept distances of '
-            "any shape and return the same shape"
+            f'the function log_output or log_slope raised the error "{obstacle}". Both functions must accept '
+            "distances of any shape and return the same shape"
         )
     log_output, slope = sensor.log_output(distance), sensor.log_slope(distance)
     functions = (("log_output", "", log_output, sensor.log_output), ("log_slope", " 1/m", slope, sensor.log_slope))
@@ -201,10 +201,10 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
         again = function(distance)
         i = int(np.abs(again - values).argmax())
         if abs(again[i] - values[i]) > _ROUNDED * np.abs(values).max():
+            first, second = f"{values[i]:g}{unit}", f"{again[i]:g}{unit}"
             return (
-                f"the function {name} returned {values[i]:g}{unit} at a distance of {distance[i]:g} m, but "
-                f"{again[i]:g}{unit} in a second call. A sensor curve must always return the same number for the "
-                "same distance"
+                f"the function {name} returned {first} at a distance of {distance[i]:g} m, but {second} in a second "
+                "call. A sensor curve must always return the same number for the same distance"
             )
     return _wrong_direction(sensor, distance, slope) or _contradiction(sensor, distance)
 
@@ -260,9 +260,9 @@ def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
     i = int(np.abs(change - integral).argmax())
     width = right[i] - left[i]
     return (
-        f"between the distances {left[i]:.5g} m and {right[i]:.5g} m, the average slope is {integral[i] / width:.5g} "
-        f"1/m, but ln xi changes by {change[i] / width:.5g} 1/m. The slope must be the derivative of ln xi within "
-        "0.1 %"
+        f"log_slope contradicts log_output between the distances {left[i]:.5g} m and {right[i]:.5g} m. There, the "
+        f"average of log_slope is {integral[i] / width:.5g} 1/m, but log_output changes by {change[i] / width:.5g} per "
+        "meter. The function log_slope must be the derivative of log_output within 0.1 %"
     )
 
 

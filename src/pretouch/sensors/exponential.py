@@ -153,9 +153,9 @@ class ExponentialFirstOrder(SensorModel):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return scale factors between first-order exponential curves.
+        """Return factors that convert first-order exponential curves to one reference curve.
 
-        They scale the gain, and convert all curves to one reference curve.
+        They scale the gain.
         """
         rate = np.asarray(values.get("rate", self.rate))
         if not np.all(rate < 0):
@@ -257,9 +257,9 @@ class ExponentialSecondOrder(SensorModel):
         recess: FloatArray,
         distance: Any,
     ) -> CurveSimilarity | None:
-        """Return scale factors between second-order exponential curves.
+        """Return factors that convert second-order exponential curves to one reference curve.
 
-        They convert all curves to one reference curve.
+        They scale length and gain.
         """
         # The slope g = c + 2 b (l + recess) = 2 b (l - l*) is scaled by lengths s = L* / l*.
         if self.curvature == 0:

@@ -128,16 +128,13 @@ class Family(ABC):
         return self.curve(**parameters, minimum_distance=low, maximum_distance=high)
 
     def easing(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return parameter bounds against a steepening slope.
-
-        Within these bounds, the sensor slope does not steepen with distance.
-        """
+        """Return parameter bounds that keep the slope from steepening with distance."""
         return low, high
 
     def prior(self, u: FloatArray) -> FloatArray:
-        """Return the fit cost from prior knowledge.
+        """Return an extra fit cost for implausible parameters.
 
-        Each curve has one cost, in units of a squared residual.
+        The cost expresses prior knowledge. Each curve has one cost, in units of a squared residual.
         """
         return np.zeros(len(u))
 

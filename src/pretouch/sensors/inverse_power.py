@@ -117,9 +117,9 @@ class _InversePowerFamily(Family):
             return ()
         at, low = format_quantity(self.middle, "m"), parameters["exponent"].low
         return (
-            f"The readings determine only the slope in the middle of the usable range, {-slope.value:.4g} 1/m. This "
-            f"slope is n / (l_0 + {at}). The exponent n and the distance offset l_0 can grow together. The exponent is "
-            f"above {low:.3g} and has no upper limit. An exponential curve fits equally well.",
+            "The exponent n and the distance offset l_0 can grow together: an exponential curve fits equally well. "
+            f"The readings determine only the slope n / (l_0 + {at}) = {-slope.value:.4g} 1/m. This is the slope in "
+            f"the middle of the usable range. The exponent is above {low:.3g} and has no upper limit.",
         )
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
@@ -188,9 +188,9 @@ class InversePower(SensorModel):
         recess: FloatArray,
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return scale factors between inverse power curves.
+        """Return factors that convert inverse power curves to one reference curve.
 
-        They scale length and gain, and convert all curves to one reference curve.
+        They scale length and gain.
         """
         # For g = -n / (l + l_0), lengths scale with s = L_0 / l_0, and the gain with s n / N.
         offset = np.asarray(values.get("distance_offset", self.distance_offset)) + recess

@@ -187,10 +187,9 @@ class SensorModel(ABC):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return scale factors between similar sensor curves.
+        """Return factors that convert similar sensor curves to one reference curve.
 
-        They scale length and gain, and convert the curves to one reference curve. They are None if there are no such
-        factors.
+        They scale length and gain. The result is None if no such factors exist.
 
         Args:
             values: arrays of the parameters that differ.
@@ -323,9 +322,9 @@ def cache_by_curve(
 
 
 def _has_only_fields(sensor: SensorModel) -> bool:
-    """Return True if dataclass fields determine a sensor curve.
+    """Return True if a sensor curve has only dataclass fields.
 
-    Such a curve has no other attributes.
+    Cached properties may exist, but no other attributes.
     """
     attributes = getattr(sensor, "__dict__", None)
     if attributes:

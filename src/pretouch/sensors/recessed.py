@@ -57,9 +57,8 @@ class Recessed(SensorModel):
         object.__setattr__(self, "maximum_distance", min(farthest, high - recess))
         if not self.maximum_distance > 0:
             raise InvalidInputError(
-                f"recess: a recess of {recess:g} m is too large, because the {self.sensor.name} curve ends at "
-                f"{high:g} m. With this recess, no distance in front of the contact surface remains. Choose a "
-                "smaller recess"
+                f"recess: found {recess:g} m, expected less than {high:g} m. The {self.sensor.name} curve of the "
+                "sensor ends at this distance. Choose a smaller recess"
             )
         SensorModel.__post_init__(self)
 
@@ -101,7 +100,7 @@ class Recessed(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The constant slope of the inner sensor curve [1/m].
+        """The constant slope g of the sensor curve without recess [1/m].
 
         It is None if the slope depends on the distance.
         """
@@ -127,7 +126,7 @@ class Recessed(SensorModel):
         return np.asarray(self.sensor.log_slope(self._sensor_distance(distance)))
 
     def _sensor_distance(self, distance: FloatArray) -> FloatArray:
-        """Return sensor distances for distances from the contact surface.
+        """Return distances from the sensor for distances from the contact surface.
 
         Both are in m. The sensor distances are limited to the valid range because sums are rounded.
         """
@@ -136,7 +135,7 @@ class Recessed(SensorModel):
 
 
 def recess_in_words(nearest: float) -> str:
-    """Return the smallest suitable recess as text.
+    """Return the smallest suitable recess of a sensor as text.
 
     With this recess, contact lies at the sensor's nearest usable distance. It is rounded up to 1 um.
 

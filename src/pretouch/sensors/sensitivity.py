@@ -17,9 +17,9 @@ from pretouch._core.numbers import FloatArray, chebyshev_basis, chebyshev_extrem
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CurveSimilarity:
-    """Scale factors between similar sensor curves.
+    """Scale factors that convert sensor curves to one reference curve.
 
-    They convert sensor curves of one class to one reference curve. With scaled lengths X = s x, the equation of motion
+    All curves are of one class. With scaled lengths X = s x, the equation of motion
     keeps its form if the force does. Lengths are multiplied by `length` = s and the gain by `gain`.
 
     Args:
@@ -44,7 +44,7 @@ _ROUNDING: Final = 1e-15  # relative rounding error of slopes; smaller differenc
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CurveSensitivity:
-    """Sensitivity of the log output to one curve parameter.
+    """Sensitivity of the log sensor output to one curve parameter.
 
     The sensitivity is the derivative of ln xi with respect to the parameter. Up to a constant, the derivative equals
     output * ln xi + shift * g + stretch * l * g.
@@ -82,7 +82,7 @@ def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
 
 
 def _describes_own_curve(cls: type) -> bool:
-    """Return True if a class defines its own parameter derivatives.
+    """Return True if a curve class defines its own parameter derivatives.
 
     Inherited derivatives do not count.
     """
@@ -92,7 +92,7 @@ def _describes_own_curve(cls: type) -> bool:
 
 
 def _by_differences(sensor: Any, name: str) -> SlopeSensitivity:
-    """Differentiate the sensor slope numerically."""
+    """Differentiate the slope of a sensor curve by a parameter numerically."""
     value = float(getattr(sensor, name))
     half = _WINDOW * abs(value) or 1e-3
     error: InvalidInputError | None = None
@@ -114,6 +114,6 @@ def _by_differences(sensor: Any, name: str) -> SlopeSensitivity:
 
         return slope
     raise InvalidInputError(
-        f"{name}: the derivative of the sensor curve cannot be computed at the parameter value {value:g}. "
-        f"Parameter values near {value:g} are invalid: {error}"
+        f"{name}: the sensor curve cannot be differentiated with respect to this parameter. Values of the parameter "
+        f"near {value:g} are invalid, with the error: {error}"
     )

@@ -54,9 +54,12 @@ class Table(SensorModel):
             wrong = np.flatnonzero(sign * np.diff(column) <= 0)
             if len(wrong):
                 i = int(wrong[0])
+                order, remedy = "increasing", ""
+                if sign < 0:
+                    order, remedy = "decreasing", "; smooth the table or fit a curve first"
                 raise InvalidInputError(
                     f"{name}: found the value {column[i]:g} followed by the value {column[i + 1]:g}, expected strictly "
-                    f"{'increasing values' if sign > 0 else 'decreasing values; smooth the table or fit a curve first'}"
+                    f"{order} values{remedy}"
                 )
         low, high = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
         object.__setattr__(self, "distances", tuple(map(float, distances)))
@@ -127,8 +130,8 @@ class PiecewiseCubic(SensorModel):
         slopes = np.asarray(finite(self.slopes, "slopes", "1/m"))
         if len(levels) != len(distances) or slopes.shape != (len(distances) - 1, 2) or (np.diff(distances) <= 0).any():
             raise InvalidInputError(
-                f"distances: found {len(distances)} distances, {len(levels)} log_outputs, and slopes of the "
-                f"shape {slopes.shape}. The distances must increase strictly. Each distance needs one log_output. "
+                f"distances: found {len(distances)} distances and {len(levels)} log_outputs. The array of slopes has "
+                f"the shape {slopes.shape}. The distances must increase strictly. Each distance needs one log_output. "
                 "Each interval between two distances needs two slopes"
             )
         object.__setattr__(self, "distances", tuple(distances.tolist()))

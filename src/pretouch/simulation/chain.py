@@ -96,8 +96,8 @@ class SensorChain:
         check_declared(self)
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
-                f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s. This is the "
-                f"time between two readings at the sensor rate of {self.rate:g} Hz"
+                f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s between two "
+                f"readings. The sensor rate is {self.rate:g} Hz"
             )
         if self.random_phase and self.phase:
             raise InvalidInputError(
@@ -111,8 +111,8 @@ class SensorChain:
             )
         if not self.lowest < self.highest:
             raise InvalidInputError(
-                f"highest: found {self.highest:g}, expected more than the lower clipping limit. This limit (lowest) "
-                f"is {self.lowest:g}"
+                f"highest: found the upper clipping limit {self.highest:g}, expected more than the lower clipping "
+                f"limit {self.lowest:g}"
             )
         if not self.dropout < 1:
             raise InvalidInputError(
@@ -256,8 +256,8 @@ class LoopTiming:
         object.__setattr__(self, "sections", _sections(self.sections))
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
-                f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s. This is the "
-                f"time between two readings at the sensor rate of {self.rate:g} Hz"
+                f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s between two "
+                f"readings. The sensor rate is {self.rate:g} Hz"
             )
         if self.delay_range > self.delay * (1 + 1e-9):
             raise InvalidInputError(
@@ -266,8 +266,8 @@ class LoopTiming:
         shortest = self.delay - self.delay_range
         if shortest < self.exposure / 2 * (1 - 1e-9):
             raise InvalidInputError(
-                f"delay: found a shortest delay of {shortest:g} s, expected at least half of the exposure. The "
-                f"exposure takes {self.exposure:g} s, and the delay counts from its middle"
+                f"delay: found a shortest delay of {shortest:g} s, expected at least half of the exposure time of "
+                f"{self.exposure:g} s. The delay starts in the middle of the exposure, and must last until its end"
             )
 
     @property
@@ -277,7 +277,7 @@ class LoopTiming:
 
     @property
     def holding(self) -> float:
-        """The time [s] for which one virtual force acts.
+        """The time [s] for which the controller holds each virtual force.
 
         The controller computes the force from two successive readings.
         """
@@ -346,9 +346,9 @@ def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool =
 
 
 def _waits(chain: SensorChain, period: float) -> tuple[float, float]:
-    """Return the longest and shortest wait [s] of a finished reading.
+    """Return the longest and shortest waiting time [s] of a sensor reading.
 
-    The reading waits for the next controller step.
+    A finished reading waits for the next controller step.
     """
     step = min(period, chain.period)  # a newer reading replaces one that still waits
     ratio = max(chain.period, period) / step
@@ -369,8 +369,8 @@ def _sections(sections: Any) -> tuple[tuple[float, ...], ...]:
     for row in rows:
         if len(row) != 6 or not all(map(math.isfinite, row)) or row[3] == 0:
             raise InvalidInputError(
-                f"sections: found the filter coefficients {row}, expected six finite numbers. They are b0, b1, b2, "
-                "a0, a1 and a2, and a0 must not be 0"
+                f"sections: found the filter coefficients {row}, expected six finite numbers b0, b1, b2, a0, a1 and "
+                "a2. The coefficient a0 must not be 0"
             )
     return tuple(tuple(v / row[3] for v in row) for row in rows)
 

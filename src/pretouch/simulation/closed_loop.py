@@ -134,7 +134,7 @@ class ClosedLoop:
         return None if own is None else continuous_law(own)
 
     def after(self, runs: int) -> ClosedLoop:
-        """Return a loop that skips the random noise of earlier runs."""
+        """Return a control loop that skips the noise of earlier runs."""
         # The noise of the first encounter is shifted by `runs`.
         return replace(self, first_run=self.first_run + runs)
 
@@ -155,7 +155,7 @@ class ClosedLoop:
         return result_of(self.encounters(scenario, (sensor,), gain, runs))
 
     def run_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> SimulationResult:
-        """Simulate whole encounters, each with its own sensor curve.
+        """Simulate encounters including contact, each with its own sensor curve.
 
         Returns:
             The result, contact included.
@@ -201,7 +201,7 @@ class ClosedLoop:
     def stable_bounds(
         self, bounds: tuple[float, float], scenario: Scenario, sensor: SensorModel, margin: float
     ) -> tuple[float, float]:
-        """Narrow the bounds to gains with a required gain margin.
+        """Narrow the gain bounds to gains with the required gain margin.
 
         Returns:
             The narrowed bounds.
@@ -256,8 +256,8 @@ class ClosedLoop:
         except ValueError:
             shapes = f"{scenario.shape} and {len(sensors)} sensors" if each else f"{scenario.shape}"
             raise InvalidInputError(
-                f"gain: the array of gains has the shape {gains.shape}. It does not broadcast with the encounters of "
-                f"the shape {shapes}"
+                f"gain: found an array of gains of the shape {gains.shape}, which does not broadcast with the array of "
+                f"encounters of the shape {shapes}"
             ) from None
         first = () if runs is None else (runs_of(runs),)
         between = (1,) * (len(shape) - len(several))  # axes between the one of the runs and those of the scenario

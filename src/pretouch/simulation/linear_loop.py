@@ -1,4 +1,4 @@
-"""Find the smallest damping that makes a sampled loop unstable.
+"""Find the smallest damping that makes a sampled control loop unstable.
 
 The loop is linearized at one distance.
 
@@ -100,7 +100,7 @@ class LinearLoop:
 
     @property
     def remembered(self) -> int:
-        """The number of sensor periods in which a force has effects.
+        """The number of sensor periods within which a virtual force ends.
 
         The count starts at the reading that caused the force.
         """
@@ -219,7 +219,7 @@ def first_crossover(loop: LinearLoop) -> Crossover | None:
 
 
 def worst_crossover(system: _Plant, timing: LoopTiming) -> tuple[LinearLoop, Crossover | None]:
-    """Find the loop delay with the smallest stability limit.
+    """Find the loop delay that results in the smallest stability limit.
 
     Returns:
         The loop with this delay, and its stability limit.
@@ -264,17 +264,18 @@ def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, near: float
 
 
 def _aliased_angle(mode: complex) -> float:
-    """Return the aliased angle omega T of an oscillation after sampling.
+    """Return the angle per sampling period of an aliased oscillation.
 
-    It is between 0 and pi.
+    The angle omega T is between 0 and pi.
     """
     return abs(math.remainder(mode.imag, 2 * math.pi))
 
 
 def _growth_of_mode(loop: LinearLoop, pole: float) -> float:
-    """Return the growth rate ln |z| of an undamped mode.
+    """Return the growth rate of an undamped mode under weak damping.
 
-    The mode is undamped in open loop. The virtual damping is very small. The damping moves the eigenvalue by 1e-6.
+    The rate is ln |z|. The mode is undamped in open loop. The virtual damping is so small that it moves the eigenvalue
+    by 1e-6.
 
     With z = z_0 exp(i e) and Q(e) = (exp(i e) - 1) P(z), which is finite at z_0, 1 + d P = 0 is exp(i e) = 1 - d Q(e).
     """
@@ -303,7 +304,7 @@ def _modulus_near(loop: LinearLoop, angle: float, damping: float) -> float:
 
 
 def _crossover_angles(loop: LinearLoop, angle: FloatArray, response: _Complex, poles: list[float]) -> list[float]:
-    """Find the rising zeros of the frequency response's imaginary part.
+    """Find where the imaginary part of the frequency response rises through zero.
 
     Returns:
         The zeros of the open loop's response, as angles omega T.
@@ -362,7 +363,7 @@ def _sample_response(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, 
 
 
 def _sign_changes(response: _Complex) -> BoolArray:
-    """Mark the sample intervals with a sign change of the imaginary part."""
+    """Mark the frequency intervals in which the imaginary part changes sign."""
     return np.asarray(np.signbit(response.imag[1:]) != np.signbit(response.imag[:-1]))
 
 
@@ -386,9 +387,9 @@ def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
 def zero_between(
     function: Callable[[float], float], first: tuple[float, float], second: tuple[float, float], tolerance: float
 ) -> float:
-    """Find a zero or a jump across zero between two points.
+    """Find a zero or a sign-changing jump of a function in an interval.
 
-    The function has different signs at the two points.
+    The function has different signs at the two ends.
 
     Returns:
         The position of the zero or jump.

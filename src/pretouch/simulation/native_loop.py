@@ -374,8 +374,8 @@ def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -
     sizes = {size for _, size in places}
     if len(sizes) != 1:
         raise InvalidInputError(
-            f"{name}: found memory blocks of different sizes, {sorted(sizes)} bytes. All compiled control laws with "
-            "the same step function need blocks of the same size"
+            f"{name}: found memory blocks of {sorted(sizes)} bytes, expected blocks of one size. Compiled control laws "
+            "with the same step function need memory blocks of the same size"
         )
     size = sizes.pop()
     rows = np.zeros((len(parts), max(-(-size // 8), 1)))

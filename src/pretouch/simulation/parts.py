@@ -170,7 +170,7 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                     unit="",
                     range=(0.02, farthest),
                     signal=None,
-                    source=f"ST data sheet of the {name}: range and shortest timing budget",
+                    source=f"ST data sheet of the sensor {name}: range and shortest timing budget",
                     facts=("a reading every 20 ms with the shortest timing budget", f"up to {farthest:g} m"),
                     assumptions=_TIME_OF_FLIGHT,
                 )

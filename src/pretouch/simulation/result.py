@@ -102,17 +102,17 @@ def _refuse_endless_runs(loop: Loop) -> None:
     if waiting * chain.rate > _MOST_BUFFERED:
         raise InvalidInputError(
             f"chain delay: up to {waiting * chain.rate:.3g} sensor readings would wait for delivery, expected at "
-            f"most {_MOST_BUFFERED:,} readings. Reduce the delay, the exposure or the jitter of the sensor. Or reduce "
-            f"the sensor rate of {chain.rate:g} readings per second"
+            f"most {_MOST_BUFFERED:,} readings. Reduce the delay, the exposure, the jitter or the rate of the sensor. "
+            f"The sensor rate is {chain.rate:g} readings per second"
         )
 
 
 def _refuse(span: float, step: float, name: str, what: str) -> None:
     if not span / step <= _MOST_STEPS:
         raise InvalidInputError(
-            f"{name}: found a simulated time of {_time(span)}, which takes {span / step:.3g} steps of {what}. "
-            f"Expected a time of at most {_time(_MOST_STEPS * step)}, because at most {_MOST_STEPS:,} steps are "
-            "allowed. Reduce this time to the longest possible duration of an encounter"
+            f"{name}: found a simulated time of {_time(span)}, expected at most {_time(_MOST_STEPS * step)}. "
+            f"This time takes {span / step:.3g} steps of {what}. At most {_MOST_STEPS:,} steps are allowed. "
+            "Reduce the simulated time to the longest possible duration of an encounter"
         )
 
 
@@ -244,7 +244,7 @@ class SimulationResult(Value):
 
     @property
     def touched(self) -> BoolArray:
-        """Return which of the simulated runs ended in contact."""
+        """Return for each simulated run whether it reached contact."""
         return np.asarray(self.columns["status"] == ContactStatus.CONTACT)
 
     def trace(self, index: int | tuple[int, ...] = ()) -> LoopTrace:
@@ -265,12 +265,12 @@ class SimulationResult(Value):
             flat = np.arange(int(np.prod(self.shape))).reshape(self.shape)[index]
         except IndexError:
             raise InvalidInputError(
-                f"index: found {index}, expected the index of a run. The runs form an array of the shape {self.shape}"
+                f"index: found {index}, expected the index of a run in an array of runs of the shape {self.shape}"
             ) from None
         if np.ndim(flat):
             raise InvalidInputError(
-                f"index: the index {index} selects several runs; give the index of a single run. The runs form an "
-                f"array of the shape {self.shape}"
+                f"index: the index {index} selects several runs, expected a single run; give the index of a single run "
+                f"in an array of runs of the shape {self.shape}"
             )
         return self.trace_of(int(flat))
 

@@ -134,9 +134,9 @@ class ImpedancePlant(PlantModel):
         frequency = math.sqrt(self.stiffness / self.mass)
         if frequency > _FASTEST:
             raise InvalidInputError(
-                f"stiffness: found a stiffness of {self.stiffness:g} N/m and a mass of {self.mass:g} kg. Their natural "
-                f"frequency is {frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s. Check the units of "
-                "stiffness and mass"
+                f"stiffness: the stiffness of {self.stiffness:g} N/m is too high for the mass of {self.mass:g} kg. The "
+                f"natural frequency is {frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s. Check the units "
+                "of stiffness and mass"
             )
 
     def coefficients(self) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""Compute up to which approach speed a virtual drag works.
+"""Compute the highest approach speed at which a virtual drag works.
 
 Up to this speed, the control loop is stable and reacts in time.
 """
@@ -59,7 +59,7 @@ def speed_limit(
     detection_distance: float,
     plant: PlantModel | None = None,
 ) -> SpeedLimit:
-    """Find the highest approach speeds of a loop with virtual drag.
+    """Find the highest approach speeds at which a virtual drag works.
 
     Up to one speed, the loop is stable. Up to the other, it reacts in time.
 

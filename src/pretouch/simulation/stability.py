@@ -1,4 +1,4 @@
-"""Compute the strongest stable gain and the lowest sensor rate.
+"""Compute the strongest stable gain and the lowest stable sensor rate.
 
 The gain is that of a sampled control loop. The rate is the lowest that a gain needs.
 """
@@ -132,14 +132,14 @@ class GainLimit(Value):
         if not 0 < n.sign * finite(weakest, "weakest", n.unit) < n.sign * strongest:
             found, most = f"{weakest:g} {unit}", f"{strongest:g} {unit}"
             raise InvalidInputError(
-                f"weakest: found {found}, expected a value between 0 and {most}. This limit is the strongest {n.name} "
-                f"with the required gain margin. A faster sensor allows a stronger {n.name}"
+                f"weakest: found {found}, expected a value between 0 and {most}. The value {most} is the strongest "
+                f"{n.name} with the required gain margin. A faster sensor allows a stronger {n.name}"
             )
         return min(strongest, weakest), max(strongest, weakest)
 
 
 def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
-    """Return equally spaced distances [m] from contact to the start.
+    """Return equally spaced distances [m] between contact and initial distance.
 
     They lie within the usable range of the sensor.
     """
@@ -359,7 +359,7 @@ def lowest_rate(
 
 
 def _last_change(spare: Callable[[float], float], top: float) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Find the last sign change of a function below a bound.
+    """Find a function's last sign change below a given argument.
 
     If a minimum between three points of the scan may be negative, it is searched for.
 

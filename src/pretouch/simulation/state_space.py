@@ -61,14 +61,14 @@ class StateSpace:
         jumps = np.abs(self.arrays[2] @ self.arrays[1])
         if (jumps > _ERROR * np.abs(self.arrays[1]).max() * np.abs(self.arrays[2]).max()).any():
             raise InvalidInputError(
-                f"b: the input {_INPUTS[int(jumps.argmax())]} changes the robot's velocity directly. "
-                "It may change only the acceleration (C B = 0). Add the lag of the drive to the model"
+                f"b: the input {_INPUTS[int(jumps.argmax())]} changes the robot's velocity directly, expected a direct "
+                "change of the acceleration only (C B = 0). Add the lag of the drive to the model"
             )
         if not self.inverse_mass > 0:
             raise InvalidInputError(
-                f"b: a force of 1 N on the contact surface causes an acceleration of {self.inverse_mass:g} "
-                "m/s^2. This acceleration must be positive; check the signs of the matrices. It equals C A B_F, where "
-                "B_F is the column of the contact force in the matrix B"
+                f"b: a force of 1 N on the contact surface causes an acceleration of {self.inverse_mass:g} m/s^2, "
+                "expected a positive acceleration. Check the signs of the matrices A, B and C. The acceleration equals "
+                "C A B_F, where B_F is the column of the contact force in the matrix B"
             )
         _ = self.steady  # refuses a robot that does not follow
 
@@ -79,19 +79,22 @@ class StateSpace:
 
     @property
     def inverse_mass(self) -> float:
-        """The inverse mass [1/kg] that a sudden contact force first accelerates."""
+        """The inverse of the robot's mass [1/kg] at the contact surface.
+
+        A sudden contact force accelerates this mass first.
+        """
         a, b, c = self.arrays
         return float(c @ a @ b[:, 3])
 
     @cached_property
     def steady(self) -> FloatArray:
-        """Two steady states: at rest and at constant velocity.
+        """The states of the robot at rest and at constant velocity.
 
         The robot is at rest at x = 1 m, or moves at 1 m/s through x = 0. The shape is (n, 2).
         """
         a, b, c = self.arrays
-        rest = _solved(a, c, -b[:, 0], 1.0, "a virtual object at rest")
-        moving = _solved(a, c, rest - b[:, 1], None, "a virtual object of constant velocity")
+        rest = _solved(a, c, -b[:, 0], 1.0, "at rest")
+        moving = _solved(a, c, rest - b[:, 1], None, "of constant velocity")
         return np.column_stack([rest, moving - rest * float(c @ moving)])
 
     @cached_property
@@ -115,7 +118,7 @@ def _as_tuple(matrix: FloatArray) -> Any:
     return tuple(map(_as_tuple, matrix)) if matrix.ndim else float(matrix)
 
 
-def _solved(a: FloatArray, c: FloatArray, right: FloatArray, output: float | None, what: str) -> FloatArray:
+def _solved(a: FloatArray, c: FloatArray, right: FloatArray, output: float | None, motion: str) -> FloatArray:
     """Solve the linear system A w = right for the states w."""
     rows = a if output is None else np.vstack([a, c])
     values = right if output is None else np.append(right, output)
@@ -125,8 +128,8 @@ def _solved(a: FloatArray, c: FloatArray, right: FloatArray, output: float | Non
     error = np.abs(rows @ found - values) / scale
     if error.max() > _ERROR * max(1.0, float(np.abs(found).max())):
         raise InvalidInputError(
-            f"a: the robot model does not follow the commanded motion of {what}; check the signs and units of the "
-            "matrices A and B"
+            f"a: the robot model does not follow the commanded motion of a virtual object {motion}; check the signs "
+            "and units of the matrices A and B"
         )
     return np.asarray(found)
 
@@ -153,7 +156,7 @@ class LinearPlant(PlantModel):
         """Return the state-space model of the robot."""
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return the coefficients of the robot, of which only the mass has an effect.
+        """Return the coefficients of the robot; only the mass has an effect.
 
         The state-space model describes the rest.
         """

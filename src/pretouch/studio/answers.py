@@ -77,7 +77,7 @@ def ratio_of_drag(task: Task) -> str:
 
 
 def texts_of(document: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield the scenario values for the page as texts.
+    """Yield the values of a scenario as texts for the page.
 
     Some values are lists of texts.
     """
@@ -174,7 +174,7 @@ def _cut(calibration: Calibration, near: float, far: float) -> Calibration:
     if np.unique(calibration.distances[inside]).size < 3:
         raise InvalidInputError(
             f"window: found {np.unique(calibration.distances[inside]).size} different measured distances, expected at "
-            f"least 3. The window is the range from {1e3 * near:.4g} mm to {1e3 * far:.4g} mm; make it wider"
+            f"least 3. The distance window is {1e3 * near:.4g} mm to {1e3 * far:.4g} mm. Choose a wider window"
         )
     return Readings(
         distances=calibration.distances[inside],
@@ -217,7 +217,7 @@ def parameters_of(sensor: SensorModel) -> dict[str, str]:
 
 
 def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:
-    """Solve encounters with random values of uncertain inputs for one gain.
+    """Solve encounters for one gain with random values of uncertain inputs.
 
     Returns:
         Contact speed [m/s] and largest excursion [m] of each encounter, and the share of encounters that meets each

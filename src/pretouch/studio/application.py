@@ -115,7 +115,11 @@ class Application:
             )
 
     async def _guarded(self, request: Any, token: str, work: Callable[[], Awaitable[Any]]) -> Any:
-        """Check a request, and return the response, or the message of an error with its HTTP status code."""
+        """Check a request, and return its response or an error message.
+
+        Returns:
+            The response; that of an error has an HTTP status code.
+        """
         responses = require("starlette.responses", extra="studio")
         try:
             self._check(request, token)

@@ -37,9 +37,7 @@ def describe_curve(sensor: SensorModel, distance: float) -> dict[str, Any]:
         return {"model": curve.name, "recess": recess, "maximum_distance": largest, **curve.parameters}
     if distance > LARGEST_START or low > 0:
         if low > 0:
-            reason = (
-                f"this sensor curve is valid only at distances of {low:g} m or more, but must be valid down to contact"
-            )
+            reason = f"the page needs a sensor curve that is valid down to contact, but this curve starts at {low:g} m"
         else:
             reason = (
                 f"the encounter starts at a distance of {distance:g} m, but the page allows at most {LARGEST_START:g} m"

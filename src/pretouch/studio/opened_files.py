@@ -77,8 +77,8 @@ class OpenedFiles:
         """
         if name not in self._files:
             raise InvalidInputError(
-                f"file: the scenario names the file {name!r}, which has not been opened in the studio. Upload the "
-                "file, or start the studio with this scenario file"
+                f"file: the scenario names the file {name!r}, but this file has not been opened in the studio. Upload "
+                "this file, or start the studio with the scenario file that names it"
             )
         return self._files[name]
 
@@ -210,7 +210,7 @@ def _move_distribution(distribution: Any, before: Any, after: Any, name: str) ->
 
 
 def _like(before: Any, value: Any) -> Any:
-    """Convert a value to a TOML item with the old comment."""
+    """Convert a value to a TOML item, and keep the old comment."""
     tomlkit = require("tomlkit", extra="studio")
     if isinstance(value, list):
         item = tomlkit.array()

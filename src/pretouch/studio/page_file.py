@@ -168,8 +168,8 @@ def _data() -> dict[str, Any]:
         content = CORE.read_bytes()
     except FileNotFoundError:
         raise BrokenCoreError(
-            f"the page of pretouch studio cannot be used, because the file {CORE.name} is missing in the folder "
-            f"{CORE.parent}. To build this file, {BUILD_CORE}"
+            f"the page of pretouch studio needs the file {CORE.name}. This file is missing in the folder "
+            f"{CORE.parent}. To build the file, {BUILD_CORE}"
         ) from None
     packed = gzip.compress(content, compresslevel=9, mtime=0)
     return {"core": base64.b64encode(packed).decode(), "units": unit_tables()}

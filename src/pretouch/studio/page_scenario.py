@@ -44,8 +44,8 @@ def scenario_of_page(file: Path) -> dict[str, Any]:
     reason = next(_obstacles(task, document), None)
     if reason is not None:
         raise InvalidInputError(
-            f"{file}: a page without a server cannot compute this scenario, because {reason}. To use the page with "
-            f"its server, run this command without the option --output: pretouch studio {file}"
+            f"{file}: a page without a server cannot compute this scenario. The reason is: {reason}. Use the page with "
+            f"its server instead. Run the command pretouch studio {file} without the option --output"
         )
     fields = dict(texts_of(document))
     notes = [f"This page starts with the scenario of {file.name}."]
@@ -58,8 +58,8 @@ def scenario_of_page(file: Path) -> dict[str, Any]:
     unused = [f"[{name}]" for name in document if name not in SECTIONS]
     if unused:
         notes.append(
-            f"The page ignores the sections {', '.join(unused)}. A file saved with the button Scenario file does not "
-            "contain these sections."
+            f"The page ignores the sections {', '.join(unused)}. If you save a file with the button Scenario file, "
+            "this file does not contain these sections."
         )
     key = hashlib.sha256(repr(fields).encode()).hexdigest()[:16]
     return {"title": file.name, "key": key, "fields": fields, "note": " ".join(notes)}
@@ -69,7 +69,7 @@ def _obstacles(task: Task, document: dict[str, Any]) -> Iterator[str]:
     """Yield the reasons why the page cannot compute a scenario without Python."""
     curve = task.sensor.bare[0]
     if type(curve) not in IN_THE_PAGE:
-        yield f"the page computes only inverse power and exponential sensor curves, but this curve is {curve.name}"
+        yield f"the page computes only inverse power and exponential curves, but the curve is {curve.name}"
     if task.sensor.valid_range[0] > 0:
         yield "the sensor curve does not extend down to contact"
     if "model" in document.get("robot", {}):
@@ -79,7 +79,7 @@ def _obstacles(task: Task, document: dict[str, Any]) -> Iterator[str]:
     if task.is_admittance_free:
         yield "the admittance has bounds"
     if task.law not in (DAMPER, DRAG):
-        yield f"the page computes only virtual dampers and virtual drags, but this control law is {task.law.kind}"
+        yield f"the page computes only virtual dampers and virtual drags, but the scenario has the law {task.law.kind}"
     objective = document.get("objective", {})
     if task.drag_effect is None and (task.law == DRAG or task.bounds is None or not objective):
         yield "the page needs [objective] and [gain] with bounds, or a virtual drag with an effect such as ratio"
@@ -89,12 +89,12 @@ def _obstacles(task: Task, document: dict[str, Any]) -> Iterator[str]:
     if others:
         yield (
             f"the page supports only the constraints {', '.join(LIMITS)}, but the section [constraints] also has "
-            f"{', '.join(others)}"
+            f"the constraints {', '.join(others)}"
         )
 
 
 def _fitted_curve(task: Task) -> dict[str, Any]:
-    """Return the fields of a fitted curve.
+    """Return the scenario keys and values of a fitted sensor curve.
 
     Distances count from the contact surface.
     """

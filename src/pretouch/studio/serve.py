@@ -69,6 +69,7 @@ def _listener(port: int) -> Any:
     except OSError as error:
         listener.close()
         raise InvalidInputError(
-            f"port: port {port} cannot be used ({error.strerror or error}); choose another port, or leave out --port"
+            f"port: the server cannot use port {port} ({error.strerror or error}); choose another port, or omit the "
+            "option --port"
         ) from None
     return listener

@@ -97,7 +97,7 @@ class Axis(Value):
 
     @property
     def looped(self) -> bool:
-        """True if the sweep must call the solver once per value of this axis.
+        """True if each value of this axis needs its own solver call.
 
         An example is an axis with a sensor parameter.
         """
@@ -127,7 +127,7 @@ def make_axes(axes: Axes, task: Task) -> tuple[Axis, ...]:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise InvalidInputError(
-            f"axes: the input {twice} is on two axes, but an input can have only one axis; remove one of the two"
+            f"axes: the input {twice} is on two axes, expected one axis for each input; remove the input from one axis"
         )
     return checked
 
@@ -137,15 +137,15 @@ def _axis(name: str, values: Any, units: Mapping[str, str]) -> Axis:
         return Axis(name=name, columns={name: _values(name, values, units)})
     if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in units:
         raise InvalidInputError(
-            f"axes: found {name!r} as the name of an axis of paired inputs. Expected letters, digits and underscores, "
-            "but not the name of an input; for example 'sample'"
+            f"axes: found {name!r} as the name of an axis of paired inputs. Use letters, digits and underscores, for "
+            "example 'sample'. The name of an input is not allowed"
         )
     columns = {str(member): _values(str(member), column, units) for member, column in values.items()}
     lengths = {member: len(column) for member, column in columns.items()}
     if not columns or len(set(lengths.values())) > 1:
         listed = ", ".join(f"{n} values of {member}" for member, n in lengths.items()) or "no input"
         raise InvalidInputError(
-            f"axes: the axis {name} has {listed}, but all inputs of one axis need the same number of values"
+            f"axes: found {listed} on the axis {name}, expected the same number of values for each input of the axis"
         )
     return Axis(name=name, columns=columns, zipped=True)
 
@@ -166,8 +166,13 @@ def _unit(name: str, units: Mapping[str, str], option: str) -> str:
     if name not in units:
         similar = [key for key in units if key.rpartition(".")[2] == name]
         near = sorted(similar, key=lambda n: not n.startswith("obstacle.")) or get_close_matches(name, units, n=1)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"expected one of {', '.join(units)}"
-        raise InvalidInputError(f"{option}: the name {name!r} is not an input of this sweep; {hint}")
+        if near:
+            raise InvalidInputError(
+                f"{option}: the name {name!r} is not an input of this sweep; did you mean {' or '.join(near)}?"
+            )
+        raise InvalidInputError(
+            f"{option}: the name {name!r} is not an input of this sweep; expected one of {', '.join(units)}"
+        )
     return units[name]
 
 

@@ -124,8 +124,8 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
         temporary.replace(path)
     except OSError as error:
         raise InvalidInputError(
-            f"{path}: the file cannot be written ({error.strerror or error}), but the computed results are kept; "
-            "run the same command again to finish the sweep"
+            f"{path}: the file cannot be written ({error.strerror or error}). The computed results are kept. To finish "
+            "the sweep, run the same command again"
         ) from None
     finally:
         temporary.unlink(missing_ok=True)

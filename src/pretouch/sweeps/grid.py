@@ -41,7 +41,7 @@ class Grid(ABC):
     @property
     @abstractmethod
     def subject(self) -> str:
-        """Word for the computed results in titles, such as `contacts`."""
+        """Name of the computed results in titles, such as `contacts`."""
 
     @abstractmethod
     def evaluate(self, region: Region) -> Columns:

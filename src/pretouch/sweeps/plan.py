@@ -62,7 +62,7 @@ class Plan(Grid):
 
     @property
     def subject(self) -> str:
-        """Word for the computed results in titles, such as `contacts`."""
+        """Name of the computed results in titles, such as `contacts`."""
         return "optimal gains" if self.designs else "contacts"
 
     def evaluate(self, region: Region) -> Columns:
@@ -119,7 +119,7 @@ def make_plan(
     if not designs and (task.gain is None) == (not gains):
         what = "a gain and an axis of gains" if gains else "neither gain nor objective"
         raise InvalidInputError(
-            f"gain: found {what}, but a sweep needs exactly one source of gains. Give gain=..., or an axis 'gain', or "
+            f"gain: found {what}, expected exactly one source of gains. Give gain=..., or an axis 'gain', or "
             "objective=... with bounds=..."
         )
     names = check_results(results, designs=designs, impact=task.impact)
@@ -193,8 +193,8 @@ def _check_values(plan: Plan) -> None:
     terms = plan.task.goal.terms if plan.designs else ()
     if not moving and any(term.scale == OBSTACLE_SPEED for term in terms):
         raise InvalidInputError(
-            f"scale: found {OBSTACLE_SPEED!r}, but the obstacle has a speed of 0 m/s. A speed of 0 m/s cannot scale "
-            "a term of the objective. Use a number in m/s"
+            f"scale: found {OBSTACLE_SPEED!r}, but the speed of the obstacle is 0 m/s. A speed of 0 m/s cannot scale "
+            "a term of the objective. As the scale, use a number in m/s"
         )
 
 
@@ -220,8 +220,8 @@ def _check_distances(plan: Plan) -> None:
             if not (distance > 0 and nearest <= distance <= farthest):
                 raise OutOfRangeError(
                     f"obstacle position: an encounter starts at a distance of {distance:g} m. Expected a positive "
-                    f"distance in the valid range of the {plan.task.sensor.name} curve. This range is {nearest:g} m "
-                    f"to {farthest:g} m"
+                    f"distance from {nearest:g} m to {farthest:g} m. This is the valid range of the "
+                    f"{plan.task.sensor.name} curve"
                 )
 
 

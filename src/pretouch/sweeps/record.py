@@ -64,7 +64,7 @@ def identify_sensor(sensor: SensorModel) -> dict[str, Any]:
 
 
 def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, Any]:
-    """Return the terms that identify an objective.
+    """Return an objective as a dictionary that identifies it.
 
     A user-defined objective is identified by its name and a hash of its values.
     """
@@ -78,7 +78,7 @@ def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, An
 
 
 class _Probes:
-    """Random contact states, whose objectives tell objectives apart."""
+    """Random contact states that distinguish objectives by their values."""
 
     def column(self, name: str) -> FloatArray:
         """Return reproducible pseudorandom values of one quantity at contact."""

@@ -164,13 +164,13 @@ def _sweep_task(task: Task, axes: Axes) -> Task:
 
 @with_file_location
 def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
-    """Return the bounds of stable gains."""
+    """Return the gain bounds, narrowed to the required gain margin."""
     # A sweep axis that changes these bounds raises an error.
     changing = [name for name in names if name.startswith(_CHANGE_THE_LIMIT)]
     if changing and task.stability_margin is not None:
         raise InvalidInputError(
-            f"stability_margin: a sweep over {changing[0]} cannot require a gain margin, because the stability "
-            "limit changes with this input. Remove stability_margin, or set a fixed gain"
+            f"stability_margin: a sweep over the input {changing[0]} cannot require a gain margin. The stability limit "
+            "changes with this input. Remove stability_margin, or set a fixed gain"
         )
     return task.stable_bounds()
 
@@ -297,11 +297,12 @@ def _open_finished(plan: Grid, target: Path, *, overwrite: bool) -> xr.Dataset |
                 f"{target}: this file does not contain a sweep, so pretouch does not overwrite it; choose another "
                 "name with --output"
             )
-        problem = "the stored sweep is damaged"
+        problem = f"{target}: the stored sweep is damaged."
         if not equal:
-            problem = f"the stored sweep differs from this sweep in {differing_parts(dataset.attrs, plan)}"
+            differing = differing_parts(dataset.attrs, plan)
+            problem = f"{target}: the stored sweep differs from the requested sweep in {differing}."
         raise OutputExistsError(
-            f"{target}: {problem}. Therefore, pretouch does not overwrite the file. Choose another name with --output, "
-            "or replace the file with --force (overwrite=True in Python)"
+            f"{problem} Therefore, pretouch does not overwrite the file. Choose another name with --output, or replace "
+            "the file with --force (overwrite=True in Python)"
         )
     return None

@@ -55,8 +55,8 @@ def refuse_beyond_memory(plan: Grid) -> None:
     bytes_each = 1 + 8 * len(plan.results)
     if plan.size * bytes_each > _MOST_BYTES:
         raise InvalidInputError(
-            f"axes: the results of {plan.size:,} encounters need {plan.size * bytes_each / 1e9:,.0f} GB of memory. "
-            f"pretouch keeps at most {_MOST_BYTES // bytes_each:,} encounters in memory. Write to a folder with "
+            f"axes: found {plan.size:,} encounters, expected at most {_MOST_BYTES // bytes_each:,} in memory. "
+            f"Their results need {plan.size * bytes_each / 1e9:,.0f} GB of memory. Write the results to a folder with "
             "output='NAME.zarr', or use fewer values"
         )
 
@@ -85,11 +85,11 @@ class Store:
         return sum(math.prod(part.stop - part.start for part in region) for region in self.regions(block))
 
     def finished(self) -> BoolArray:
-        """Return which blocks of encounters are finished now."""
+        """Return for each block of encounters whether it is finished."""
         return np.asarray(self._arrays[LEDGER][:] == 1)
 
     def intact(self) -> BoolArray:
-        """Return which blocks of encounters are finished and undamaged."""
+        """Return for each block whether it is finished and undamaged."""
         return self.finished()
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
@@ -165,13 +165,13 @@ class ZarrStore(Store):
             arrays[LEDGER][:]
         except Exception as error:  # the parsers of zarr raise many kinds of exceptions
             raise OutputExistsError(
-                f"{path}: the files of this sweep are damaged ({' '.join(str(error).split())[:200]}); choose "
+                f"{path}: the files of this sweep are damaged ({' '.join(str(error).split())[:200]}). Choose "
                 "another name with --output, or replace the sweep with --force (overwrite=True in Python)"
             ) from None
         super().__init__(plan, per_block, arrays)
 
     def intact(self) -> BoolArray:
-        """Return which blocks of encounters are finished and undamaged.
+        """Return for each block whether it is finished and undamaged.
 
         Damaged blocks are marked as unfinished.
         """
@@ -217,13 +217,13 @@ class ZarrStore(Store):
 
     @contextmanager
     def _explaining(self) -> Iterator[None]:
-        """Convert system errors to an error that explains how to resume."""
+        """Convert system errors to errors that explain how to resume the sweep."""
         try:
             yield
         except OSError as error:
             raise InvalidInputError(
-                f"{self.path}: the folder cannot be written ({error.strerror or error}), but finished results "
-                "are kept; run the same command again to finish the sweep"
+                f"{self.path}: the folder cannot be written ({error.strerror or error}). Finished results are kept. To "
+                "finish the sweep, run the same command again"
             ) from None
 
     @classmethod

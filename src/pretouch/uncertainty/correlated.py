@@ -57,8 +57,8 @@ class CorrelatedNormal(JointDistribution):
         count = len(self.names)
         if mean.shape != (count,) or covariance.shape != (count, count):
             raise InvalidInputError(
-                f"covariance: found a matrix of the shape {covariance.shape} and {mean.shape[0]} mean values for "
-                f"{count} names. Each name needs one mean value, one row of the matrix and one column"
+                f"covariance: found a matrix of the shape {covariance.shape}, expected one row and one column for each "
+                f"name. Found {mean.shape[0]} mean values for {count} names, expected one mean value for each name"
             )
         scale = np.sqrt(np.outer(np.diag(covariance).clip(0), np.diag(covariance).clip(0)))
         if np.abs(covariance - covariance.T).max(initial=0) > 1e-9 * scale.max(initial=0):
@@ -165,13 +165,14 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
     covariance = fit.covariance[np.ix_(indices, indices)]
     open_ended = [n for n in names if not np.isfinite(fit.parameters[n].standard_error)]
     if open_ended or not np.isfinite(covariance).all():
-        reason = f" {' '.join(fit.unidentifiable)}" if fit.unidentifiable else ""
         unbounded = open_ended or names
-        raise InvalidInputError(
-            f"fit: the readings do not determine the fitted parameter{'s' * (len(unbounded) > 1)} "
-            f"{' and '.join(unbounded)}. So the fit has no covariance.{reason} Fit a curve with fewer "
-            "parameters, such as exponential-1, or specify the distribution of each parameter"
+        listed = f"parameter{'s' * (len(unbounded) > 1)} {' and '.join(unbounded)}"
+        sentences = (
+            f"fit: the readings do not determine the fitted {listed}, so the fit has no covariance.",
+            *fit.unidentifiable,
+            "Fit a curve with fewer parameters, such as exponential-1, or specify the distribution of each parameter",
         )
+        raise InvalidInputError(" ".join(sentences))
     mean = np.array([fit.parameters[name].value for name in names])
     _check_tails(fit, names, mean, covariance)
     return CorrelatedNormal(
@@ -195,8 +196,8 @@ def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance:
             except InvalidInputError as impossible:
                 raise InvalidInputError(
                     f"fit: the fitted parameter {name} has the value {mean[i]:.4g} and the standard error {error:.2g}. "
-                    f"A normal distribution of this width includes impossible curves ({impossible}). Calibrate "
-                    "with more readings, or specify the distribution of each parameter"
+                    f"A normal distribution with this standard error includes impossible curves ({impossible}). "
+                    "Calibrate with more readings, or specify the distribution of each parameter"
                 ) from None
 
 

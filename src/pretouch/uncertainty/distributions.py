@@ -326,8 +326,8 @@ class TruncatedNormal(Distribution):
         _check_order(low, high)
         if max(low - self.location, self.location - high) > 30 * self.deviation:
             raise InvalidInputError(
-                f"low: the range from {low:g} to {high:g} is more than 30 standard deviations away from the "
-                f"location. The location of the distribution is {self.location:g}. Choose a range nearer to it"
+                f"low: the range from {low:g} to {high:g} is more than 30 standard deviations away from the location "
+                f"{self.location:g} of the distribution. Choose a range nearer to this location"
             )
 
     @property

@@ -45,8 +45,8 @@ def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
         if not isinstance(distribution, JointDistribution):
             raise InvalidInputError(
                 f"uncertainty {name}: found {type(distribution).__name__}, expected a distribution such as "
-                "Uniform. A custom distribution must inherit from pt.robust.Distribution. It must define support and "
-                "_quantile"
+                "Uniform. A custom distribution must inherit from pt.robust.Distribution and define its members "
+                "support and _quantile"
             )
     names = [member for name, distribution in uncertainty.items() for member in distribution.inputs(name)]
     if not names:
@@ -95,8 +95,8 @@ def sample_inputs(
         if values.shape != (count, len(members)):
             raise InvalidInputError(
                 f"uncertainty {name}: the distribution {type(distribution).__name__} returned samples of the "
-                f"shape {values.shape}, expected the shape {(count, len(members))}. Each sample needs one row, and "
-                "each input one column"
+                f"shape {values.shape}, expected the shape {(count, len(members))}. The array needs "
+                "one row for each sample and one column for each input"
             )
         at += len(members)
         samples |= {member: np.ascontiguousarray(values[:, i]) for i, member in enumerate(members)}
@@ -144,7 +144,7 @@ def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray
 
 
 def share_in_words(share: float) -> str:
-    """Format a share from 0 to 1 in percent.
+    """Format a number from 0 to 1 as a percentage.
 
     The percentage is rounded down, so that only 1 gives 100 %.
 
@@ -165,7 +165,7 @@ _CENTRAL: Final = (0.025, 0.975)  # probabilities between which the value of the
 
 
 def contradictions(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorModel) -> Iterator[tuple[str, str]]:
-    """Yield each input whose encounter value contradicts its distribution.
+    """Yield the inputs whose nominal value contradicts their distribution.
 
     Each input is yielded with an explanation. With such a contradiction, a gain would be designed for one encounter and
     verified in others, for example at another speed.
@@ -184,13 +184,13 @@ def contradictions(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorM
                 unit = units.get(member, "")
                 yield (
                     member,
-                    f"the value in the encounter is {format_quantity(value, unit)}, but the distribution of {member} "
-                    f"covers {format_range((low, high), unit)}; change the value or the distribution",
+                    f"the nominal value of {member} is {format_quantity(value, unit)}, but its distribution covers "
+                    f"{format_range((low, high), unit)}; change the value or the distribution",
                 )
 
 
 def check_nominal(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorModel) -> None:
-    """Check that the encounter agrees with the distributions of its inputs.
+    """Check the nominal input values against the distributions of the inputs.
 
     Raises:
         InvalidInputError: the value of an uncertain input is outside the central 95 % of its distribution.
@@ -330,7 +330,7 @@ class _Stacked(Value):
 
     @property
     def gradients(self) -> _Stacked:
-        """This instance, because its method `of` returns the derivatives."""
+        """This object itself, whose method `of` returns the derivatives."""
         return self
 
     def of(self, quantity: str, by: str) -> Any:
@@ -356,7 +356,7 @@ def make_ensemble(
     law: ContinuousLaw = DAMPER,
     evaluate: Evaluator | None = None,
 ) -> Ensemble:
-    """Create many encounters from samples of the varied inputs.
+    """Create many encounters from sampled input values.
 
     Args:
         scenario: one encounter.

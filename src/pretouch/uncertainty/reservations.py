@@ -1,4 +1,4 @@
-"""Warn about motions through distances without calibration readings."""
+"""Warn if a motion passes distances without calibration readings."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _HARDER: Final = 1.001  # times the speed without mitigation, beyond rounding
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reservations(Value):
-    """Warnings about distances without calibration readings in an encounter.
+    """Warnings about an encounter that passes distances without calibration readings.
 
     Distances count from the contact surface.
 
@@ -75,7 +75,10 @@ class Reservations(Value):
 
     @property
     def is_refuted(self) -> bool:
-        """Whether the readings allow harder contact than without mitigation."""
+        """True if a sensor curve that fits the readings predicts harder contact.
+
+        Contact is then harder than without mitigation.
+        """
         return self.witness is not None and self.witness.harder_count > 0
 
     @property
@@ -124,20 +127,21 @@ class Reservations(Value):
         """A warning about important distances without calibration readings."""
         (near, far), (nearest, farthest) = self._limits, self._reasons
         start = format_quantity(self.start, "m")
-        parts, remedies = [], []
+        parts, remedies, extrapolated = [], [], ""
         if not self.is_contact_supported:
             parts.append(f"from {near}{nearest} to contact at 0 mm")
-            advice = recess_advice(self.report.window.l_min, self.recess)
             remedies.append(
-                f"{advice}, or calibrate the sensor down to contact, with a lower amplification if its output clips"
+                recess_advice(self.report.window.l_min, self.recess)
+                + ", or calibrate the sensor down to contact, with a lower amplification if its output clips"
             )
         if self.share_beyond > _DECISIVE:
-            parts.append(
-                f"from the start at {start} to {far}{farthest}, which contributes {100 * self.share_beyond:.0f} % of "
-                f"the {_EFFECTS[self.degree]}"
+            parts.append(f"from the start at {start} to {far}{farthest}")
+            extrapolated = (
+                f" The sensor curve beyond {far} contributes {100 * self.share_beyond:.0f} % of the "
+                f"{_EFFECTS[self.degree]}."
             )
             remedies.append(
-                f"calibrate the sensor out to {start} with more readings at each distance, or start the "
+                f"calibrate the sensor up to a distance of {start} with more readings at each distance, or start the "
                 f"encounter at {far}"
             )
         if self.leaves_range:
@@ -154,8 +158,8 @@ class Reservations(Value):
         return caution(
             "PT202",
             f"Not supported by data: this result uses the fitted {self._model} curve where "
-            f"the calibration has no usable readings: {' and '.join(parts)}.{self._zero}{self._without_force(near)} "
-            f"To remove this warning, {'; '.join(remedies)}.",
+            f"the calibration has no usable readings: {' and '.join(parts)}."
+            f"{extrapolated}{self._zero}{self._without_force(near)} To remove this warning, {'; '.join(remedies)}.",
         )
 
     @property
@@ -171,7 +175,7 @@ class Reservations(Value):
         )
 
     def _without_force(self, near: str) -> str:
-        """Describe the contact speed without force below the nearest reading."""
+        """Describe the contact speed without virtual force below the nearest measured distance."""
         if self.speed is None or self.speed_without_force is None:
             return ""
         speed, predicted = (format_quantity(v, "m/s") for v in (self.speed_without_force, self.speed))
@@ -199,7 +203,7 @@ class Reservations(Value):
 
     @property
     def _reasons(self) -> tuple[str, str]:
-        """The reasons why calibration readings end at small and large distances."""
+        """The reasons why the calibration excludes smaller and larger distances."""
         # The distances in these reasons count from the sensor's zero.
         window, near = self.report.window, self.supported[0]
         return f" ({window.start_reason})" if near >= -_NO_DISTANCE else "", f" ({window.end_reason})"
@@ -265,7 +269,7 @@ class Reservations(Value):
         if offset is None:
             return text
         level = f"{offset.value:.4g} {unit}".rstrip()
-        return f"{text}; offset {level}, which the controller and exported laws subtract"
+        return f"{text}; the controller and exported laws subtract the offset {level}"
 
     def around_text(self, text: str) -> str:
         """Add the calibration warnings and notes to a result's text.
@@ -291,7 +295,7 @@ class Reservations(Value):
 
 
 def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
-    """Find the warnings about a calibration that affect a result.
+    """Find the calibration warnings that apply to a result.
 
     Args:
         report: the report of the fit that the sensor comes from.
@@ -359,7 +363,10 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
 
 
 def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> float:
-    """Return the log output or, for a drag, the integrated squared slope."""
+    """Return a measure of the control law's effect down to a distance.
+
+    It is the log output or, for a drag, the integral of the squared slope.
+    """
     # Degree 1: ln xi at the distance. Degree 2: the integral of g^2 from the distance to the start. Both within the
     # valid range.
     low, high = sensor.valid_range
@@ -373,7 +380,7 @@ def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> 
 def _speed_without_force(
     scenario: Scenario, sensor: SensorModel, law: ContinuousLaw, gain: float, near: float
 ) -> float | None:
-    """Return the contact speed without virtual force below a given distance."""
+    """Return the contact speed if no virtual force acts below a distance."""
     end = law.contact(scenario, replace(sensor, minimum_distance=near), gain).end
     o, r, t = scenario.obstacle, scenario.reference, end.time
     rest = Scenario(
@@ -408,6 +415,6 @@ def recess_advice(nearest: float, present: float) -> str:
 
 def _offset_in_words(offset: OffsetEstimate, unit: str) -> str:
     return (
-        f"the controller and exported laws subtract the {offset.kind} offset {offset.in_words(unit)} (95 % interval "
-        f"{offset.low:.4g} to {offset.high:.4g}) from each reading"
+        f"the controller and exported laws subtract the {offset.kind} offset from each reading: "
+        f"{offset.in_words(unit)} (95 % interval: {offset.low:.4g} to {offset.high:.4g})"
     )

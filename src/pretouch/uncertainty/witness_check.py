@@ -78,7 +78,7 @@ class WitnessCheck(Value):
 
     @property
     def headline(self) -> str | None:
-        """A warning about the contact speeds that the readings allow.
+        """A warning that the readings do not support the predicted contact speed.
 
         It is None if the readings support the prediction.
         """
@@ -110,16 +110,16 @@ class WitnessCheck(Value):
     def text(self) -> str:
         """Text that compares the contact speeds on different sensor curves."""
         low, high, predicted = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted))
-        outside = (
-            ""
-            if is_within(self.predicted, self.low, self.high)
-            else ". This prediction is outside of the range. A difference of up to "
-            f"{100 * CLOSE:.0f} % counts as agreement"
-        )
-        return (
-            f"on {self.curves} sensor curves that fit the readings, the contact speed is {low} to {high}. The fitted "
-            f"curve predicts {predicted}{outside}"
-        )
+        sentences = [
+            f"on {self.curves} sensor curves that fit the readings, the contact speed is {low} to {high}",
+            f"The fitted curve predicts {predicted}",
+        ]
+        if not is_within(self.predicted, self.low, self.high):
+            sentences += [
+                "This prediction is outside of the range",
+                f"A difference of up to {100 * CLOSE:.0f} % counts as agreement",
+            ]
+        return ". ".join(sentences)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the gain test as a JSON dictionary in SI units."""
@@ -217,7 +217,7 @@ def _speeds(
 
 
 def mount(drawn: DrawnCurve, sensor: SensorModel, offset: float, start: float) -> PiecewiseCubic:
-    """Return a sensor curve as the controller sees it.
+    """Return a sensor curve after mounting and subtraction of the offset.
 
     The offset is subtracted, and the sensor's recess is included.
 
@@ -260,7 +260,7 @@ def _points_of(sensor: SensorModel, places: FloatArray) -> Points:
 
 
 def _observed_points(drawn: DrawnCurve, low: float, high: float, offset: float, recess: float) -> Points:
-    """Return points of a sensor curve as the controller sees it."""
+    """Return points of a sensor curve after subtraction of the offset."""
     if isinstance(drawn.sensor, PiecewiseCubic):
         part = drawn.sensor.part(low, high)
         places, level, slopes = np.array(part.distances), np.array(part.log_outputs), np.array(part.slopes)

@@ -1,4 +1,4 @@
-"""Evaluate objective and limits in simulated random encounters."""
+"""Evaluate the objective and the limits in simulated random encounters."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # quantities tha
 
 
 def foreseen_impact(task: Task) -> ImpactModel | None:
-    """Return the impact model for predictions.
+    """Return the impact model that predicts the impact force.
 
     It is the impact model of the task. By default, it is a lossless impact with the simulated contact stiffness, or
     None if contact forces are not simulated.
@@ -74,7 +74,7 @@ class Draws:
 
     @property
     def compared(self) -> int:
-        """Number of runs for comparing gains and changed loops."""
+        """Number of runs in which gains and changed loops are compared."""
         return min(self.task.verify.runs, _COMPARED_SENSORS if self.sensors else _COMPARED)
 
     @property
@@ -143,7 +143,7 @@ class Requirement(NamedTuple):
 
     @property
     def standing(self) -> float:
-        """Score of the requirement, at most 1.
+        """How well the runs meet the requirement, from 0 to 1.
 
         It is the share of the runs that meet the condition, divided by the required share.
         """
@@ -155,7 +155,7 @@ class Requirement(NamedTuple):
         return self.standing >= 1 - _ROUNDING
 
     def after(self, further: int) -> Requirement:
-        """Return the requirement after further successful runs."""
+        """Return the requirement as if further runs met its condition."""
         return self._replace(held=np.concatenate([self.held, np.ones(further, dtype=bool)]))
 
 
@@ -172,7 +172,7 @@ class LoopOutcomes:
 
     @property
     def standing(self) -> float:
-        """Score of the gain, at most 1.
+        """Score of the gain, from 0 (worst) to 1 (best).
 
         It is the smallest of the scores for limits, stability and softer contact.
         """
@@ -180,7 +180,7 @@ class LoopOutcomes:
 
     @property
     def stable(self) -> float:
-        """Score for stability, at most 1.
+        """Score for stability, from 0 (worst) to 1 (best).
 
         It is the gain margin, but at most 1. If the margin is unknown, it is 1.
         """
@@ -196,7 +196,7 @@ class LoopOutcomes:
 
     @property
     def softness(self) -> float:
-        """Score of the contact speed, at most 1.
+        """Score of the contact speed, from 0 (worst) to 1 (best).
 
         It is 1 if the gain makes contact softer than without mitigation, or if no run ends in contact. It is
         unmitigated speed / speed if contact is harder with the gain, and 0.99 if the gain has no effect.
@@ -256,9 +256,9 @@ class LoopProblem:
     unmitigated: SimulationResult  # runs with gain 0 on the unchanged loop; changed loops are compared with them, too
 
     def compared(self, loop: ClosedLoop) -> ClosedLoop:
-        """Return a copy of the loop for comparisons.
+        """Return a copy of the loop whose runs end at contact.
 
-        Its runs end at contact, unless objective or limits need contact forces.
+        If the objective or the limits need contact forces, the loop is unchanged.
         """
         task = self.draws.task
         custom = isinstance(task.goal, CustomObjective)
@@ -268,7 +268,7 @@ class LoopProblem:
         return loop if custom or needed & _IN_CONTACT else replace(loop, follow_time=0.0)
 
     def changes_of_level(self, distance: FloatArray) -> tuple[float, float]:
-        """Return the largest rate and noise of the log sensor output.
+        """Return the largest rate of change and noise of the log output.
 
         They are the largest rate of change [1/s], and the largest standard deviation of the noise at the distances.
         """

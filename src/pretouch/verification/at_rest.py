@@ -77,12 +77,12 @@ class RestMotion(Value):
 
     @property
     def reaches_object(self) -> bool:
-        """True if noise moves the robot as far as the object."""
+        """True if noise moves a robot at rest up to the object."""
         return self.motion >= self.distance * (1 - _ROUNDING)
 
     @property
     def text(self) -> str:
-        """Start of a sentence on the motion due to noise."""
+        """Text on the largest motion due to noise."""
         far = format_quantity(self.motion, "m", 3)
         return f"Sensor noise alone moves a robot at rest by up to {far} within {self.duration:g} s"
 
@@ -91,10 +91,11 @@ class RestMotion(Value):
 
         It recommends a higher detection threshold. If none was found, it recommends less noise or a dead zone.
         """
-        faster = " or raise largest_rate," if law.conditioning.largest_rate is not None else ""
+        faster = ["or raise largest_rate"] if law.conditioning.largest_rate is not None else []
         if self.quiet_floor is None:
-            return f"reduce the noise of the sensor,{faster} or use a control law with a dead zone"
-        return f"set floor = {self.quiet_floor:g} in [controller] (the detection threshold),{faster} and verify again"
+            return ", ".join(["reduce the noise of the sensor", *faster, "or use a control law with a dead zone"])
+        higher = f"set floor = {self.quiet_floor:g} in [controller] (the detection threshold)"
+        return ", ".join([higher, *faster, "and verify again"])
 
 
 def motion_at_rest(task: Task, gain: float) -> RestMotion | None:
@@ -129,12 +130,12 @@ def rest_in_words(rest: RestMotion | None, law: Any) -> Iterator[str]:
         f"less (95 % confidence, {_RESTS} runs)."
     )
     if rest.quiet_floor is None or rest.detected_from is None:
-        yield caution(
-            "PT406",
-            f"{rest.text}: reduce the noise, or use a control law with a dead zone. No higher detection "
-            "threshold (floor of the controller) was found that detects objects and limits this motion to "
-            f"{still}. {place}",
+        text = f"{rest.text}: reduce the noise, or use a control law with a dead zone."
+        cause = (
+            f"No higher detection threshold (floor of the controller) limits this motion to {still} and still detects "
+            "objects."
         )
+        yield caution("PT406", f"{text} {cause} {place}")
         return
     yield caution(
         "PT406",
@@ -150,7 +151,7 @@ def _duration(law: Controller) -> float:
 
 
 def _quiet_floor(task: Task, gain: float, law: Controller, scan: _Scan, moved: float) -> float | None:
-    """Find a detection threshold with almost no motion at rest."""
+    """Find a detection threshold that limits the motion at rest."""
     # With the present floor, the robot moves by `moved` [m].
     below = law.conditioning.floor
     for _ in range(_TRIES):
@@ -186,7 +187,7 @@ def _scan(task: Task, gain: float, law: Controller, floor: float) -> _Scan | Non
 
 
 def _bound(task: Task, gain: float, scan: _Scan, until: float = math.inf) -> tuple[float, float]:
-    """Return the worst distance and the largest motion there [m].
+    """Return the distance with the largest motion, and this motion [m].
 
     The motion is an upper bound of the 95 % quantile. The largest of 59 runs exceeds the 95 % quantile with a
     confidence of 95 %, since 0.95^59 = 0.048. They are other runs than those that find the worst distances. The robot
@@ -219,7 +220,7 @@ def _largest(task: Task, gain: float, loop: ClosedLoop, places: FloatArray, coun
 
 
 def _places(task: Task, law: Controller, floor: float, deviations: FloatArray) -> FloatArray:
-    """Return the detection distance for each noise margin [m].
+    """Return the detection distance [m] for each noise margin.
 
     At this distance, the mean reading just exceeds the floor plus the margin.
     """

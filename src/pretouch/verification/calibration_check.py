@@ -72,9 +72,9 @@ class CalibrationCheck(Value):
 
     @property
     def is_good_enough(self) -> bool:
-        """True if almost all possible sensors confirm the predicted contact.
+        """True if the calibration is accurate enough for the gain.
 
-        At least 95 % of the sampled sensors, and the other fitted curves, must confirm it.
+        At least 95 % of the sampled sensors, and the other fitted curves, must confirm the predicted contact.
         """
         return self.failing <= _FAILING * self.draws and (self.witness is None or self.witness.is_supported)
 
@@ -95,7 +95,7 @@ class CalibrationCheck(Value):
         if counts:
             return (
                 f"the calibration is not good enough: pretouch simulated {self.draws} sensors that agree with the "
-                f"calibration readings, and {counts}"
+                f"calibration readings. Result: {counts}"
             )
         return "the calibration is not good enough" + ("" if against is None else f": {_lower(against)}")
 
@@ -104,12 +104,16 @@ class CalibrationCheck(Value):
         """A few sentences that summarize the calibration check."""
         if self.is_good_enough:
             kept = f"all but {self.failing}" if self.failing else "all"
-            wider = "" if self.witness is None else f" Prediction in continuous time: {self.witness.text}."
-            return (
+            sentences = [
                 f"The calibration is good enough for this gain: {kept} of {self.draws} simulated sensors agree with "
-                "the fitted curve. These sensors were drawn at random from the fits to the readings. "
-                f"{self._spread} Other curves through the readings do not contradict the result.{wider}"
-            )
+                "the fitted curve.",
+                "These sensors were drawn at random from the fits to the readings.",
+                self._spread,
+                "Other curves through the readings do not contradict the result.",
+            ]
+            if self.witness is not None:
+                sentences.append(f"Prediction in continuous time: {self.witness.text}.")
+            return " ".join(sentences)
         reason = f"{self.reason[:1].upper()}{self.reason[1:]}."
         against = None if self.witness is None else self.witness.headline
         second = "" if against is None or _lower(against) in self.reason else f" {against}"
@@ -118,7 +122,7 @@ class CalibrationCheck(Value):
 
     @property
     def _spread(self) -> str:
-        """Text on the contact speeds with fitted and sampled curves."""
+        """Text that compares contact speeds on the fitted and the sampled curves."""
         text = (
             "On the sampled loop without noise, the contact speed is "
             f"{format_quantity(self.predicted, 'm/s', 3)} with the fitted curve"
@@ -130,11 +134,13 @@ class CalibrationCheck(Value):
         if is_within(self.predicted, self.low, self.high):
             return text
         softer = self.predicted < self.low
-        accepted = f" (a contact up to {100 * _HARDER:.0f} % harder counts as agreement)" if softer else ""
-        return (
-            f"{text} So the fitted curve predicts a {'softer' if softer else 'harder'} contact than most of these "
-            f"sensors{accepted}. The sensors differ in curve, offset and curve error."
-        )
+        sentences = [
+            text,
+            f"So the fitted curve predicts a {'softer' if softer else 'harder'} contact than most of these sensors.",
+        ]
+        if softer:
+            sentences.append(f"A contact that is up to {100 * _HARDER:.0f} % harder counts as agreement.")
+        return " ".join([*sentences, "The sensors differ in curve, offset and curve error."])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the calibration check as one JSON object in SI units."""
@@ -144,18 +150,18 @@ class CalibrationCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Outcome:
-    """Contact speeds and limit ratios of one gain with several sensors.
+    """Contact speeds and limited quantities of one gain with several sensors.
 
-    A ratio is a limited quantity divided by its limit. Speeds are NaN and ratios infinite without contact.
+    A ratio is a limited quantity, divided by its limit. Speeds are NaN and ratios infinite without contact.
     """
 
     speed: FloatArray
     ratios: FloatArray
 
     def failures(self, predicted: _Outcome) -> tuple[BoolArray, BoolArray, BoolArray]:
-        """Return the failures of each sensor.
+        """Return which of three failures each sensor causes.
 
-        They are missing contact, contact harder than predicted, and a missed limit.
+        The failures are missing contact, contact harder than predicted, and a missed limit.
         """
         missing = np.isnan(self.speed)
         allowed = np.maximum(1.0, (1 + _ROOM) * predicted.ratios[0])
@@ -239,9 +245,7 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
     limits = [limit for limit in task.limits if limit.name != "gain"]
     speed, ratios = np.full(len(sensors), np.nan), np.full((len(sensors), len(limits)), np.inf)
     for i, drawn in enumerate(sensors):
-        note_work(
-            f"simulating the encounter with sensor {i + 1} of {len(sensors)} sensors that agree with the calibration"
-        )
+        note_work(f"simulating the encounter with possible sensor {i + 1} of {len(sensors)}")
         there = replace(chain, offset=chain.offset + drawn.offset - own)
         loop = replace(task.loop.after(i), chain=there)
         result = loop.run(task.scenario, drawn.sensor, gain)
@@ -280,9 +284,9 @@ def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
     """Return advice on what to measure for a better calibration."""
     window, recess = report.window, getattr(task.sensor, "recess", 0.0)
     if decisive == "offset":
-        again = "more " if report.offset is not None and report.offset.kind == "measured" else ""
+        readings = "more readings" if report.offset is not None and report.offset.kind == "measured" else "readings"
         return (
-            f"record {again}readings without an object in range, and add these readings to the calibration as "
+            f"record {readings} without an object in range, and add these readings to the calibration as "
             "its argument `no_object`"
         )
     if decisive == "misfit":
@@ -293,7 +297,7 @@ def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
             "contact surface"
         )
     where = "" if report.slope is None else f" around {format_quantity(report.slope.worst_at, 'm', 3)}"
-    parts = [f"record readings at more distances, and more readings at each distance{where}"]
+    parts = ["record readings at more distances, and more readings at each distance" + where]
     if window.l_min - recess > _CLOSE:
         nearest = format_quantity(window.l_min, "m")
         parts.append(f"record distances below {nearest}, or {recess_advice(window.l_min, recess)}")

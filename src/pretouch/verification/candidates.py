@@ -85,7 +85,7 @@ class Candidate(Value):
 
     @property
     def reason(self) -> str:
-        """The main reason against the gain.
+        """The main reason why the gain fails or passes only narrowly.
 
         It is empty if the status is `holds`. If the candidate could not be verified, it says why.
         """
@@ -153,9 +153,9 @@ class CandidateComparison(Described, Value):
                 f"speed: {speed}."
             )
         holding = sum(c.status in _ORDER[:2] for c in self.candidates)
-        narrowly = " narrowly" if first.status is VerdictStatus.HOLDS_NARROWLY else ""
-        hold = f"{holding} candidate{'s hold' if holding > 1 else ' holds'}"
-        return f"Candidate {first.name} is best of {count} and holds{narrowly}: {speed}. {hold}."
+        holds = "holds narrowly" if first.status is VerdictStatus.HOLDS_NARROWLY else "holds"
+        best = f"Candidate {first.name} is best of {count} and {holds}: {speed}."
+        return f"{best} {holding} candidate{'s hold' if holding > 1 else ' holds'}."
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as one JSON object, in SI units."""
@@ -195,17 +195,17 @@ def compare_candidates(tasks: Mapping[str, Task], *, runs: int | None = None) ->
     for name, task in tasks.items():
         if task.loop is None:
             raise InvalidInputError(
-                f"{name}: found no sampled loop, expected one to verify and compare candidates; add the sections "
-                "[chain] and [controller] (pretouch init writes both)"
+                f"{name}: found no sampled loop, expected a sampled loop for each candidate; add the sections [chain] "
+                "and [controller] to the scenario file (the command pretouch init writes both sections)"
             )
     results = [_verified(name, task, runs) for name, task in tasks.items()]
     return CandidateComparison(candidates=tuple(sorted(results, key=_rank)))
 
 
 def _verified(name: str, task: Task, runs: int | None) -> Candidate:
-    """Return the candidate of a task after its verification.
+    """Return the candidate of a task with its verification result.
 
-    If the task is refused, the candidate has the reason.
+    If the task is refused, the candidate contains the reason.
     """
     if runs is not None:
         task = task.replace(verify=replace(task.verify, runs=runs))

@@ -43,6 +43,12 @@ _FLAGS: Final = {
     Status.MOTION_LIMITED: "a limit of [controller] reduced the motion: widen the limits or use a weaker gain",
     Status.INPUT_FAULT: "contact force or reference were not numbers",
 }
+_BROKEN_CABLE: Final = (
+    "With a broken cable, the reading falls to 0. For the controller, the object suddenly recedes, and the robot "
+    "follows. With this largest_rate, the controller ignores the reading of 0. The recommended value is twice the "
+    "largest rate |d ln xi / dt| of the sensor signal xi in an approach, plus noise. The simulated runs contain no "
+    "broken cable."
+)
 
 
 def compare_quantities(
@@ -134,15 +140,16 @@ def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
     # `compared` is the number of runs that compare changes.
     loop, runs = task.loop, task.verify.runs
     uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
-    first = f" in the first {compared} of these runs" if compared < runs else ""
-    number = f"a single one, of seed {loop.seed}" if runs == 1 else f"{runs}, independent, from seed {loop.seed}"
+    number = "a single run" if runs == 1 else f"{runs} independent runs"
+    others = "Every other gain and every change of the loop is simulated with the same noise."
+    if compared < runs:
+        others += f" These simulations repeat only the first {compared} runs."
     return (
         *mounting_in_words(task.sensor),
         *loop_sentences(loop),
         *_force(task),
         *(uncertain or ["Encounter: the nominal one in every run; nothing is uncertain."]),
-        f"Simulated runs: {number}. Every other gain and every change of the loop is simulated with the same noise"
-        f"{first}.",
+        f"Simulated: {number} with the random seed {loop.seed}. {others}",
         "Prediction: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly.",
         "Stability: computed for the loop linearized at each distance of the nominal curve, without noise, misfit, "
         "jitter, limits and friction.",
@@ -214,13 +221,12 @@ def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
     a, names = scenario.admittance, ("mass", "damping", "stiffness")
     if virtual is None or all(np.allclose(getattr(virtual, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
         return
-    yield caution(
-        "PT402",
-        "The controller and the prediction use different admittances: use the same admittance in both. "
-        f"Controller: virtual mass {virtual.mass:g} kg, damping {virtual.damping:g} N s/m, stiffness "
-        f"{virtual.stiffness:g} N/m. Prediction: virtual mass {a.mass:g} kg, damping {a.damping:g} N s/m, stiffness "
-        f"{a.stiffness:g} N/m.",
+    own, other = (
+        f"virtual mass {one.mass:g} kg, damping {one.damping:g} N s/m, stiffness {one.stiffness:g} N/m"
+        for one in (virtual, a)
     )
+    text = "The controller and the prediction use different admittances: use the same admittance in both."
+    yield caution("PT402", f"{text} Controller: {own}. Prediction: {other}.")
 
 
 def _recession(loop: ClosedLoop, largest_rate: float) -> Iterator[str]:
@@ -230,14 +236,9 @@ def _recession(loop: ClosedLoop, largest_rate: float) -> Iterator[str]:
     if loop.continuous is not None and loop.continuous.damping(1.0, -1.0, 1.0) == 0:  # no force if the object recedes
         return
     if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
-        yield caution(
-            "PT404",
-            "A broken sensor cable makes the robot jump toward the object: set largest_rate of the controller to "
-            f"{format_quantity(largest_rate, '1/s', 3)}. With a broken cable, the reading falls to 0. For the "
-            "controller, the object suddenly recedes, and the robot follows. With this largest_rate, the controller "
-            "ignores the reading of 0. The recommended value is twice the largest rate |d ln xi / dt| of the sensor "
-            "signal xi in an approach, plus noise. The simulated runs contain no broken cable.",
-        )
+        remedy = f"set largest_rate of the controller to {format_quantity(largest_rate, '1/s', 3)}"
+        text = f"A broken sensor cable makes the robot jump toward the object: {remedy}."
+        yield caution("PT404", f"{text} {_BROKEN_CABLE}")
 
 
 def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iterator[str]:
@@ -287,14 +288,11 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
     if more <= chance or not np.any(peak > (1 + _ROUNDING) * impact):
         return
     driven = contact.obstacle_mass == np.inf
-    push = " and the driven obstacle push" if driven else " pushes"
+    pushing = "the robot's drive and the driven obstacle push" if driven else "the robot's drive pushes"
     newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
-    yield caution(
-        "PT407",
-        f"After the impact, the robot's drive{push} with a mean peak force of {newton[0]}, compared with {newton[1]} "
-        f"without mitigation. The impact itself has a mean force of {newton[2]}, compared with {newton[3]} without "
-        "mitigation.",
-    )
+    after = f"{pushing} with a mean peak force of {newton[0]}, compared with {newton[1]} without mitigation"
+    impact_itself = f"a mean force of {newton[2]}, compared with {newton[3]} without mitigation"
+    yield caution("PT407", f"After the impact, {after}. The impact itself has {impact_itself}.")
 
 
 def _impact(comparisons: tuple[Comparison, ...]) -> Iterator[str]:
@@ -329,7 +327,7 @@ def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
 
 
 def _stale(result: SimulationResult) -> float:
-    """Return the share of controller steps without an expected reading.
+    """Return the share of controller steps whose expected reading is missing.
 
     Only steps after detection count.
     """
@@ -351,6 +349,6 @@ def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
         return
     yield caution(
         "PT411",
-        f"The calibration has only {len(report.window.distances)} usable distances, which are too few to check "
-        "whether the calibration is good enough: record readings at more distances.",
+        f"The calibration has only {len(report.window.distances)} usable distances, too few to check whether "
+        "the calibration is good enough: record readings at more distances.",
     )

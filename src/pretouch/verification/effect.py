@@ -129,9 +129,9 @@ class Effect(Value):
 
     @property
     def excess(self) -> float | None:
-        """Relative excess of the simulated over the predicted contact speed.
+        """Relative difference between the simulated and the predicted contact speed.
 
-        Both speeds are means. None without a prediction.
+        It is positive if the simulated speed is higher. Both speeds are means. None without a prediction.
         """
         return self.reached / self.predicted - 1 if self.predicted and self.reached is not None else None
 
@@ -207,7 +207,7 @@ def mean_and_error(values: FloatArray) -> tuple[float, float]:
 
 
 def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
-    """Yield warnings if a gain does harm.
+    """Yield warnings if a gain is harmful.
 
     A harmful gain makes the robot chase the object, or makes contact harder.
     """
@@ -293,7 +293,7 @@ class SensorSpeed(Value):
 
     @property
     def excess_in_words(self) -> str:
-        """Text on the speed increase caused by the slow sensor.
+        """Text on the increase of the contact speed by a slow sensor.
 
         The text includes the allowed increase.
         """
@@ -334,7 +334,7 @@ def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
 def compare_with_fast_sensor(
     loop: ClosedLoop, run: Callable[[ClosedLoop], SimulationResult], quiet: SimulationResult, tolerance: float
 ) -> SensorSpeed | None:
-    """Compare the contact speed with that of an infinitely fast sensor.
+    """Compare the contact speeds with the real and an infinitely fast sensor.
 
     Returns:
         The comparison; None without contact, or for a user-defined law.

@@ -261,7 +261,7 @@ class SimulatedEncounter(Described, Value):
 
     @property
     def is_mitigated(self) -> bool:
-        """True if a contact occurs no harder than without mitigation."""
+        """True if contact occurs and is no harder than without mitigation."""
         return bool(self.run.touched) and not is_harder(self.run, self.unmitigated)
 
     @property
@@ -374,10 +374,14 @@ def _comparison(e: SimulatedEncounter) -> PageSection:
     table = PageTable(head=head, rows=tuple(_comparison_rows(e)), note=note, brief=True)
     loop = e.loop
     robot, contact = (cell_as_text(next(iter(rows))[1]) for rows in (loop.plant.rows(), contact_rows(loop.contact)))
-    method = (
-        f"In the simulation, the controller runs every {format_quantity(loop.law.period, 's', 3)}, the sensor "
-        f"measures at {loop.chain.rate:g} Hz, and the seed is {loop.seed}. Robot: {robot}. Contact: {contact}. "
-        f"Method of the prediction: {e.prediction.method}."
+    period = format_quantity(loop.law.period, "s", 3)
+    method = " ".join(
+        [
+            f"In the simulation, the controller runs every {period}.",
+            f"The simulated sensor measures at {loop.chain.rate:g} Hz.",
+            f"The random seed is {loop.seed}. Robot: {robot}. Contact: {contact}.",
+            f"Method of the prediction: {e.prediction.method}.",
+        ]
     )
     elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None
     return PageSection(title="Loop and prediction", blocks=(table, Paragraph(text=method, brief=True), elastic))

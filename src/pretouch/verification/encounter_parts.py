@@ -160,9 +160,9 @@ class Detection(Value):
         text += f"{format_quantity(self.distance, 'm')} (start: {format_quantity(self.start_distance, 'm')})"
         if self.missed_share is None:
             return f"{text}."
+        missed = f"{100 * self.missed_share:.2g} % of the change of the sensor signal ln xi"
         return (
-            f"{text}. Before detection, the sensor signal ln xi made {100 * self.missed_share:.2g} % of its total "
-            "change until contact. This part of the change had no effect on the virtual force."
+            f"{text}. {missed} happened before detection. This part of the change had no effect on the virtual force."
         )
 
 
@@ -375,14 +375,17 @@ def cautions_in_words(
             "The object was never detected, so there was no virtual force: check floor, offset and sensor range.",
         )
     elif detection.missed_share is not None and detection.missed_share > _LATE:
-        yield caution(
-            "PT405",
-            f"The object is detected late, at a distance of {format_quantity(detection.distance, 'm')}, so "
+        distance, start = (format_quantity(d, "m") for d in (detection.distance, detection.start_distance))
+        text = (
+            f"The object is detected late, at a distance of {distance}, so the first "
             f"{100 * detection.missed_share:.2g} % of the signal change had no effect: lower the floor, or use a "
-            "faster sensor. The floor is the detection threshold of the controller. The signal change is the change of "
-            "the sensor signal ln xi until contact. The prediction assumes detection at a distance of "
-            f"{format_quantity(detection.start_distance, 'm')}.",
+            "faster sensor."
         )
+        terms = (
+            "The floor is the detection threshold of the controller. The signal change is the change of the sensor "
+            "signal ln xi from the start to contact."
+        )
+        yield caution("PT405", f"{text} {terms} The prediction assumes detection at the start distance of {start}.")
     approach = run.time if run.touched else run.end_time
     for flag in flags:
         if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):

@@ -171,7 +171,7 @@ def find_improvements(
 
 
 def _candidates(problem: LoopProblem, verified: Verified) -> list[ChangedLoop]:
-    """Return changes of the loop that may help."""
+    """Return changes of the loop that may improve the result."""
     check, rate = verified.stability, None
     if check is not None and check.margin < USUAL_MARGIN and math.isfinite(check.lowest_rate_for_margin_2):
         rate = max(check.lowest_rate_for_margin_2, check.rate)
@@ -202,7 +202,7 @@ def _loss(task: Task, verified: Verified, search: _Search, best: FloatArray | No
 
 
 class _Tried(NamedTuple):
-    """Summary of the simulated results of one gain that the search tried."""
+    """Summary of the simulated results of one tried gain."""
 
     gain: float  # the law's number, such as D_p [N s]
     objective: float  # the mean objective
@@ -347,7 +347,7 @@ def _evaluate_change(
 
 
 def _worst_of_both(before: LoopOutcomes, after: LoopOutcomes) -> tuple[Requirement, Requirement]:
-    """Return the most missed requirement before and after a change.
+    """Return the most missed requirement, evaluated before and after a change.
 
     It is the one that was missed most before the change.
     """
@@ -366,9 +366,9 @@ def _add_margin(candidate: ChangedLoop, before: float | None, after: float | Non
 
 
 def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
-    """Return True if a change improves the decisive quantity.
+    """Return True if a change significantly improves the lowest score.
 
-    This quantity decides the score, such as the most missed limit.
+    Scores rate each requirement, stability and the contact speed.
     """
     if after.standing <= before.standing:
         return False
@@ -383,7 +383,7 @@ def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
 
 
 def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, float | None]:
-    """Return the relative decrease of the objective with standard error."""
+    """Return the relative decrease of the objective and its standard error."""
     whole, _ = mean_and_error(before)
     with np.errstate(invalid="ignore"):
         fall, error = mean_and_error(before - after)

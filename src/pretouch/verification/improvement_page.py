@@ -41,8 +41,9 @@ def best_change_section(v: Verdict) -> PageSection | None:
     if best is None:
         text = (
             "None of the tried changes improves the result of the verification. None lowers the objective "
-            f"significantly and by at least 1 %. {rate}"
-        ).strip()
+            "significantly and by at least 1 %."
+        )
+        text = f"{text} {rate}".strip()
         return PageSection(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
     open_reasons = _reasons_not_checked(v)
     enough = "" if best.standing >= _KEPT else " (not enough alone)"
@@ -54,7 +55,7 @@ def best_change_section(v: Verdict) -> PageSection | None:
 
 
 def _reasons_not_checked(v: Verdict) -> list[str]:
-    """List the problems that are not checked after a change."""
+    """List the known problems that were not checked with the change."""
     effect, speed, calibration = v.effect, v.sensor_speed, v.calibration_check
     excess = None if effect is None else effect.excess
     report = v.design.problem.task.calibration
@@ -109,7 +110,7 @@ def _effects(v: Verdict, change: LoopChange) -> Iterator[Row]:
 
 
 def _missed_most(v: Verdict) -> str:
-    """Return text that names the requirement that is missed most often."""
+    """Name the requirement that is missed most often."""
     shares: list[tuple[float, str]] = []
     if v.reached is not None and v.reached.missing:
         shares.append((1 - v.reached.missing / round(v.reached.predicted * v.runs), "runs with the predicted contact"))
@@ -126,11 +127,10 @@ def changes_section(v: Verdict) -> PageSection | None:
     if not v.changes:
         return None
     n = v.compared_runs
-    note = f"Each change was simulated in {n} run{'' if n == 1 else 's'}, with the same encounters and noise."
+    runs = "1 run" if n == 1 else f"{n} runs"
+    note = f"Each change was simulated in {runs}, with the same encounters and noise."
     if n < v.runs:
-        note += (
-            f" They are the first of {v.runs} runs in total. Changes of the gain were simulated in all {v.runs} runs."
-        )
+        note += f" The verification has {v.runs} runs in total. Changes of the gain were simulated in all runs."
     head = ("change", "objective", "limits met", "gain margin", "what to do")
     rows = (*_rows_as_it_is(v), *map(_change_row, v.changes))
     table = PageTable(head=head, rows=rows, note=note + _HELPS, wraps=True, brief=True)
@@ -181,7 +181,7 @@ def _percent_with_error(value: float, error: float) -> str:
 
 
 def gain_section(v: Verdict) -> PageSection:
-    """Return the report section on the objective over the gain."""
+    """Return the report section on the objective as a function of gain."""
     # The verified gain is compared with the best gain on the simulated loop.
     tried = v.loss is not None
     caption = "The objective of the nominal encounter in continuous time (ideal)"
@@ -226,10 +226,10 @@ def _loss_in_words(v: Verdict, loss: Loss) -> str:
         return f"Compared with {best}, the objective of the verified gain is {share:.3g} % worse (difference: {apart})."
     lacks = _lacks_in_words(v) if share < -SIGNIFICANT * error else ""
     if lacks:
-        return (
-            f"Compared with {best}, the objective of the verified gain is {-share:.3g} % better (difference: {apart}). "
-            f"However, the verified gain has a disadvantage: {lacks}."
+        text = (
+            f"Compared with {best}, the objective of the verified gain is {-share:.3g} % better (difference: {apart})."
         )
+        return f"{text} However, the verified gain has a disadvantage: {lacks}."
     return f"Compared with {best}, the objective of the verified gain is not significantly worse (difference: {apart})."
 
 
@@ -238,7 +238,7 @@ def _best_gain_in_words(loss: Loss) -> str:
     if loss.sought_margin is None:
         return "best gain on the simulated loop"
     if loss.sought_margin >= USUAL_MARGIN:
-        return f"best gain on the simulated loop that has a gain margin of {loss.sought_margin:g}"
+        return f"best gain with a gain margin of {loss.sought_margin:g} on the simulated loop"
     return "best stable gain on the simulated loop (none within the bounds has a gain margin of 2)"
 
 

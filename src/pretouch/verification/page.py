@@ -122,14 +122,14 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
         "none is enough" if math.isinf(check.lowest_rate_for_margin_2) else f"{check.lowest_rate_for_margin_2:.3g} Hz"
     )
     name = (
-        f"sensor rate above which this gain is stable; for a gain margin of 2: {least}; rate of the simulated "
-        f"sensor: {check.rate:.3g} Hz"
+        f"sensor rate above which this gain is stable; sensor rate for a gain margin of 2: {least}; sensor rate in "
+        f"the simulation: {check.rate:.3g} Hz"
     )
     yield name, _rate(check.lowest_rate)
 
 
 def _findings(v: Verdict) -> Iterator[str]:
-    """Yield further reasons against a gain, then its met limits."""
+    """Yield further reasons against the gain, then the limits it meets."""
     yield from v.reasons[1:]
     for c in v.limits:
         if c.is_met and not any(c.statement in reason for reason in v.reasons):
@@ -143,7 +143,10 @@ def _next_step(v: Verdict) -> str:
 
 
 def _next_steps(v: Verdict) -> Iterator[str]:
-    """Yield recommendations, most urgent first; some of them may be empty texts."""
+    """Yield recommendations, most urgent first.
+
+    Some recommendations may be empty texts.
+    """
     calibration, report = v.calibration_check, v.design.problem.task.calibration
     if not (v.reached is not None and v.reached.simulated):
         yield approach_step(v.scenario)

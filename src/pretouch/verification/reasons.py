@@ -44,7 +44,7 @@ def no_gain_with_margin(design: GainDesign, rate: float) -> str:
         needed = f"This gain has the required margin at a sensor rate of {rounded_up(rate):g} Hz or more"
     return (
         f"at a sensor rate of {task.loop.chain.rate:g} Hz, no gain with a gain margin of "
-        f"{task.stability_margin:g} meets every limit. Without the required margin, {optimum} would be optimal. "
+        f"{task.stability_margin:g} meets every limit. Without the required margin, the optimum would be {optimum}. "
         f"{needed}"
     )
 
@@ -80,14 +80,15 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
     if effect is not None and effect.is_harder:
         yield f"contact is harder than without mitigation{_harder(effect)}"
     elif quiet is not None and quiet.is_harder:
-        yield f"even in simulations without sensor noise, contact is harder than without mitigation{_harder(quiet)}"
+        text = "even in simulations without sensor noise, contact is harder than without mitigation"
+        yield text + _harder(quiet)
     elif effect is not None and effect.is_absent:
         speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))
         yield (
             f"the gain has no effect: the average contact speed is {speed} with the gain, and {free} without mitigation"
         )
     elif effect is not None and effect.lost > LOST:
-        yield f"most of the predicted mitigation is lost on the simulated loop: contact at {_speeds(effect)}"
+        yield f"most of the predicted mitigation is lost on the simulated loop: {_speeds(effect)}"
     predicted, free_end = v.predicted, v.design.no_mitigation
     if predicted is None or not predicted.reached.all():
         return
@@ -103,11 +104,11 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
 
 
 def _speeds(effect: Effect) -> str:
-    """Return text on simulated, predicted and unmitigated contact speed."""
+    """Return the simulated, predicted and unmitigated contact speed as text."""
     reached, predicted, free = (
         format_quantity(x or 0.0, "m/s", 3) for x in (effect.reached, effect.predicted, effect.unmitigated)
     )
-    return f"a mean speed of {reached} (predicted speed: {predicted}; without mitigation: {free})"
+    return f"the mean contact speed is {reached} (predicted speed: {predicted}; without mitigation: {free})"
 
 
 def _harder(effect: Effect) -> str:
@@ -141,14 +142,17 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
         p = check.required.probability
         if _is_unshown(check):
             needed = _runs_to_show(check, v.confidence)
-            advice = (
-                "" if needed is None else f". To demonstrate it with the same share of runs, simulate {needed} runs"
-            )
-            yield (
-                f"the limit {check.statement} is met in {share_in_words(check.held)} of {v.runs} runs. This does not "
-                f"demonstrate the required probability of {100 * p:g} %. The runs demonstrate only a probability of "
-                f"{share_in_words(check.low)} ({100 * v.confidence:g} % confidence){advice}"
-            )
+            low, confidence = share_in_words(check.low), f"{100 * v.confidence:g} % confidence"
+            sentences = [
+                f"the limit {check.statement} is met in {share_in_words(check.held)} of {v.runs} runs",
+                f"This does not demonstrate the required probability of {100 * p:g} %",
+                f"The runs demonstrate only a probability of {low} ({confidence})",
+            ]
+            if needed is not None:
+                sentences.append(
+                    f"To demonstrate the required probability with the same share of runs, simulate {needed} runs"
+                )
+            yield ". ".join(sentences)
         # The gain itself is chosen, not drawn at random, so a gain exactly at its limit is no reason.
         elif check.name != "gain" and check.margin is not None and check.margin < ROOM * check.limit:
             yield f"{check.statement} is met with a margin of only {format_quantity(check.margin, check.unit)}"

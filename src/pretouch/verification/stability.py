@@ -78,9 +78,9 @@ class StabilityCheck(Value):
 
     @property
     def critical_distance(self) -> float:
-        """The distance with the weakest stability [m].
+        """The distance at which the loop becomes unstable first [m].
 
-        As the gain is made stronger, the loop first becomes unstable there.
+        It becomes unstable there as the gain is made stronger.
         """
         return self.limit.critical_distance
 
@@ -111,12 +111,14 @@ class StabilityCheck(Value):
         stable = "unstable" if self.margin < 1 else "stable, but close to its limit," if self.margin < 2 else "stable"
         phase = ", at the worst phase between sensor and controller" if self.has_unknown_phase else ""
         frequency = "" if math.isnan(self.frequency) else f" at {self.frequency:.3g} Hz"
-        return (
-            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. Any "
-            f"{self.limit.law.number.name} stronger than {self.limit.law.number.text(self.strongest)} makes the loop "
-            f"oscillate{frequency}. Oscillation starts at a distance of "
-            f"{format_quantity(self.critical_distance, 'm')}. {self._rates}."
+        number, place = self.limit.law.number, format_quantity(self.critical_distance, "m")
+        sentences = (
+            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}.",
+            f"Any {number.name} stronger than {number.text(self.strongest)} makes the loop oscillate{frequency}.",
+            f"Oscillation starts at a distance of {place}.",
+            f"{self._rates}.",
         )
+        return " ".join(sentences)
 
     @property
     def _rates(self) -> str:
@@ -196,7 +198,7 @@ def check_stability(
 def rates_for_margins(
     loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, margins: Sequence[float]
 ) -> list[float]:
-    """Return the sensor rate that each gain margin needs [Hz].
+    """Return the sensor rate [Hz] needed for each gain margin.
 
     The gain has the margin at every higher rate. The rate is infinite if no rate suffices.
     """
@@ -225,7 +227,7 @@ def _virtual_admittance(law: Controller) -> Admittance:
 
 
 def chain_at(chain: SensorChain, rate: float) -> SensorChain:
-    """Return the sensor chain at another rate [Hz].
+    """Return the sensor chain with another sensor rate [Hz].
 
     Exposure and jitter are reduced to fit the new period.
     """
@@ -234,7 +236,7 @@ def chain_at(chain: SensorChain, rate: float) -> SensorChain:
 
 
 def told_period(controller: Controller) -> float:
-    """Return the sensor period in the controller settings [s].
+    """Return the sensor period [s] from the controller settings.
 
     The default is the controller period.
     """
@@ -260,7 +262,7 @@ def controller_at(controller: Controller, sensor_period: float, period: float | 
 
 
 def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
-    """Return the loop at another sensor rate [Hz].
+    """Return the loop with another sensor rate [Hz].
 
     The controller is at least as fast as the sensor.
     """
@@ -283,7 +285,7 @@ _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
 def plausible_rate(loop: ClosedLoop, quickest: float, noise: float) -> float:
-    """Return the largest plausible rate of the log sensor output [1/s].
+    """Return the largest plausible rate of change of the log output [1/s].
 
     The controller rejects readings that imply a larger rate. It rejects a reading only if neither the fastest approach
     nor noise can explain the reading.
@@ -394,8 +396,8 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[
     yield "controller-rate", text, lambda: replace(loop, law=controller_at(law, told_period(law), period))
     pedestal, configured = loop.chain.offset + loop.chain.crosstalk, c.offset
     if pedestal != configured or loop.chain.drift:
-        text = f"Subtract the exact offset of the sensor, {pedestal:.4g} (unit of the readings)"
-        text += f" instead of {configured:.4g}" if pedestal != configured else ""
+        exact = f"{pedestal:.4g}" if pedestal == configured else f"{pedestal:.4g} instead of {configured:.4g}"
+        text = f"Subtract the exact offset of the sensor: {exact} (unit of the readings)"
         text += ", and track its drift." if loop.chain.drift else "."
         yield "offset", text, partial(_with, loop, chain={"drift": 0.0}, conditioning={"offset": pedestal})
     rate = plausible_rate(loop, quickest, noise)

@@ -161,7 +161,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
 
 
 def _rate_needed(design: GainDesign) -> float | None:
-    """Return the sensor rate for the required gain margin [Hz].
+    """Return the sensor rate [Hz] needed for the required gain margin.
 
     None if other requirements fail as well.
     """
@@ -173,7 +173,7 @@ def _rate_needed(design: GainDesign) -> float | None:
 
 
 def _check_task(task: Task) -> Task:
-    """Check the task of a verification, and narrow its bounds."""
+    """Check the task, and narrow its bounds to stable gains."""
     if task.scenario.shape != ():
         raise InvalidInputError(
             f"scenario: found an array of encounters of shape {task.scenario.shape}, expected a single encounter"
@@ -181,8 +181,8 @@ def _check_task(task: Task) -> Task:
     law: Any = _loop_of(task).law
     if not isinstance(law, TunableLaw):
         raise InvalidInputError(
-            f"loop: the control law {type(law).__name__} has no method with_value; add this method, which must "
-            "return the law with another gain"
+            f"loop: the control law {type(law).__name__} has no method with_value; add a method with_value "
+            "that returns the law with another gain"
         )
     refuse_too_many_runs(task.verify.runs)
     if task.drag_effect is not None and (task.objective is None or task.bounds is None):
@@ -297,7 +297,7 @@ def chosen_gain(task: Task) -> float:
 
 
 def _why_no_gain(task: Task) -> str:
-    """Return why a design found no gain, and what to do."""
+    """Explain why a design found no gain, and recommend a remedy."""
     status = design_gain(task.replace(evaluate=None)).status
     if status is DesignStatus.NO_CONTACT and task.scenario.relative_velocity > 0:
         return "the object moves away from the robot. Give the obstacle a negative velocity"
@@ -307,4 +307,5 @@ def _why_no_gain(task: Task) -> str:
     number = task.law.number
     example = {"gain": -0.7, "drag": 0.014}.get(number.key, float(number.sign))
     value = f"{example:g} {number.unit}"
-    return f'{reason}. Choose a gain with the option --gain "{value}", or with gain={example:g} in Python'
+    advice = f'Choose a gain with the option --gain "{value}", or with gain={example:g} in Python'
+    return f"{reason}. {advice}"

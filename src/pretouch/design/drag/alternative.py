@@ -56,7 +56,7 @@ def drag_alternative(design: GainDesign) -> PageSection | None:
     runs = (with_drag, run)
     accelerations = [pretty_unit(format_quantity(float(r.end.largest_acceleration), "m/s^2")) for r in runs]
     text = (
-        f"With a virtual drag of the same excursion ({DRAG.number.equals(drag)}), the contact speed "
+        f"With a virtual drag of {DRAG.number.equals(drag)}, the excursion would be the same. The contact speed "
         f"would be {format_quantity(after, 'm/s')} instead of {format_quantity(before, 'm/s')}. "
         f"The largest acceleration would be {accelerations[0]} instead of {accelerations[1]}."
     )

@@ -75,8 +75,8 @@ class DragEffect(Value):
         value = np.asarray(getattr(self, name))
         if name == "ratio" and value.max() > 1:
             raise InvalidInputError(
-                f"ratio: found {value.max():g}, expected a positive number up to 1, because a virtual drag "
-                "reduces the speed"
+                f"ratio: found {value.max():g}, expected a positive number up to 1. The ratio is contact speed / "
+                "approach speed, and a virtual drag reduces the speed"
             )
 
     @property
@@ -108,8 +108,8 @@ class DragEffect(Value):
             rho, speed = np.asarray(self.ratio), math.inf
         elif self.largest_speed is None:
             raise InvalidInputError(
-                "largest_speed: the largest approach speed [m/s] is missing. Set it, because the virtual drag for a "
-                f"limit of the {self.chosen[0]} depends on it"
+                "largest_speed: the largest approach speed [m/s] is missing; set this speed. The virtual drag for the "
+                f"limit {self.chosen[0]} depends on the approach speed"
             )
         else:
             speed = finite(self.largest_speed, "largest_speed", "m/s")
@@ -174,9 +174,9 @@ def allowed_speed(
 
 
 def _last(keeps: Callable[[FloatArray], Any], high: FloatArray) -> FloatArray:
-    """Return the largest values that meet a condition.
+    """Return the largest value up to each limit that meets a condition.
 
-    The values are at most `high`. The search repeatedly refines a grid. The condition takes a grid for each number, one
+    The limits are `high`. The search repeatedly refines a grid. The condition takes a grid for each number, one
     per row.
     """
     low, high = np.where(keeps(high[:, None])[:, 0], high, 0.0), high.copy()
@@ -235,8 +235,8 @@ def strongest_by_excursion(  # noqa: PLR0917
         if (never := on[high[on] == strongest[on]]).size:
             raise InvalidInputError(
                 f"excursion: the robot retreats less than the limit of {limits[never[0]]:g} m, even with the strongest "
-                f"drag. Set a ratio instead of an excursion. The strongest drag has the ratio {_STRONGEST:g} (contact "
-                "speed / approach speed)"
+                "drag. Instead of the excursion, set the ratio of contact speed to approach speed. The strongest drag "
+                f"has a ratio of {_STRONGEST:g}"
             )
         low[on], under[on], high[on] = high[on], over[on], np.minimum(2 * high[on], strongest[on])
     drag, reached = high.copy(), limits.copy()
@@ -308,9 +308,9 @@ def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, l
     excess = excess_of(high[:, None], slice(None))[:, 0]
     if (never := np.flatnonzero((strongest < top) & (excess <= 0))).size:
         raise InvalidInputError(
-            "acceleration: even the strongest drag stays below the limit. Set a ratio instead of an acceleration. The "
-            f"limit of acceleration / (approach speed)^2 is {limit[never[0]]:g} 1/m. The strongest drag has the ratio "
-            f"{_STRONGEST:g} (contact speed / approach speed)"
+            "acceleration: even with the strongest drag, the acceleration stays below the limit. Instead of the "
+            "acceleration, set the ratio of contact speed to approach speed. The strongest drag has a ratio of "
+            f"{_STRONGEST:g}. The limit of acceleration / (approach speed)^2 is {limit[never[0]]:g} 1/m"
         )
     for _ in range(_PASSES):
         on = np.flatnonzero(excess > _MET)

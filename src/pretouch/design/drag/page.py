@@ -64,9 +64,9 @@ def drag_page(design: DragDesign) -> Page:
         warnings.append(
             caution(
                 "PT311",
-                "the virtual drag was designed for an object with constant velocity, but this object accelerates "
-                f"{('toward' if acceleration > 0 else 'away from')} the robot at "
-                f"{pretty_unit(format_quantity(abs(acceleration), 'm/s^2'))}",
+                f"the object accelerates {('toward' if acceleration > 0 else 'away from')} the robot at "
+                f"{pretty_unit(format_quantity(abs(acceleration), 'm/s^2'))}, but the virtual drag was designed for a "
+                "constant velocity: use the bound `contact_speed_bound`",
             )
         )
     if -float(design.scenario.relative_velocity) > design.largest_speed:

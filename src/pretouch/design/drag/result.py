@@ -236,7 +236,7 @@ class DragDesign(Described, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragLimits(Value):
-    """Guaranteed bounds for a drag that varies between two values.
+    """Guaranteed bounds of the motion for a drag between two limits.
 
     The bounds apply to contact speed, excursion and acceleration. The drag coefficient is phi.
 
@@ -279,7 +279,7 @@ class DragLimits(Value):
 
     @property
     def peak(self) -> float:
-        """Upper bound of acceleration per squared approach speed [1/m].
+        """Upper bound of the acceleration divided by the squared approach speed [1/m].
 
         The bound exceeds the peaks of both constant drags: the schedule may switch to the strong drag after the weak
         one has hardly reduced the speed.
@@ -327,8 +327,8 @@ def predict_drag(
     """
     if sensor.valid_range[0] > 0:
         raise InvalidInputError(
-            f"sensor: the sensor curve is valid only above {sensor.valid_range[0]:g} m, but the prediction needs it "
-            "down to 0 m. Mount the sensor behind the contact surface (recess)"
+            f"sensor: the sensor curve is valid only above {sensor.valid_range[0]:g} m, but must be valid down to 0 m. "
+            "Mount the sensor behind the contact surface, and set its recess"
         )
     result = encounter(sensor, mass, distance, drag, 1.0, 0.0)
     end = result.contact

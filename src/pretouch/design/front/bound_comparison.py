@@ -21,7 +21,7 @@ _NOTHING: Final = 1e-9  # an acceleration below this share of the deceleration t
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class BoundComparison(Value):
-    """Comparison of encounters with the best possible controller.
+    """Comparison of encounters with those of the best possible controller.
 
     Excursion and acceleration are compared with their smallest possible values.
 
@@ -95,7 +95,7 @@ def compare_with_bound(
 
 
 def _only_retreats(trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult) -> BoolArray:
-    """Return which encounters never move the robot toward the obstacle.
+    """Return a mask of the encounters in which the robot only retreats.
 
     Motions up to the rest position are allowed.
     """

@@ -98,7 +98,7 @@ def non_dominated(values: FloatArray) -> BoolArray:
 
 
 def shortfall(points: FloatArray, front: FloatArray) -> FloatArray:
-    """Return how far a Pareto front must shift to dominate points.
+    """Return the smallest shift with which a Pareto front dominates each point.
 
     This is the additive epsilon indicator of each point.
     """

@@ -142,7 +142,7 @@ def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measu
 
 
 def _sentences(front: ParetoFront) -> Iterator[str]:
-    """Yield sentences on the user's choice and the physical bound."""
+    """Yield report sentences on the user's chosen design and the physical bound."""
     if front.choice is not None and front.knee is not None:
         yield _about_choice(front, front.choice)
     if front.no_bound:
@@ -182,8 +182,8 @@ def _evidence(front: ParetoFront) -> PageSection:
         ("Pareto front", f"{_count(len(front.gain), 'point')} in {_count(pieces, 'piece')}"),
         (
             "largest error",
-            "no other evaluated design improves every quantity by more than "
-            f"{100 * front.approximation_error:.2g} % of the range of this quantity",
+            "no other evaluated design improves all quantities by more than "
+            f"{100 * front.approximation_error:.2g} % of their ranges",
         ),
     )
     return PageSection(title="Evidence", titled=True, blocks=(PageTable(rows=rows, wraps=True, brief=True),))

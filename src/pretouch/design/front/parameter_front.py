@@ -154,9 +154,9 @@ class _FrontPoints:
         return shortfall(values / self.extent, self.values / self.extent)
 
     def pieces(self) -> IntArray:
-        """Return the connected piece of each Pareto point.
+        """Return the index of the front segment of each Pareto point.
 
-        Wide gaps separate the pieces.
+        Wide gaps separate the segments.
         """
         if self.values.shape[1] != 2:
             return np.zeros(len(self.values), dtype=np.int64)

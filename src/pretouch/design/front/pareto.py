@@ -173,7 +173,7 @@ def _bound(trials: Trials) -> PhysicalBound | None:
 
 
 class _FrontPointMaker:
-    """Builder of marked Pareto points, such as the knee."""
+    """Factory for the marked points of a Pareto plot, such as the knee."""
 
     def __init__(self, trials: Trials, names: tuple[str, ...], front: FoundFront) -> None:
         self.trials, self.names, self.front = trials, names, front.values
@@ -191,7 +191,7 @@ class _FrontPointMaker:
         return tuple(p for p in points if p is not None)
 
     def chosen(self, choice: float | Choice) -> FrontPoint | None:
-        """Return the user's choice as a point of the plot.
+        """Return the user's chosen design as a point of the plot.
 
         Returns:
             The point; None if the choice has no gain or does not result in contact.

@@ -69,8 +69,8 @@ class PhysicalBound(Value):
         positive(self.distance, "distance", "m")
         if not finite(self.velocity, "velocity", "m/s") < 0:
             raise InvalidInputError(
-                f"velocity: found {self.velocity:g} m/s, expected a negative number, because the obstacle must "
-                "approach the robot"
+                f"velocity: found {self.velocity:g} m/s, expected a negative number. With a negative velocity, the "
+                "obstacle approaches the robot"
             )
         finite(self.acceleration, "acceleration", "m/s^2")
         object.__setattr__(self, "acceleration_limit", positive(self.acceleration_limit, "acceleration_limit", "m/s^2"))
@@ -138,7 +138,7 @@ class PhysicalBound(Value):
         return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 
     def _slow(self, w: FloatArray) -> FloatArray:
-        """Return the excursion at which the obstacle reaches a speed.
+        """Return the excursion at which a braking obstacle reaches a given speed.
 
         This speed is the robot's top speed plus the contact speed. NaN unless the obstacle brakes.
         """
@@ -147,7 +147,7 @@ class PhysicalBound(Value):
         return np.asarray((self.velocity**2 - (w + self.speed_limit) ** 2) / (2 * self.acceleration) - self.distance)
 
     def _time(self, excursion: FloatArray) -> FloatArray:
-        """Return the arrival time of the obstacle after an excursion."""
+        """Return the time at which the obstacle reaches the retreated robot."""
         return _arrival(self.distance + excursion, self.velocity, self.acceleration)
 
     def _duration(self, excursion: FloatArray) -> FloatArray:
@@ -215,7 +215,7 @@ def why_no_bound(scenario: Scenario) -> str:
 
 
 def _arrival(distance: Any, velocity: Any, acceleration: Any) -> FloatArray:
-    """Return the travel time at constant acceleration.
+    """Return the time to cover a distance at constant acceleration.
 
     Infinite if the object never covers the distance.
     """

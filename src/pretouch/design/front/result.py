@@ -171,13 +171,13 @@ class ParetoFront(Answer):
 
     @property
     def headline(self) -> str:
-        """A summary of the search for the Pareto front in one sentence."""
+        """A summary of the search for the Pareto front in one or two sentences."""
         names = [self.number.entry(name).short for name in self.quantities]
         traded = f"{', '.join(names[:-1])} and {names[-1]}"
         if self.status is FrontStatus.INFEASIBLE:
             return (
-                "Infeasible: no design within the bounds meets every constraint, so there is no Pareto front of "
-                f"{traded}."
+                "Infeasible: no design within the bounds meets every constraint. Therefore, the Pareto front of "
+                f"{traded} is empty."
             )
         if self.status is FrontStatus.NO_CONTACT:
             return "No point within the bounds ends in contact."

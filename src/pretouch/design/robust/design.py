@@ -138,8 +138,8 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
             what = "an obstacle with a course" if task.evaluate is None else "evaluate"
             raise InvalidInputError(
                 f"measure: WorstCase does not work with {what}; use Expected, Quantile or ConditionalValueAtRisk. "
-                "WorstCase needs gradients of the objective. These gradients exist only in continuous time and for an "
-                "obstacle without a course"
+                "WorstCase needs gradients of the objective. These gradients exist only in continuous time and for "
+                "obstacles with constant acceleration"
             )
         for limit in limits:
             if limit.probability < 1:

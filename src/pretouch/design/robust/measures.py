@@ -85,13 +85,13 @@ def checked_measure(measure: Any) -> Measure:
     for name in ("label", "estimate"):
         if not issubclass(home[name], home["of"]):
             raise InvalidInputError(
-                f"measure: the class {type(measure).__name__} overrides the method `of`, but inherits the "
-                f"method `{name}` from {home[name].__name__}; override `{name}` as well"
+                f"measure: the class {type(measure).__name__} overrides the method `of`, but not the method `{name}`; "
+                f"override `{name}` as well"
             )
     if isinstance(measure, WorstCase) and home["of"] is not WorstCase:
         raise InvalidInputError(
-            f"measure: the class {type(measure).__name__} overrides the method `of` of WorstCase, but the search "
-            "for the worst encounter ignores `of`; use WorstCase itself"
+            f"measure: the class {type(measure).__name__} overrides the method `of` of WorstCase, but a worst-case "
+            "search does not call this method; use WorstCase itself"
         )
     return measure
 
@@ -242,7 +242,7 @@ class WorstCase(Measure):
         return float_or_array(np.max(values, axis=-1))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the largest value with an infinite upper bound.
+        """Return the largest value, with infinity as its upper confidence bound.
 
         Samples cannot bound a worst case.
         """

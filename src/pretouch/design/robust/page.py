@@ -206,12 +206,13 @@ def _loss(v: Validation) -> str:
 
 
 def _outcome(design: RobustDesign, v: Validation) -> PageSection:
-    ideal = ", in continuous time and without noise" if design.on_evaluator else ""
+    optimum = f"The {design.nominal_name} is optimal if every input has its given value."
+    if design.on_evaluator:
+        optimum = f"The {design.nominal_name} is optimal in continuous time, without noise and with the given inputs."
     note = (
-        f"The results come from {v.samples} fresh encounters. The design did not use these encounters. The "
-        f"{design.nominal_name} is optimal if every input has its given value{ideal}. The loss compares the "
-        f"objectives with the {design.nominal_name} and with the robust gain, in the same encounters. All numbers are "
-        "predicted, not measured."
+        f"The results come from {v.samples} new random encounters, which the design did not use. {optimum} The "
+        f"increase of the objective compares the {design.nominal_name} with the robust gain, in the same encounters. "
+        "All numbers are predicted, not measured."
     )
     head = (f"on {v.samples} fresh samples ({100 * v.confidence:g} % confidence)", *design.compared)
     return _section("Results on fresh samples", head, _outcome_rows(design, v), note)
@@ -239,11 +240,11 @@ def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
 
 def _constraints(v: Validation) -> PageSection:
     note = (
-        '"At least" is a lower confidence bound of the probability that the limit is met (Clopper and Pearson). Its '
-        f'confidence is {100 * v.confidence:g} %. "Demonstrated" means that this bound reaches the required '
-        'probability. "Within chance" means that the samples do not contradict the required probability. If the '
-        "optimum lies on a constraint, fresh samples often cannot demonstrate the required probability. Then require a "
-        "slightly larger probability."
+        'The column "at least" shows a lower confidence bound of the probability that an encounter meets the limit. '
+        f"The bound is that of Clopper and Pearson, with a confidence of {100 * v.confidence:g} %. "
+        '"Demonstrated" means that this bound reaches the required probability. "Within chance" means that the samples '
+        "do not contradict the required probability. If the optimum lies on a constraint, new samples often cannot "
+        "demonstrate the required probability. In this case, require a slightly larger probability."
     )
     head = ("constraint", "limit", "required in", "met in", "at least", "quantile at the required share", "state")
     return _section("Constraints", head, (_limit_row(o, v) for o in v.limits), note)

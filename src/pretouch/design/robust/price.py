@@ -103,7 +103,7 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
 
 
 def price_of_gain(problem: GainProblem, price: Price, gain: float) -> Price:
-    """Compare another gain with earlier optimal gains.
+    """Compare another gain with the optimal gains of an earlier comparison.
 
     Returns:
         The comparison, without a new search.
@@ -126,7 +126,7 @@ def _objectives(task: Task, ensemble: Ensemble, gain: float) -> FloatArray:
 
 
 def _distribution_of(uncertainty: Uncertainty, name: str) -> tuple[JointDistribution, tuple[str, ...]]:
-    """Return an uncertain input's distribution and all inputs that share it."""
+    """Return the distribution of an input, and all inputs of that distribution."""
     for key, joint in uncertainty.items():
         if name in joint.inputs(key):
             return joint, joint.inputs(key)

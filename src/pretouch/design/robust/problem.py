@@ -142,7 +142,7 @@ class RobustProblem(GainProblem):
 
     @property
     def _never_touches(self) -> bool:
-        """Whether every encounter provably ends without contact with every gain of the axis."""
+        """True if every encounter provably ends without contact at all searched gains."""
         ensemble = self.ensemble
         if not self._has_theorems or (self.axis.gain(np.array(self.axis.span)) > 0).any():
             return False
@@ -152,7 +152,7 @@ class RobustProblem(GainProblem):
 
     @property
     def _has_theorems(self) -> bool:
-        """Whether the theorems on later and missing contacts apply to this kind of encounter."""
+        """True if the theorems on later and missing contacts apply."""
         # They hold for L(1) with L(2) in continuous time, from the given state.
         ensemble = self.ensemble
         return ensemble.evaluator is None and ensemble.law == DAMPER and ensemble.method != "uniform-motion"

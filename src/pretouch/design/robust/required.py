@@ -64,7 +64,7 @@ _MOST_RUNS: Final = 1_000_000  # more runs are not advised
 
 
 def runs_to_show(share: float, probability: float, confidence: float) -> int | None:
-    """Return the number of runs that demonstrate a probability.
+    """Return how many test runs are needed to demonstrate a probability.
 
     `share` is the rate of successful runs. None if over a million runs are needed.
 

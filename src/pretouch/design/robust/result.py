@@ -166,7 +166,7 @@ class RobustDesign(Answer):
 
     @property
     def nearest_gain(self) -> float | None:
-        """The gain closest to meeting all limits, if none does.
+        """The gain with the smallest limit violation, if no gain is feasible.
 
         None unless the design is infeasible.
         """
@@ -281,9 +281,9 @@ class RobustDesign(Answer):
 
     @cached_property
     def prices(self) -> tuple[Price, ...]:
-        """Avoidable loss of the robust gain for each uncertain input.
+        """The loss that exact knowledge of each uncertain input would avoid.
 
-        Exact knowledge of the input would avoid this loss. The largest loss comes first. Empty without a robust gain,
+        It is a loss of the robust gain. The largest loss comes first. Empty without a robust gain,
         and with `evaluate`.
         """
         if self.gain is None or self.on_evaluator:
@@ -309,8 +309,8 @@ class RobustDesign(Answer):
         nominal = f"the {self.nominal_name} {self.number.text(self.nominal_gain)}"
         if not math.isfinite(v.nominal):
             return (
-                f"{text} With {nominal}, too many encounters end without contact. Therefore, the objectives of the "
-                "two gains cannot be compared."
+                f"{text} The robust gain cannot be compared with {nominal}: with the {self.nominal_name}, too many "
+                "encounters end without contact."
             )
         change = 100 * (v.nominal / v.value - 1)
         worse, conjunction = ("worse", "and") if change >= 0 else ("better", "but")
@@ -359,7 +359,7 @@ def _conflict(design: RobustDesign) -> str:
     if reasons:
         return f"the {'. The '.join(reasons)}"
     names = " and ".join(required.constraint.name for required, *_ in design.reachable)
-    return f"the limits of {names} can each be met with the required probability, but no gain meets all of these limits"
+    return f"no gain meets the limits of {names} together; each limit alone can be met with the required probability"
 
 
 def _warnings(design: RobustDesign) -> Iterator[str]:
@@ -371,8 +371,9 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
     if v.reached < 1:
         yield caution(
             "PT309",
-            f"in {100 * (1 - v.reached):.3g} % of the fresh encounters there is no contact, so the "
-            f"{design.measure.label} of the objective excludes these encounters or is infinite",
+            f"{100 * (1 - v.reached):.3g} % of the fresh encounters end without contact: truncate the distributions, "
+            f"or accept these encounters. The {design.measure.label} of the objective excludes these encounters or is "
+            "infinite",
         )
     for o in v.limits:
         if not v.may_hold(o):

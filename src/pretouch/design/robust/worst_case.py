@@ -62,16 +62,16 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
     """
     if len(uncertainty) > _MOST_INPUTS:
         raise InvalidInputError(
-            f"uncertainty: found {len(uncertainty)} inputs for a worst case, expected at most {_MOST_INPUTS}, "
-            "because the search evaluates 2^n combinations of n inputs"
+            f"uncertainty: found {len(uncertainty)} uncertain inputs for a worst case, expected at most "
+            f"{_MOST_INPUTS} inputs. The search evaluates 2^n combinations of n inputs"
         )
     box = {}
     for name, distribution in uncertainty.items():
         support = distribution.support if isinstance(distribution, Distribution) else (-np.inf, np.inf)
         if not np.isfinite(support).all():
             raise InvalidInputError(
-                f"uncertainty {name}: found {type(distribution).__name__}, which has no bounds, but a worst case "
-                "needs bounded inputs; use an Interval, or a TruncatedNormal with two bounds"
+                f"uncertainty {name}: found {type(distribution).__name__}, which has no bounds, expected a bounded "
+                "distribution for a worst case. Use an Interval, or a TruncatedNormal with two bounds"
             )
         box[name] = support
     return box
@@ -122,7 +122,7 @@ def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
 
 
 def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], gain: float, which: int) -> Function:
-    """Express the objective or a constraint by the uncertain inputs."""
+    """Return the objective or a constraint as a function of the inputs."""
     # The function also returns the gradient.
     names = tuple(box)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))

@@ -137,9 +137,9 @@ def limit_rows(problem: GainProblem, limits: Iterable[Constraint]) -> list[tuple
 
 
 def _row(quantity: str, impact: ImpactModel | None) -> tuple[float, float, float] | None:
-    """Return how to compute a quantity from the compiled result.
+    """Return row, factor and exponent of a quantity in the compiled search.
 
-    The numbers are row, factor and exponent. None if impossible.
+    None if the compiled search cannot compute the quantity.
     """
     factor, exponent = 1.0, 1.0
     if quantity == "impact_force" and isinstance(impact, ElasticImpact):

@@ -92,7 +92,7 @@ def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArr
 
 
 def _is_confirmed(problem: GainProblem, gain: FloatArray, value: FloatArray) -> BoolArray:
-    """Return for which encounters interpolated gains are accurate."""
+    """Return True for encounters with an accurate interpolated gain."""
     task, result = problem.task, problem.run(gain.reshape(problem.task.scenario.shape))
     solved = task.goal.value(result.end, abs(task.scenario.obstacle.velocity), task.impact).reshape(-1)
     if not task.limits:

@@ -76,10 +76,7 @@ class Freedom:
         return frequency, np.full(len(at), ratio)
 
     def scenarios(self, at: FloatArray) -> Scenario:
-        """Return the encounters for several search points.
-
-        Each has the admittance of its search point.
-        """
+        """Return the encounters with the admittances of several search points."""
         if self.size == 1:
             return self.scenario
         frequency, ratio = self.admittance(at)
@@ -148,13 +145,14 @@ def make_freedom(
     axis = GainAxis.between(bounds, law.number)
     if law == DRAG and not (natural_frequency is None and damping_ratio is None):
         raise InvalidInputError(
-            f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: remove these bounds. A virtual "
-            "drag suspends the admittance. Therefore, stiffness and damping do not affect the encounter"
+            f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: found bounds, expected none for "
+            "a virtual drag; remove these bounds. A virtual drag switches off the admittance. Therefore, stiffness and "
+            "damping do not affect the encounter"
         )
     if scenario.shape:
         raise InvalidInputError(
             f"scenario: found an array of encounters of shape {scenario.shape}, expected a single encounter; "
-            "call the function for each encounter"
+            "call this function once for each encounter"
         )
     stiffness = scenario.admittance.stiffness
     if natural_frequency is not None and damping_ratio is None and stiffness == 0:
@@ -191,7 +189,7 @@ def _is_log(bounds: Range) -> bool:
 
 
 def _between(bounds: Range, at: FloatArray) -> FloatArray:
-    """Convert scaled values to values between two bounds."""
+    """Convert search coordinates between 0 and 1 to parameter values."""
     low, high = bounds
     value = low * np.exp(np.log(high / low) * at) if _is_log(bounds) else low + (high - low) * at
     return np.asarray(np.where(at == 1, high, np.clip(value, low, high)))

@@ -55,17 +55,17 @@ class GainAxis:
         if number is not None and max(number.sign * low, number.sign * high) <= 0:
             shown = pretty_unit(unit)
             raise InvalidInputError(
-                f"bounds: the range from {low:g} to {high:g} {shown} makes the robot chase the object, "
-                f"because a mitigating {number.name} is {number.mitigating}. Did you mean "
+                f"bounds: no {number.name} from {low:g} to {high:g} {shown} mitigates the impact. "
+                f"The sign of a mitigating {number.name} is {number.mitigating}. Did you mean "
                 f"{0.0 - high:g} to {0.0 - low:g} {shown}?"
             )
         return cls(low=low, high=high)
 
     @property
     def scale(self) -> float:
-        """The gain at which the search variable becomes logarithmic.
+        """The magnitude of the gain above which the search variable is logarithmic.
 
-        It is a magnitude. The search variable is linear for weaker gains.
+        The search variable is linear for weaker gains.
         """
         small, large = sorted((abs(self.low), abs(self.high)))
         return small if self.low * self.high > 0 else 1e-3 * large
@@ -77,7 +77,7 @@ class GainAxis:
 
     @property
     def span(self) -> tuple[float, float]:
-        """The bounds of the gain as search variable values.
+        """The bounds of the gain, converted to the search variable.
 
         The lower bound comes first.
         """
@@ -101,7 +101,7 @@ class GainAxis:
         return gain
 
     def is_end(self, coordinate: FloatArray | float) -> BoolArray:
-        """Return which search values equal a bound of the gain."""
+        """Return True for search values that equal a bound of the gain."""
         low, high = self.span
         return np.asarray(np.minimum(np.abs(coordinate - low), np.abs(coordinate - high)) <= _AT_END * (high - low))
 

@@ -61,7 +61,7 @@ def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> tuple[Flo
 def advance(
     trials: Trials, start: FloatArray, origin: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Search along a direction for a Pareto point.
+    """Search along a given direction for a Pareto-optimal point.
 
     Returns:
         The point and its quantities; None if the search fails.
@@ -104,7 +104,7 @@ def _minimize(value: Any, slope: Any, start: FloatArray, slack: Any, bounds: Any
 def _to_feasible(
     trials: Trials, at: FloatArray, merit: Callable[[FloatArray], float]
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Move a point to nearby bounds if that is better."""
+    """Move a search point to nearby bounds if this improves it."""
     if not np.isfinite(at).all():
         return None
     moved = np.where(at <= _NEAR, 0.0, np.where(at >= 1 - _NEAR, 1.0, at))

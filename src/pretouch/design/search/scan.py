@@ -92,7 +92,7 @@ class Landscape(Value):
 
     @property
     def reached(self) -> BoolArray:
-        """Which values of the search variable result in contact."""
+        """True for values of the search variable that result in contact."""
         return np.isfinite(self.objective)
 
     @property
@@ -106,9 +106,9 @@ class Landscape(Value):
 
     @property
     def feasible(self) -> BoolArray:
-        """Which values of the search variable are feasible.
+        """True for feasible values of the search variable.
 
-        They result in contact and meet every constraint.
+        These values result in contact and meet every constraint.
         """
         return self.reached & (self.worst_ratio <= HELD)
 

@@ -21,7 +21,7 @@ _NODES: Final = np.arange(-2.0, 3.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trials:
-    """Computes encounters for the gains and admittances that a search tries.
+    """Evaluation of the gains and admittances that a search tries.
 
     Points have the shape (n, size).
     """
@@ -44,7 +44,10 @@ class Trials:
         return (*self.measures, *(ratio(c, self.encounters.task.impact) for c in self.constraints))
 
     def run(self, at: FloatArray) -> ContactResult:
-        """Compute the encounters for several search points, which represent gains and admittances."""
+        """Return the encounters for several search points.
+
+        Each search point represents a gain and an admittance.
+        """
         return self.encounters.solve(self.freedom.scenarios(at), self.freedom.gain(at))
 
     def rows(self, at: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -95,11 +98,11 @@ class Trials:
         return self.encounters.is_differentiable and all(criterion.has_gradients for criterion in self.criteria)
 
     def rows_of(self, result: ContactResult) -> FloatArray:
-        """Return objectives and ratios |quantity| / limit of computed encounters."""
+        """Return objectives and constraint ratios of computed encounters."""
         return np.stack([np.asarray(c.value(result), dtype=np.float64) for c in self.criteria], axis=-1)
 
     def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:
-        """Return the exact derivatives of objectives and of ratios |quantity| / limit."""
+        """Return the exact derivatives of objectives and constraint ratios."""
         gradients, state = result.gradients, result.end
         chain = self.freedom.chain(at)
         names = {name for inputs in chain for name, _ in inputs}
@@ -110,7 +113,7 @@ class Trials:
         return slopes
 
     def _differences(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return objectives and ratios |quantity| / limit, with derivatives by finite differences."""
+        """Return objectives and constraint ratios, with derivatives by finite differences."""
         size = len(at)
         steps = _NODES + np.clip(0.0, 2 - at / _STEP, (1 - at) / _STEP - 2)[:, None]  # away from the bounds
         points = np.repeat(at[None], 1 + 5 * size, axis=0)

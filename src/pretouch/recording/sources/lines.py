@@ -95,10 +95,13 @@ class LineParser:
         """Remarks on the lines that were skipped."""
         notes = []
         if self._skipped:
-            plural = "" if self._skipped == 1 else "s"
-            notes.append(
-                f"{self._name}: skipped {self._skipped:,} line{plural} without a reading, for example {self._shown}."
-            )
+            if self._skipped == 1:
+                notes.append(f"{self._name}: skipped one line without a reading, the line {self._shown}.")
+            else:
+                notes.append(
+                    f"{self._name}: skipped {self._skipped:,} lines without a reading. The first of these lines is "
+                    f"{self._shown}."
+                )
         if self._half:
             notes.append(f"{self._name}: skipped the last line, because it is incomplete.")
         return tuple(notes)
@@ -107,13 +110,13 @@ class LineParser:
         """Explain why the received bytes contain no readings."""
         if self._bytes >= _FEW and self._no_text > _NO_TEXT * self._bytes:
             return (
-                f"{self._no_text} of {self._bytes} bytes are not text: probably the baud rate is wrong, so set --baud "
-                "(often 9600 or 115200)"
+                f"{self._no_text} of {self._bytes} received bytes are not text, probably due to a wrong baud rate: set "
+                "--baud (often 9600 or 115200)"
             )
         if self._skipped:
             return (
-                f"{self._skipped} lines had no reading, for example {self._shown}: send one number per line, or choose "
-                "a column or JSON key with --column"
+                f"{self._skipped} lines had no reading, for example the line {self._shown}: send one number per line, "
+                "or choose a column or JSON key with --column"
             )
         if self._bytes:
             return f"{self._bytes} bytes arrived without a line end: send a line feed after each reading"
@@ -178,8 +181,8 @@ class LineParser:
         numbers = [name for name in numbers if name != self._distance_number]
         if len(numbers) > 1:
             raise SourceError(
-                f"{self._name}: each line has {len(numbers)} numbers; choose one with --column. The {kind} of "
-                f"the numbers are: {', '.join(numbers)}"
+                f"{self._name}: found {len(numbers)} numbers in each line, expected one number. Choose the number with "
+                f"--column (possible {kind}: {', '.join(numbers)})"
             )
         return numbers[0] if numbers else ""
 

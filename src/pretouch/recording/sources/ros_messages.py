@@ -14,7 +14,7 @@ from typing import Any
 
 @cache
 def message_types() -> Any:
-    """Return the ROS message types as attributes of an object."""
+    """Define the ROS message types, and return them in one object."""
     from cyclonedds.idl import IdlStruct  # noqa: PLC0415 - an extra
     from cyclonedds.idl.annotations import autoid, final  # noqa: PLC0415
     from cyclonedds.idl.types import float32, float64, int32, uint8, uint32  # noqa: PLC0415
@@ -70,6 +70,6 @@ def message_types() -> Any:
 
 
 def reading_members() -> dict[Any, str]:
-    """Return the member with the reading for each message type."""
+    """Return the reading's field name for each message type."""
     types = message_types()
     return {types.Range: "range", types.Float64: "data", types.Float32: "data"}

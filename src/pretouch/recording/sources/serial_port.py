@@ -80,7 +80,8 @@ def _only_port() -> str:
             "--topic, --i2c or --stdin"
         )
     raise InvalidInputError(
-        f"--port: {len(ports)} serial devices are connected; choose one of them with --port: {_listed(ports)}"
+        f"--port: {len(ports)} serial devices are connected; choose one of these devices with --port. The devices are "
+        f"{_listed(ports)}"
     )
 
 

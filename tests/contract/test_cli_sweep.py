@@ -226,7 +226,7 @@ def test_what_cannot_be_drawn_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="found 3 axes with several values, but a figure can"):
         plots.sweep(sweep(Task(ENCOUNTER, CURVED), axes))
     flat = sweep(Task(ENCOUNTER, CURVED, gain=-0.5, horizon=5.0), {"obstacle.velocity": [0.3, 0.2]})
-    with pytest.raises(InvalidInputError, match="time: no encounter of this sweep has a value"):
+    with pytest.raises(InvalidInputError, match="time: found no finite value of this result in the sweep"):
         plots.sweep(flat, ["time"])
     with pytest.raises(InvalidInputError, match="results: found nonsense, expected some of"):
         plots.sweep(flat, ["nonsense"])

@@ -99,7 +99,9 @@ private:
     Bodies body{};
     Lanes last_x{}, last_v{}, last_xo{}, last_vo{}, end_time{}, xv{}, vv{}, rate{}, acting{};
     Lanes detection_time{}, closest{}, excursion{}, travel{}, fastest{}, strongest{}, hardest{};
-    Lanes x0{}, xo0{}, vo0{}, ao{}, xd{}, vd{}, ad{};    // of the scene
+    Lanes x0{}, start_xo{}, xd{}, vd{}, ad{};               // of the scene
+    Lanes since{}, until{}, xo0{}, vo0{}, ao{}, gone{};  // of the obstacle's leg
+    int64_t stretch[WIDTH];
     Lanes steady{}, rest{}, ahead{}, fading{}, motion{}, speed{}, reference{};  // of the law's drive
     Drive drive{};
     Lanes position{}, velocity{}, acceleration{}, force{};  // of the law's output
@@ -115,6 +117,15 @@ private:
     Lanes reference_at(Lanes time) const { return xd + time * (vd + 0.5 * ad * time); }
 
     void begin(int lane);
+    void load_drive(int lane);
+    void set_leg(int lane, const pretouch::Leg &leg);
+    pretouch::Leg leg_of(int i) const { return {since[i], until[i], xo0[i], vo0[i], ao[i], gone[i]}; }
+    pretouch::Approach approach_of(int lane, double at, bool asked);
+    bool is_at_end(int lane, int64_t periods) const {
+        return period_number[lane] >= periods || !(body.x[lane] - body.xo[lane] < 0.0);
+    }
+    void follow_course(int lane, int64_t periods);
+    void visit(int lane);
     void leave(int lane, double at, bool asked);
     void refill(int lane);
     void ask_laws();
@@ -131,7 +142,6 @@ void Group::begin(int i) {
     const pretouch_scene &s = loop.scenes[k];
     memcpy(state_of(i), loop.laws.states + loop.laws.start_of[k] * loop.laws.state_size,
            static_cast<size_t>(loop.laws.state_size));
-    const pretouch_drive_state &driven = state_of(i)->drive;
     const pretouch_drive_numbers &d = parameters_of(i)->drive;
     open |= 1ull << i;
     period_number[i] = 0;
@@ -140,9 +150,10 @@ void Group::begin(int i) {
     end_time[i] = rate[i] = acting[i] = body.servo[i] = travel[i] = strongest[i] = hardest[i] = 0.0;
     x0[i] = body.x[i] = xv[i] = s.x;
     body.v[i] = vv[i] = s.v;
-    xo0[i] = body.xo[i] = s.xo;
-    vo0[i] = body.vo[i] = s.vo;
-    ao[i] = s.ao;
+    start_xo[i] = body.xo[i] = s.xo;
+    body.vo[i] = s.vo;
+    stretch[i] = 1;
+    set_leg(i, pretouch::leg_after(loop, k, {0.0, 0.0, s.xo, s.vo, 0.0, 0.0}, 0));
     xd[i] = s.xd;
     vd[i] = s.vd;
     ad[i] = s.ad;
@@ -151,13 +162,7 @@ void Group::begin(int i) {
     excursion[i] = fabs(s.x - s.xd);
     fastest[i] = fabs(s.v);
     flags[i] = 0;
-    steady[i] = driven.delivery.steady;
-    rest[i] = driven.delivery.rest;
-    ahead[i] = driven.delivery.ahead;
-    fading[i] = driven.delivery.fading;
-    motion[i] = driven.motion.position;
-    speed[i] = driven.motion.velocity;
-    reference[i] = driven.reference;
+    load_drive(i);
     drive.hold[i] = d.hold;
     drive.fade_step[i] = d.fade_step;
     drive.largest_force[i] = d.largest_force;
@@ -174,22 +179,102 @@ void Group::begin(int i) {
     drive.excursion[i] = d.limits.excursion;
 }
 
+// Takes the state of the law's drive from the law.
+void Group::load_drive(int i) {
+    const pretouch_drive_state &driven = state_of(i)->drive;
+    steady[i] = driven.delivery.steady;
+    rest[i] = driven.delivery.rest;
+    ahead[i] = driven.delivery.ahead;
+    fading[i] = driven.delivery.fading;
+    motion[i] = driven.motion.position;
+    speed[i] = driven.motion.velocity;
+    reference[i] = driven.reference;
+}
+
+void Group::set_leg(int i, const pretouch::Leg &leg) {
+    since[i] = leg.since;
+    until[i] = leg.until;
+    xo0[i] = leg.xo;
+    vo0[i] = leg.vo;
+    ao[i] = leg.ao;
+    gone[i] = leg.way;
+}
+
+// Brings a lane to a period without an end of a leg. The code of a single encounter follows periods with one.
+void Group::follow_course(int i, int64_t periods) {
+    while (is_open(i)) {
+        if (is_at_end(i, periods)) {
+            leave(i, 0.0, false);
+            refill(i);
+            continue;
+        }
+        while (times[i] >= until[i] - INSTANT) set_leg(i, pretouch::leg_after(loop, index[i], leg_of(i), stretch[i]++));
+        if (until[i] > times[i] + loop.period + INSTANT) return;
+        visit(i);
+        if (!is_open(i)) refill(i);
+    }
+}
+
 void Group::refill(int lane) {
     if (next < count) begin(lane);
 }
 
-// Leaves the rest of an encounter to the code of a single one.
-void Group::leave(int i, double at, bool asked) {
+// An encounter for the code of a single one. The law gets the state of its drive.
+pretouch::Approach Group::approach_of(int i, double at, bool asked) {
     pretouch_drive_state &driven = state_of(i)->drive;
     driven.delivery = {steady[i], rest[i], ahead[i], fading[i]};
     driven.motion = {motion[i], speed[i]};
     driven.reference = reference[i];
-    const pretouch::Approach approach = {
+    return {
         period_number[i], t[i], at, end_time[i], body.x[i], body.v[i], body.servo[i], body.xo[i], body.vo[i],
         last_x[i], last_v[i], last_xo[i], last_vo[i], xv[i], vv[i], rate[i], acting[i], detection_time[i], closest[i], excursion[i], travel[i], fastest[i], strongest[i],
-        hardest[i], {position[i], velocity[i], acceleration[i], force[i], log_level[i], status[i]}, flags[i], asked};
-    pretouch::continue_encounter(loop, index[i], state_of(i), sensors[i], approach);
+        hardest[i], {position[i], velocity[i], acceleration[i], force[i], log_level[i], status[i]}, flags[i], asked,
+        leg_of(i), stretch[i]};
+}
+
+// Leaves the rest of an encounter to the code of a single one.
+void Group::leave(int i, double at, bool asked) {
+    pretouch::continue_encounter(loop, index[i], state_of(i), sensors[i], approach_of(i, at, asked));
     open &= ~(1ull << i);
+}
+
+// Leaves a period of an encounter to the code of a single one.
+void Group::visit(int i) {
+    pretouch::Approach a = approach_of(i, 0.0, false);
+    if (!pretouch::continue_period(loop, index[i], state_of(i), sensors[i], a)) {
+        open &= ~(1ull << i);
+        return;
+    }
+    load_drive(i);
+    period_number[i] = a.period;
+    times[i] = t[i] = static_cast<double>(a.period) * loop.period;
+    instants[i] = instant[i] = pretouch::next_sample(sensors[i]);
+    end_time[i] = a.end_time;
+    body.x[i] = a.x;
+    body.v[i] = a.v;
+    body.servo[i] = a.servo;
+    body.xo[i] = a.xo;
+    body.vo[i] = a.vo;
+    xv[i] = a.xv;
+    vv[i] = a.vv;
+    rate[i] = a.rate;
+    acting[i] = a.acting;
+    detection_time[i] = a.detection_time;
+    closest[i] = a.closest_distance;
+    excursion[i] = a.largest_excursion;
+    travel[i] = a.largest_travel;
+    fastest[i] = a.largest_speed;
+    strongest[i] = a.largest_virtual_force;
+    hardest[i] = a.largest_acceleration;
+    position[i] = a.output.position;
+    velocity[i] = a.output.velocity;
+    acceleration[i] = a.output.acceleration;
+    force[i] = a.output.virtual_force;
+    log_level[i] = a.output.log_level;
+    status[i] = a.output.status;
+    flags[i] = a.flags;
+    set_leg(i, a.leg);
+    stretch[i] = a.stretch;
 }
 
 // The drive of one lane by the law itself, for limits and faults.
@@ -345,16 +430,16 @@ void Group::follow_period() {
     for (double at = 0.0; at < period - INSTANT;) {
         const double whole = period - at;
         const double h = !ideal && loop.plant_step < whole ? loop.plant_step : whole;
-        const Lanes later = (t + at) + h;
+        const Lanes later = (t + at) + h, along_leg = later - since;
         Bodies moved;
         if (ideal)
-            moved = {position, velocity, all(0.0), xo0 + later * (vo0 + 0.5 * ao * later), vo0 + ao * later};
+            moved = {position, velocity, all(0.0), xo0 + along_leg * (vo0 + 0.5 * ao * along_leg), vo0 + ao * along_leg};
         else
             moved = advance(at, h, target);
         const Lanes start = body.xo - body.x, start_slope = (body.vo - body.v) * h;
         const Lanes end = moved.xo - moved.x, end_slope = (moved.vo - moved.v) * h;
-        const Lanes way = 0.0 + (absolute(vo0) + 0.5 * absolute(ao) * later) * later;
-        const Lanes doubt = 1e-12 * (absolute(x0) + absolute(moved.x) + absolute(xo0) + way);
+        const Lanes way = gone + (absolute(vo0) + 0.5 * absolute(ao) * along_leg) * along_leg;
+        const Lanes doubt = 1e-12 * (absolute(x0) + absolute(moved.x) + absolute(start_xo) + way);
         const Lanes lowest = smaller(start, end);
         const Masks apart = (end > doubt) & (smaller(start + start_slope / 3.0, end - end_slope / 3.0) >= lowest);
         alignas(64) double gap[4][WIDTH], least[WIDTH];
@@ -425,8 +510,12 @@ void Group::run() {
             while (ends) {
                 leave(i, 0.0, false);
                 refill(i);
-                ends = is_open(i) && (periods <= 0 || !(body.x[i] - body.xo[i] < 0.0));
+                ends = is_open(i) && is_at_end(i, periods);
             }
+        }
+        if (loop.stretches_each) {
+            for (int i = 0; i < WIDTH; i++) follow_course(i, periods);
+            t = load(times);
         }
         last_x = body.x;
         last_v = body.v;

@@ -18,13 +18,12 @@ Cubic distance_along(const Body &from, const Body &to, double h) {
 
 }  // namespace
 
-Encounter::Encounter(const pretouch_loop &loop_, int64_t index, const Law &law_, const Sensor &sensor_)
-    : loop(loop_), scene(loop_.scenes[index]), law(law_), sensor(sensor_),
-      end(loop_.ends[index]), touches(loop_.touches + index * loop_.most_touches), ideal(loop_.plant.mass == 0.0),
+Encounter::Encounter(const pretouch_loop &loop_, int64_t index_, const Law &law_, const Sensor &sensor_)
+    : loop(loop_), scene(loop_.scenes[index_]), law(law_), sensor(sensor_),
+      end(loop_.ends[index_]), touches(loop_.touches + index_ * loop_.most_touches), ideal(loop_.plant.mass == 0.0),
       inverse_mass(ideal ? 0.0 : 1.0 / loop_.plant.mass + loop_.contact.inverse_mass),
       body{scene.x, scene.v, 0.0, scene.xo, scene.vo, 0.0},
-      coming(loop_.stretches + index * loop_.stretches_each), last(coming + loop_.stretches_each),
-      leg{0.0, 0.0, scene.xo, scene.vo, 0.0, 0.0}, xv(scene.x), vv(scene.v), resolved(loop_.plant_step) {
+      index(index_), leg{0.0, 0.0, scene.xo, scene.vo, 0.0, 0.0}, xv(scene.x), vv(scene.v), resolved(loop_.plant_step) {
     begin_leg();
     for (int64_t k = 0; k < loop.linear.hidden; k++)
         hidden[k] = loop.linear.starts[2 * k] * scene.x + loop.linear.starts[2 * k + 1] * scene.v;
@@ -60,7 +59,9 @@ bool Encounter::end_period(const Body &before) {
     return false;
 }
 
-void Encounter::resume(const Approach &a) {
+void Encounter::restore(const Approach &a) {
+    leg = a.leg;
+    stretch = a.stretch;
     t = a.t;
     at = a.at;
     body = {a.x, a.v, a.servo, a.xo, a.vo, 0.0};
@@ -78,12 +79,35 @@ void Encounter::resume(const Approach &a) {
     end.largest_speed = a.largest_speed;
     end.largest_virtual_force = a.largest_virtual_force;
     end.largest_acceleration = a.largest_acceleration;
+}
+
+void Encounter::resume(const Approach &a) {
+    restore(a);
     if (!a.asked) return run(a.period);
     set_target();
     if (end_period({a.last_x, a.last_v, 0.0, a.last_xo, a.last_vo, 0.0}))
         run(a.period + 1);
     else
         finish();
+}
+
+bool Encounter::visit(Approach &a, void *sensor_after) {
+    restore(a);
+    ask_law();
+    if (!end_period(body)) {
+        finish();
+        return false;
+    }
+    if (count) {
+        run(a.period + 1);
+        return false;
+    }
+    a = {a.period + 1, t, 0.0, end.end_time, body.x, body.v, body.servo, body.xo, body.vo,
+         0.0, 0.0, 0.0, 0.0, xv, vv, rate, acting, end.detection_time, end.closest_distance, end.largest_excursion,
+         end.largest_travel, end.largest_speed, end.largest_virtual_force, end.largest_acceleration, output, flags, false,
+         leg, stretch};
+    new (sensor_after) Sensor(sensor);
+    return true;
 }
 
 // Passes the available reading to the law, which moves the virtual object over the period.
@@ -144,17 +168,6 @@ void Encounter::take(const Step &step) {
     for (int64_t k = 0; k < loop.linear.hidden; k++) hidden[k] = step.hidden[k];
 }
 
-// Continues with the next stretch of the obstacle's course, or with the acceleration after the last one.
-void Encounter::begin_leg() {
-    const double since = leg.until;
-    leg.way = leg.way_until(since);
-    leg.xo = leg.position(since);
-    leg.vo = leg.velocity(since);
-    leg.since = since;
-    leg.until = coming < last ? coming->until : INFINITY;
-    leg.ao = coming < last ? coming++->acceleration : scene.ao;
-}
-
 Encounter::Step Encounter::next_step() const {
     Step step;  // all of it is set here; setting it to 0 first would take a twentieth of a run
     const double left = loop.period - at;
@@ -164,14 +177,14 @@ Encounter::Step Encounter::next_step() const {
         const bool whole = step.h == left;  // what a law has answered is taken as it is
         step.moved = {whole ? output.position : target.position(at + step.h),
                       whole ? output.velocity : target.velocity(at + step.h), 0.0,
-                      leg.position(later), leg.velocity(later), 0.0};
+                      pretouch::position(leg, later), pretouch::velocity(leg, later), 0.0};
     } else {
         step.h = smaller(step.h, touching ? resolved : loop.plant_step);
         move_along(step);
     }
     step.gap = distance_along(body, step.moved, step.h);
     step.touch = touching ? Touch{2.0, step.gap.end}
-                          : first_touch(step.gap, resolution(scene, step.moved.x, leg.way_until(t + at + step.h)));
+                          : first_touch(step.gap, resolution(scene, step.moved.x, way_until(leg, t + at + step.h)));
     step.hit = step.touch.part <= 1.0;
     return step;
 }
@@ -315,11 +328,26 @@ void pretouch::continue_encounter(const pretouch_loop &loop, int64_t index, void
     Encounter(loop, index, law, *static_cast<const Sensor *>(sensor)).resume(approach);
 }
 
+bool pretouch::continue_period(const pretouch_loop &loop, int64_t index, void *state, void *sensor,
+                               Approach &approach) {
+    const pretouch_laws &laws = loop.laws;
+    const Law law = {laws.step, laws.parameters + laws.law_of[index] * laws.parameters_size, state};
+    return Encounter(loop, index, law, *static_cast<const Sensor *>(sensor)).visit(approach, sensor);
+}
+
+Leg pretouch::leg_after(const pretouch_loop &loop, int64_t index, const Leg &leg, int64_t stretch) {
+    const double since = leg.until;
+    const bool more = stretch < loop.stretches_each;
+    const pretouch_stretch *next = loop.stretches + index * loop.stretches_each + stretch;
+    return {since, more ? next->until : INFINITY, position(leg, since), velocity(leg, since),
+            more ? next->acceleration : loop.scenes[index].ao, way_until(leg, since)};
+}
+
 void pretouch_run_encounters(const pretouch_loop *loop, const int64_t *which, int64_t n, void *state,
                              pretouch_reading *waiting, int64_t room) {
     const pretouch_laws &laws = loop->laws;
     const bool traced = loop->trace_rows || loop->course_rows;
-    if (n > 1 && laws.step == pretouch_step_damper && !loop->linear.rows && !loop->stretches_each && !traced) {
+    if (n > 1 && laws.step == pretouch_step_damper && !loop->linear.rows && !traced) {
         run_side_by_side(loop, which, n, state, waiting, room);
         return;
     }

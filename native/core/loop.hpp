@@ -50,14 +50,13 @@ inline double contact_force(const pretouch_contact &c, double depth, double rate
     return larger(c.stiffness * grown + c.damping * rate * (c.grows != 0.0 ? grown : 1.0), 0.0);
 }
 
-// The obstacle, as it moves by itself, from a time on until another, with one acceleration; way: no less than it has gone.
-struct Leg {
-    double since, until, xo, vo, ao, way;
-
-    double position(double t) const { return xo + (t - since) * (vo + 0.5 * ao * (t - since)); }
-    double velocity(double t) const { return vo + ao * (t - since); }
-    double way_until(double t) const { return way + (fabs(vo) + 0.5 * fabs(ao) * (t - since)) * (t - since); }
-};
+inline double position(const Leg &leg, double t) {
+    return leg.xo + (t - leg.since) * (leg.vo + 0.5 * leg.ao * (t - leg.since));
+}
+inline double velocity(const Leg &leg, double t) { return leg.vo + leg.ao * (t - leg.since); }
+inline double way_until(const Leg &leg, double t) {
+    return leg.way + (fabs(leg.vo) + 0.5 * fabs(leg.ao) * (t - leg.since)) * (t - leg.since);
+}
 
 // The distance [m] at a time that is not told from zero: of the terms that l is the difference of, as in motion.
 inline double resolution(const pretouch_scene &scene, double x, double way) {
@@ -177,6 +176,9 @@ public:
     // Continues an encounter that another code has brought so far.
     void resume(const Approach &approach);
 
+    // Continues it for one period, and then stores the approach and the sensor; returns whether it goes on.
+    bool visit(Approach &approach, void *sensor_after);
+
 private:
     // A step of the robot: how long, where it begins and where it would end, and the distance meanwhile.
     struct Step {
@@ -200,7 +202,8 @@ private:
     double t = 0.0, at = 0.0;        // start of the period, and time since then
     Body body;
     double hidden[PRETOUCH_MOST_HIDDEN];  // states of a linear plant
-    const pretouch_stretch *coming, *const last;  // stretches of the obstacle's course, from the next one on
+    const int64_t index;
+    int64_t stretch = 0;             // the number of stretches of the obstacle's course that have begun
     Leg leg;
     double xv, vv;                   // of the virtual object at the start of the period
     Target target{};
@@ -226,7 +229,8 @@ private:
     bool end_period(const Body &before);
     void record_instant(double force);
     void follow_period();
-    void begin_leg();
+    void begin_leg() { leg = leg_after(loop, index, leg, stretch++); }
+    void restore(const Approach &approach);
     void take(const Step &step);
     Step next_step() const;
     void move_along(Step &step) const;

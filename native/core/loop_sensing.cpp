@@ -141,6 +141,8 @@ double start_sensor(void *sensor, const pretouch_loop &loop, int64_t index, pret
     return (new (sensor) Sensor(loop, index, waiting, room))->next();
 }
 
+double next_sample(const void *sensor) { return static_cast<const Sensor *>(sensor)->next(); }
+
 double sample_distance(void *sensor, double distance) {
     Sensor *one = static_cast<Sensor *>(sensor);
     one->look(distance);

@@ -56,29 +56,37 @@ LOOPS = {
 GAINS = np.array([0.0, -0.1, -0.7463, -3.0])  # the last one is unstable on most loops
 
 
-def encounters() -> pt.Scenario:
+def encounters(*, course: bool = False) -> pt.Scenario:
+    """Return random encounters; sections of a course end within periods, at their ends, and several in one period."""
     rng = np.random.default_rng(3)
     obstacle = pt.Obstacle(
         position=np.append(rng.uniform(0.02, 0.08, COUNT - 2), [1e-9, 0.05]),
         velocity=np.append(-rng.uniform(0.05, 0.6, COUNT - 2), [-0.1, 0.0]),  # at once; never
         acceleration=rng.uniform(-0.2, 0.2, COUNT),
     )
+    if course:
+        first = np.where(np.arange(COUNT) % 3, rng.uniform(1e-4, 0.1, COUNT), np.arange(COUNT) * 1e-3 + 0.01)
+        ends = first, first + 3e-4, first + np.where(np.arange(COUNT) % 2, 0.05, 4e-4), first + 0.2
+        accelerations = (rng.uniform(-3.0, 3.0, COUNT) for _ in ends)
+        stretches = (pt.motion.Stretch(until=t, acceleration=a) for t, a in zip(ends, accelerations, strict=True))
+        obstacle = replace(obstacle, course=tuple(stretches))
     admittance = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
     reference = pt.Reference(velocity=rng.uniform(-0.02, 0.02, COUNT), acceleration=0.01)
     return pt.Scenario(admittance=admittance, obstacle=obstacle, reference=reference)
 
 
-def runs(name: str, *, alone: bool) -> tuple[np.ndarray, np.ndarray]:
-    whole = LOOPS[name].encounters(encounters(), (SENSOR,), GAINS[:, None], None)
+def runs(name: str, *, alone: bool, course: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    whole = LOOPS[name].encounters(encounters(course=course), (SENSOR,), GAINS[:, None], None)
     indices = np.arange(GAINS.size * COUNT)
     parts = np.split(indices, len(indices)) if alone else [indices]  # one run is never one of several lanes
     results = [native_loop.run_loop(whole, part) for part in parts]
     return np.concatenate([r[0] for r in results]), np.concatenate([r[1] for r in results])
 
 
+@pytest.mark.parametrize("course", [False, True], ids=["constant acceleration", "course"])
 @pytest.mark.parametrize("name", LOOPS)
-def test_encounters_side_by_side_have_the_bits_of_encounters_alone(name: str) -> None:
-    together, alone = runs(name, alone=False), runs(name, alone=True)
+def test_encounters_side_by_side_have_the_bits_of_encounters_alone(name: str, *, course: bool) -> None:
+    together, alone = runs(name, alone=False, course=course), runs(name, alone=True, course=course)
     for column, own in zip(together[0].T, alone[0].T, strict=True):
         assert np.array_equal(column, own, equal_nan=True)
     assert np.array_equal(together[1], alone[1], equal_nan=True)
@@ -94,11 +102,13 @@ def test_the_loops_reach_what_they_are_made_for(name: str, flag: pt.control.Stat
 
 @pytest.mark.parametrize("variant", ["base", "avx2"])
 def test_every_processor_gives_the_same_bits(variant: str) -> None:
-    program = "import test_side_by_side as t; print(t.runs('limits of a robot', alone=False)[0].tobytes().hex())"
+    program = (
+        "import test_side_by_side as t; print(t.runs('limits of a robot', alone=False, course=True)[0].tobytes().hex())"
+    )
     environment = {**os.environ, "PRETOUCH_VARIANT": variant, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if "which this processor does not support" in done.stderr:
         pytest.skip(f"this processor does not support {variant}")
     assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == runs("limits of a robot", alone=False)[0].tobytes().hex()
+    assert done.stdout.strip() == runs("limits of a robot", alone=False, course=True)[0].tobytes().hex()

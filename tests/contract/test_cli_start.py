@@ -233,6 +233,7 @@ def test_a_better_verdict_is_better_than_a_lower_speed() -> None:
     result = compare_candidates({name: loop.replace(gain=gain) for name, gain in gains.items()}, runs=200)
     assert [c.name for c in result.candidates] == ["strong", "ideal", "weak"]
     assert result.best is result.candidates[0]
+    assert not result.warnings
     assert result.candidates[0].status in {VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY}
     speeds = [c.contact_speed for c in result.candidates]
     assert speeds == sorted(speeds)
@@ -250,6 +251,9 @@ def test_a_gain_that_avoids_every_contact_is_best() -> None:
         "Candidate turning is best of 2 and holds: no simulated run ends in contact. 2 candidates hold."
     )
     assert repr(result.candidates[0]) == "<Candidate: turning, holds, no contact>"
+    assert [text.partition(": use")[0] for text in result.warnings] == [
+        "PT417: The candidates differ in the motion of the object"
+    ]
 
 
 def test_files_are_ranked_in_a_table_and_a_report(tmp_path: Path) -> None:

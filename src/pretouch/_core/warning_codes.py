@@ -462,6 +462,14 @@ _TABLE: Final = (
         "Set `largest_force` and `largest_excursion` in `[controller]`, and verify again.",
         "The law limits neither force nor motion",
     ),
+    (
+        "PT417",
+        "The compared encounters differ",
+        "The candidates of a comparison have different motions of the object or different limits.",
+        "The lower contact speed may come from the slower object, and not from the better sensor or law.",
+        "Use the same `[obstacle]` and `[constraints]` in all files.",
+        "The candidates differ in the motion of the object",
+    ),
     # --- robot models
     (
         "PT501",

@@ -125,12 +125,12 @@ def _headline(report: CalibrationReport) -> str:
         return f"{name}: the readings contain no usable signal, so they do not determine a sensor curve."
     low, high = (format_quantity(d, "m") for d in (report.window.l_min, report.window.l_max))
     slope = report.best.middle_slope
-    error = "" if not math.isfinite(slope.standard_error) else f" \u00b1 {slope.standard_error:.2g}"
+    error = f" (standard error {slope.standard_error:.2g} 1/m)" if math.isfinite(slope.standard_error) else ""
     distances = f"{low} to {high}" + ("" if report.verdict == "usable" else ", with reservations")
-    middle = f"{slope.value:.4g}{error}"
+    middle = f"{slope.value:.4g} 1/m{error}"
     return (
         f"{name}: the readings are usable from {distances}. The {report.best.model} curve fits "
-        f"best, with a slope g = {middle} 1/m in the middle of the usable range."
+        f"best, with a slope g = {middle} in the middle of the usable range."
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
@@ -13,6 +13,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
+from pretouch._core.warning_codes import caution
 from pretouch.design import Task
 
 from .effect import VerdictStatus
@@ -123,9 +124,11 @@ class CandidateComparison(Described, Value):
 
     Args:
         candidates: the candidates, best first.
+        warnings: why the results of the candidates may not be comparable.
     """
 
     candidates: tuple[Candidate, ...]
+    warnings: tuple[str, ...] = ()
 
     page: ClassVar[str] = "pretouch.verification.candidates_page:candidates_page"
 
@@ -166,6 +169,7 @@ class CandidateComparison(Described, Value):
                 "headline": self.headline,
                 "best": best,
                 "candidates": [c.to_dict() for c in self.candidates],
+                "warnings": self.warnings,
             }
         )
         return document
@@ -199,7 +203,24 @@ def compare_candidates(tasks: Mapping[str, Task], *, runs: int | None = None) ->
                 "and [controller] to the scenario file (the command pretouch init writes both sections)"
             )
     results = [_verified(name, task, runs) for name, task in tasks.items()]
-    return CandidateComparison(candidates=tuple(sorted(results, key=_rank)))
+    return CandidateComparison(
+        candidates=tuple(sorted(results, key=_rank)), warnings=tuple(_differences(list(tasks.values())))
+    )
+
+
+def _differences(tasks: Sequence[Task]) -> Iterator[str]:
+    """Yield a warning if the tasks have different encounters or limits."""
+    limits = [task.limits for task in tasks]
+    motions = [replace(task.scenario.obstacle, position=1.0) for task in tasks]  # each sensor has its own range
+    moved = any(motion != motions[0] for motion in motions[1:])
+    limited = any(len(some) != len(limits[0]) or any(limit not in limits[0] for limit in some) for some in limits)
+    names = [name for name, differs in (("motion of the object", moved), ("limits", limited)) if differs]
+    if names:
+        yield caution(
+            "PT417",
+            f"The candidates differ in the {' and in the '.join(names)}: use the same values in all files to compare "
+            "sensors, laws or robots.",
+        )
 
 
 def _verified(name: str, task: Task, runs: int | None) -> Candidate:

@@ -35,6 +35,7 @@ def candidates_page(comparison: CandidateComparison) -> Page:
         headline=comparison.headline,
         status="one holds" if comparison.best else "none holds",
         good=comparison.best is not None,
+        warnings=comparison.warnings,
         lead="candidates",
         blocks=(
             picture if drawn else None,

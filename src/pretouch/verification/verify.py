@@ -213,7 +213,7 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
     if predicted.reached.all() and float(predicted.end.time) >= loop.horizon:
         raise InvalidInputError(
             f"loop horizon: found {loop.horizon:g} s, but contact is predicted only after "
-            f"{float(predicted.end.time):.4g} s; set a longer horizon"
+            f"{float(predicted.end.time):.4g} s; set a longer horizon, or verify a weaker gain"
         )
 
 

@@ -44,9 +44,9 @@ template <class A, class B> constexpr bool SAME = false;
 template <class A> constexpr bool SAME<A, A> = true;
 
 // A motion with additional quantities: Nothing, Responses or Demands.
-template <class Beside> struct Work {
+template <class Extra> struct Work {
     Motion motion;
-    Beside beside;
+    Extra extra;
 };
 template <> struct Work<Nothing> {
     Motion motion;
@@ -60,7 +60,7 @@ inline Masks chosen(uint64_t which) {
     return ((Masks{} + int64_t(which)) & bit) != 0;
 }
 
-template <int DEGREE, class Beside> class Block {
+template <int DEGREE, class Extra> class Block {
   public:
     explicit Block(const Request &request)
         : ask(request), windows{request.curves->windows, request.curves->width}, demands{request.peaks, request.n} {
@@ -84,14 +84,14 @@ template <int DEGREE, class Beside> class Block {
     }
 
   private:
-    static constexpr bool HAS_GRADIENTS = SAME<Beside, Responses>, HAS_DEMANDS = SAME<Beside, Demands>;
+    static constexpr bool HAS_GRADIENTS = SAME<Extra, Responses>, HAS_DEMANDS = SAME<Extra, Demands>;
     static constexpr bool IS_LINE = DEGREE == 1;
     static constexpr uint64_t EVERY = (1ULL << WIDTH) - 1;
 
     const Request &ask;
     const Windows windows;
     const DemandsOut demands;
-    Work<Beside> work, queue;
+    Work<Extra> work, queue;
     Room room;
     int64_t owner[WIDTH], owners[WIDTH];              // index of the encounter in each lane, and of those that wait
     int64_t place[WIDTH], first[WIDTH], last[WIDTH];  // its window, and the windows of its curve
@@ -137,10 +137,10 @@ template <int DEGREE, class Beside> class Block {
         enter_window<DEGREE>(windows[index], index == lowest, to, lane);
         if constexpr (HAS_GRADIENTS) {
             const double slope = window_slope(windows[index], windows.width, l);
-            work.beside.start(lane, m, (d + gain * slope) * inverse);
+            work.extra.start(lane, m, (d + gain * slope) * inverse);
         }
         if constexpr (HAS_DEMANDS) {
-            work.beside.start(lane, m, v - u0, x0, number(ask.reference[0], i), number(ask.reference[1], i));
+            work.extra.start(lane, m, v - u0, x0, number(ask.reference[0], i), number(ask.reference[1], i));
         }
         owner[lane] = i;
         place[lane] = index;
@@ -162,7 +162,7 @@ template <int DEGREE, class Beside> class Block {
         uint64_t rough = 0;
         if constexpr (HAS_GRADIENTS) rough = carry(before, taken);
         if constexpr (HAS_DEMANDS) {
-            follow_demands<IS_LINE>(m, work.beside, before.time, chosen(taken.moved), owner, room, demands);
+            follow_demands<IS_LINE>(m, work.extra, before.time, chosen(taken.moved), owner, room, demands);
         }
         for (uint64_t late = taken.late & active; late; late &= late - 1) descend(__builtin_ctzll(late));
         for (uint64_t stuck = ~taken.moved & active & ~rough; stuck; stuck &= stuck - 1) {
@@ -181,7 +181,7 @@ template <int DEGREE, class Beside> class Block {
     // Propagate the responses; return the lanes whose step was too long for them and is undone.
     uint64_t carry(const State &before, Taken &taken) {
         Motion &m = work.motion;
-        uint64_t rough = ~carry_responses<DEGREE>(m, work.beside, before.time, chosen(taken.moved)) & active;
+        uint64_t rough = ~carry_responses<DEGREE>(m, work.extra, before.time, chosen(taken.moved)) & active;
         for (uint64_t left = rough; left; left &= left - 1) {
             const int lane = __builtin_ctzll(left);
             if (m.steps[lane] >= MOST_STEPS) {
@@ -192,7 +192,7 @@ template <int DEGREE, class Beside> class Block {
                 copy_lane(&m.state, lane, &before, lane, sizeof before);
                 cuts[lane] = 0;
             }
-            const double part = 0.9 * root(root(root(root(RESPONSE_TOLERANCE / work.beside.excess[lane]))));
+            const double part = 0.9 * root(root(root(root(RESPONSE_TOLERANCE / work.extra.excess[lane]))));
             m.cap[lane] = m.length[lane] * most(part, 0.1);
         }
         taken.moved &= ~rough;
@@ -261,10 +261,10 @@ template <int DEGREE, class Beside> class Block {
         uint64_t smooth = 0;
         if constexpr (HAS_GRADIENTS || HAS_DEMANDS) cut_steps(m, found.time);
         if constexpr (HAS_GRADIENTS) {
-            smooth = carry_responses<DEGREE>(m, queue.beside, m.state.time, chosen(there));
+            smooth = carry_responses<DEGREE>(m, queue.extra, m.state.time, chosen(there));
         }
         if constexpr (HAS_DEMANDS) {
-            follow_demands<IS_LINE>(m, queue.beside, m.state.time, chosen(there), owners, room, demands);
+            follow_demands<IS_LINE>(m, queue.extra, m.state.time, chosen(there), owners, room, demands);
         }
         const uint64_t certain = there & bits((found.doubt <= LARGEST_DOUBT) & (found.time <= ask.horizon) &
                                               (found.speed < 0.0));
@@ -275,7 +275,7 @@ template <int DEGREE, class Beside> class Block {
                 if (smooth >> lane & 1) differentiate(found, lane);
             }
             if constexpr (HAS_DEMANDS) {
-                write_demands<IS_LINE>(m, queue.beside, lane, found.time[lane], owners[lane], demands);
+                write_demands<IS_LINE>(m, queue.extra, lane, found.time[lane], owners[lane], demands);
             }
         }
         waiting = 0;
@@ -297,7 +297,7 @@ template <int DEGREE, class Beside> class Block {
     void differentiate(const Contacts &found, int lane) {
         const int64_t i = owners[lane], curve = ask.curves->curve_of[i * ask.curves->stride];
         const double slope = window_slope(windows[ask.curves->starts[curve]], windows.width, 0.0);
-        write_gradient(queue.motion, queue.beside, found, lane, slope, ask.gradients + i, ask.n);
+        write_gradient(queue.motion, queue.extra, found, lane, slope, ask.gradients + i, ask.n);
     }
 };
 

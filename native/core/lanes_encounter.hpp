@@ -52,7 +52,7 @@ struct Encounter {
     const Curve curve;
     const double horizon;  // longest time [s]
     Samples samples;
-    Followed *beside;
+    Followed *followed;
     Course &row;
     Sections later;
 
@@ -102,7 +102,7 @@ inline void Encounter::enter(int64_t to) {
     motion.middle = all(piece.middle);
     set_terms(piece.g, COEFFICIENTS, piece.half, motion.terms);
     const int64_t count = curve.width - 2;
-    if (beside && beside->shape) set_terms(beside->shape + to * count, count, piece.half, beside->responses.shape);
+    if (followed && followed->shape) set_terms(followed->shape + to * count, count, piece.half, followed->responses.shape);
 }
 
 inline Encounter::Encounter(const Values &values, double strength, const pretouch_pieces &along, double until,
@@ -112,7 +112,7 @@ inline Encounter::Encounter(const Values &values, double strength, const pretouc
       curve{along},
       horizon(until),
       samples(at),
-      beside(carried),
+      followed(carried),
       row(course),
       later(sections) {
     l = start = m.p - m.x0;
@@ -124,7 +124,7 @@ inline Encounter::Encounter(const Values &values, double strength, const pretouc
     row.closest_distance = l;
     enter(curve.find(l));
     enter_section();
-    if (beside) beside->responses.start(0, m.mass, (m.damping + gain * slope_at(piece, l).value) / m.mass);
+    if (followed) followed->responses.start(0, m.mass, (m.damping + gain * slope_at(piece, l).value) / m.mass);
     const double rate = fabs(m.damping + gain * piece.g[0]) / m.mass + sqrt(m.stiffness / m.mass);
     const double slow = rate > 0 ? 1.0 / rate : 1.0, crossing = 2 * piece.half / larger(fabs(speed), 1e-12);
     taylor = larger(smaller(smaller(slow, crossing), horizon), SHORTEST_UNIT);
@@ -176,7 +176,7 @@ inline double Encounter::expand_step() {
     const double useful = smaller(left, AHEAD * way / larger(fabs(speed), 1e-300));
     memset(b, 0, sizeof b);
     memset(force, 0, sizeof force);
-    unit = beside ? 0 : long_step(m, gain, piece, {time, l, speed}, taylor, useful, pace, b, force);
+    unit = followed ? 0 : long_step(m, gain, piece, {time, l, speed}, taylor, useful, pace, b, force);
     double tau = 1;
     if (unit == 0) {
         unit = taylor;
@@ -212,8 +212,8 @@ inline void Encounter::cut(double tau) {
 
 // Propagate the responses over a step, or over the part for which they are accurate.
 inline void Encounter::carry(Accepted &step) {
-    Responses &r = beside->responses;
-    const auto carried = beside->shape ? carry_responses<DEGREE, SHAPED> : carry_responses<DEGREE>;
+    Responses &r = followed->responses;
+    const auto carried = followed->shape ? carry_responses<DEGREE, SHAPED> : carry_responses<DEGREE>;
     cut(step.tau);
     step.tau = 1;
     for (bool smooth = false; !smooth && unit > SHORTEST_UNIT;) {

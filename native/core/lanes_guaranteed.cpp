@@ -87,7 +87,7 @@ bool Encounter::is_over(bool last) {
 
 Status Encounter::run() {
     const int64_t last = curve.count - 1;
-    const int64_t most = beside ? MOST_FOLLOWED : MOST_TAKEN + PER_PIECE * curve.count;
+    const int64_t most = followed ? MOST_FOLLOWED : MOST_TAKEN + PER_PIECE * curve.count;
     const double bottom = curve.bottom(0), top = curve.top(last);
     for (int64_t i = 0; i < most; i++) {
         const double tau = expand_step();
@@ -99,7 +99,7 @@ Status Encounter::run() {
             step.end = end;
         }
         sample(step.tau);
-        if (beside) carry(step);
+        if (followed) carry(step);
         else keep_extremes(step.tau);
         finish(step.tau, step.end);
         if (step.moved < 0 && (index == 0 || step.touched)) {
@@ -133,9 +133,9 @@ int8_t follow(const Values &m, double gain, const pretouch_pieces &curve, double
               double *found) {
     const int64_t many = shape ? INPUTS + 1 : INPUTS;
     Course row;
-    Followed beside = {};
-    beside.shape = shape;
-    Encounter one(m, gain, curve, horizon, {}, &beside, row);
+    Followed followed = {};
+    followed.shape = shape;
+    Encounter one(m, gain, curve, horizon, {}, &followed, row);
     const Status status = one.run();
     for (int64_t j = 0; j < 2 * many; j++) found[j] = NOT_A_NUMBER;
     if (status == LEFT_RANGE) return 1;
@@ -143,11 +143,11 @@ int8_t follow(const Values &m, double gain, const pretouch_pieces &curve, double
     const double slope = slope_at(one.piece, row.distance).value, bend = m.a - row.displacement_acceleration;
     const Contacts contact = {all(row.time), all(row.relative_velocity), all(bend), Lanes{}, Lanes{}};
     double rows[3][INPUTS];
-    write_gradient(one.motion, beside.responses, contact, 0, slope, rows[0], 1);
+    write_gradient(one.motion, followed.responses, contact, 0, slope, rows[0], 1);
     memcpy(found, rows[0], sizeof rows[0]);
     memcpy(found + many, rows[2], sizeof rows[2]);
     if (shape) {
-        const double d = beside.responses.of[BY_SHAPE].d[0], y = beside.responses.of[BY_SHAPE].y[0];
+        const double d = followed.responses.of[BY_SHAPE].d[0], y = followed.responses.of[BY_SHAPE].y[0];
         found[INPUTS] = -d / row.relative_velocity;
         found[many + INPUTS] = y - (m.damping + gain * slope) / m.mass * d + bend * found[INPUTS];
     }

@@ -10,18 +10,18 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-template <int DEGREE, class Beside> __attribute__((noinline)) void solve(const Request &request) {
-    Block<DEGREE, Beside> block(request);
+template <int DEGREE, class Extra> __attribute__((noinline)) void solve(const Request &request) {
+    Block<DEGREE, Extra> block(request);
     block.run();
 }
 
 // The width of the windows determines their degree.
-template <class Beside> void solve(const Request &request) {
+template <class Extra> void solve(const Request &request) {
     switch (request.curves->width - TERMS - 1) {
-        case 0: return solve<0, Beside>(request);
-        case 1: return solve<1, Beside>(request);
-        case 4: return solve<4, Beside>(request);
-        default: return solve<12, Beside>(request);
+        case 0: return solve<0, Extra>(request);
+        case 1: return solve<1, Extra>(request);
+        case 4: return solve<4, Extra>(request);
+        default: return solve<12, Extra>(request);
     }
 }
 

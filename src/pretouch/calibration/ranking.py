@@ -61,8 +61,8 @@ def rank_models(
         not_fitted = {model: reason for model, reason in attempts.items() if isinstance(reason, str)}
         fits = sorted((fit for fit in attempts.values() if isinstance(fit, SensorFit)), key=_rank)
     slope = estimate_slope(prepared)
-    given = len(calibration.outputs) + len(calibration.no_object)
-    reasons = prepared.no_signal or tuple(find_reservations(prepared, fits, slope, given=given))
+    reading_count = len(calibration.outputs) + len(calibration.no_object)
+    reasons = prepared.no_signal or tuple(find_reservations(prepared, fits, slope, reading_count=reading_count))
     reasons += distance_reservations(calibration)
     usable = "usable with reservations" if reasons else "usable"
     return CalibrationReport(

@@ -102,15 +102,15 @@ def distance_reservations(calibration: Calibration) -> tuple[str, ...]:
 
 
 def find_reservations(
-    prepared: Prepared, fits: list[SensorFit], slope: SlopeUncertainty | None, *, given: int
+    prepared: Prepared, fits: list[SensorFit], slope: SlopeUncertainty | None, *, reading_count: int
 ) -> list[str]:
     """Return warnings about a sensor with a usable signal.
 
-    Each warning contains a remedy. `given` is the number of readings in the file, including copies of readings, which
-    the fits count once.
+    Each warning contains a remedy. `reading_count` is the number of readings in the file, including copies of readings,
+    which the fits count once.
     """
     calibration, window, used = prepared.calibration, prepared.window, prepared.used
-    copies = given - len(calibration.outputs) - len(calibration.no_object)
+    copies = reading_count - len(calibration.outputs) - len(calibration.no_object)
     low, high = (format_quantity(d, "m") for d in (window.l_min, window.l_max))
     signal = used.output - (fits[0].offset.value if fits else 0.0)
     fall = float(np.log(signal[0]) - np.log(signal[-1])) if fits else math.inf
@@ -129,9 +129,9 @@ def find_reservations(
         reasons.append(
             caution(
                 "PT115",
-                f"{copies} of {given} readings repeat another reading exactly, so they do not show the noise: remove "
-                "copies, and record raw readings. Repeated readings are not counted. They may be copies, averages or "
-                "readings of a coarse sensor.",
+                f"{copies} of {reading_count} readings repeat another reading exactly, so they do not show the noise: "
+                "remove copies, and record raw readings. Repeated readings are not counted. They may be copies, "
+                "averages or readings of a coarse sensor.",
             )
         )
     elif used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:

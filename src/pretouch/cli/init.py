@@ -70,12 +70,12 @@ def init(
 
     Exit status: 0 the file is written, 2 a mistake in the request.
     """
-    given = {"part": part, "rate": rate, "recess": recess, "distance": distance, "speed": speed}
-    given |= {"excursion": excursion, "contact-speed": contact_speed, "robot-mass": robot_mass}
+    answers = {"part": part, "rate": rate, "recess": recess, "distance": distance, "speed": speed}
+    answers |= {"excursion": excursion, "contact-speed": contact_speed, "robot-mass": robot_mass}
 
     def run() -> None:
         request = _request(csv, columns, labels, select)
-        _init(request, output, given, drag=drag, force=force, json=json)
+        _init(request, output, answers, drag=drag, force=force, json=json)
 
     conclude(run, json_wanted=json)
 
@@ -95,7 +95,7 @@ def _request(csv: Path | None, columns: str | None, labels: str | None, select: 
 
 
 def _init(
-    request: FitRequest | None, output: Path, given: dict[str, str | None], *, drag: bool, force: bool, json: bool
+    request: FitRequest | None, output: Path, answers: dict[str, str | None], *, drag: bool, force: bool, json: bool
 ) -> None:
     """Create, check and write a first scenario file."""
     from pretouch.config import load_document  # noqa: PLC0415 - keeps `pretouch --help` quick
@@ -109,14 +109,14 @@ def _init(
     asks = sys.stdin is not None and sys.stdin.isatty() and not json
 
     def size(name: str, unit: str, asks: bool = asks) -> float:
-        return _answer(name, given, _DEFAULTS.get(name, ""), partial(_size, unit=unit), asks=asks)
+        return _answer(name, answers, _DEFAULTS.get(name, ""), partial(_size, unit=unit), asks=asks)
 
-    chosen = _answer("part", given, "VCNL4010" if request is None else _NONE, _part, asks=asks)
+    chosen = _answer("part", answers, "VCNL4010" if request is None else _NONE, _part, asks=asks)
     near, far, warnings = _usable(request, chosen)
-    if given["recess"] is not None:
-        near = _answer("recess", given, "", partial(_size, unit="m", zero=True), asks=False)
+    if answers["recess"] is not None:
+        near = _answer("recess", answers, "", partial(_size, unit="m", zero=True), asks=False)
     reach = math.floor(1e4 * _INSIDE * (far - near)) / 1e4
-    start = min(reach, 0.3) if given["distance"] is None else size("distance", "m", asks=False)
+    start = min(reach, 0.3) if answers["distance"] is None else size("distance", "m", asks=False)
     if not start > 0:
         raise InvalidInputError(
             f"--recess: a recess of {near:g} m is too large, because the usable range of the sensor ends at {far:g} m. "
@@ -133,7 +133,7 @@ def _init(
         distance=float(f"{start:.4g}"),
         speed=size("speed", "m/s"),
         excursion=size("excursion", "m"),
-        contact_speed=None if given["contact-speed"] is None else size("contact-speed", "m/s", asks=False),
+        contact_speed=None if answers["contact-speed"] is None else size("contact-speed", "m/s", asks=False),
         robot_mass=size("robot-mass", "kg"),
         drag=drag,
     )
@@ -175,10 +175,10 @@ def _init(
         print_text("\n".join(lines))
 
 
-def _answer(name: str, given: dict[str, str | None], default: str, read: Callable[[str], _T], *, asks: bool) -> _T:
+def _answer(name: str, answers: dict[str, str | None], default: str, read: Callable[[str], _T], *, asks: bool) -> _T:
     """Parse the value of an option or the user's answer."""
     # An invalid answer is asked again. Without an answer, the default value is parsed.
-    value = given[name]
+    value = answers[name]
 
     def read_answer(text: Any) -> _T:
         try:
@@ -236,10 +236,10 @@ def _part(name: str) -> SensorPart | None:
 
     if name.lower() == _NONE:
         return None
-    known = {known.lower(): part for known, part in PARTS.items()}
-    if name.lower() not in known:
+    parts = {parts.lower(): part for parts, part in PARTS.items()}
+    if name.lower() not in parts:
         raise InvalidInputError(f"found {name!r}, expected one of {', '.join(PARTS)}, or {_NONE}")
-    return known[name.lower()]
+    return parts[name.lower()]
 
 
 def _usable(request: FitRequest | None, part: SensorPart | None) -> tuple[float, float, tuple[str, ...]]:

@@ -312,9 +312,9 @@ def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> floa
     """Return a sensor output in the calibration's unit."""
     number, unit = value
     if unit and unit != calibration.unit:
-        found = f"{number:g} {unit}"
+        expected = calibration.unit or "no unit"
         raise UnitError(
-            f"{name}: found {found}, expected a value in the unit of the calibration ({calibration.unit or 'no unit'})"
+            f"{name}: found {number:g} {unit}, expected a value in the unit of the calibration ({expected})"
         )
     return number
 

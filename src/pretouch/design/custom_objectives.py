@@ -52,11 +52,11 @@ class CustomObjective(Objective):
     Args:
         terms: empty; the wrapped object may compute anything.
         name: the name of the class or of the function.
-        given: the wrapped object or function.
+        wrapped: the wrapped object or function.
     """
 
     terms: tuple[Term, ...] = field(default=(), repr=False)
-    given: Any
+    wrapped: Any
 
     def __post_init__(self) -> None:
         pass
@@ -71,10 +71,10 @@ class CustomObjective(Objective):
             InvalidInputError: the user-defined code fails for arrays, or returns values of another shape.
         """
         try:
-            if callable(getattr(self.given, "value", None)):
-                value = self.given.value(state, obstacle_speed, impact)
+            if callable(getattr(self.wrapped, "value", None)):
+                value = self.wrapped.value(state, obstacle_speed, impact)
             else:
-                value = self.given(state)
+                value = self.wrapped(state)
             numbers = np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
@@ -94,9 +94,9 @@ class CustomObjective(Objective):
 
         The result is empty unless the terms add up to the objective.
         """
-        if not _declares_parts(self.given):
+        if not _declares_parts(self.wrapped):
             return {}
-        parts: Mapping[str, Any] = self.given.parts(state, obstacle_speed, impact)
+        parts: Mapping[str, Any] = self.wrapped.parts(state, obstacle_speed, impact)
         whole = self.value(state, obstacle_speed, impact)
         with np.errstate(invalid="ignore"):
             error = np.abs(np.asarray(sum(parts.values()), dtype=np.float64) - whole)
@@ -125,11 +125,11 @@ OBJECTIVE_KINDS: Final = Extensions(
 """The objectives that files may name: those of pretouch, and those of installed packages."""
 
 
-def as_objective(given: AnyObjective) -> Objective:
+def as_objective(objective: AnyObjective) -> Objective:
     """Convert a user-defined class instance or function to an `Objective`.
 
     Args:
-        given: an Objective; an object with `value(state, obstacle_speed, impact)` and, optionally, `parts` with the
+        objective: an Objective; an object with `value(state, obstacle_speed, impact)` and, optionally, `parts` with the
             same arguments for reports; or a function of the state at contact.
 
     Returns:
@@ -144,14 +144,16 @@ def as_objective(given: AnyObjective) -> Objective:
         >>> as_objective(gentle).name
         'gentle'
     """
-    if type(given) is CustomObjective or (type(given) is Objective and all(type(t) is Term for t in given.terms)):
-        return given
-    if isinstance(given, type) or not (callable(getattr(given, "value", None)) or callable(given)):
+    if type(objective) is CustomObjective or (
+        type(objective) is Objective and all(type(t) is Term for t in objective.terms)
+    ):
+        return objective
+    if isinstance(objective, type) or not (callable(getattr(objective, "value", None)) or callable(objective)):
         raise InvalidInputError(
-            f"objective: found {given!r}, expected an Objective. Other valid objectives are functions of the contact "
-            "state, and objects with the method value(state, obstacle_speed, impact)"
+            f"objective: found {objective!r}, expected an Objective. Other valid objectives are functions of the "
+            "contact state, and objects with the method value(state, obstacle_speed, impact)"
         )
-    return CustomObjective(name=_name_of(given), given=given)
+    return CustomObjective(name=_name_of(objective), wrapped=objective)
 
 
 def appraise(
@@ -181,22 +183,22 @@ def appraise(
     return np.where(reached, value, np.inf)
 
 
-def _declares_parts(given: Any) -> bool:
+def _declares_parts(wrapped: Any) -> bool:
     """Return True if a user-defined objective has a method for its terms.
 
     The method is `parts`.
     """
-    if not callable(getattr(given, "parts", None)):
+    if not callable(getattr(wrapped, "parts", None)):
         return False
-    if not isinstance(given, Objective):
+    if not isinstance(wrapped, Objective):
         return True
-    return type(given).parts is not Objective.parts or type(given).value is Objective.value
+    return type(wrapped).parts is not Objective.parts or type(wrapped).value is Objective.value
 
 
-def _name_of(given: Any) -> str:
-    if type(given) is Objective:
-        return given.name
-    if isinstance(given, partial):
-        return _name_of(given.func)
-    name = getattr(given, "__name__", type(given).__name__)
+def _name_of(wrapped: Any) -> str:
+    if type(wrapped) is Objective:
+        return wrapped.name
+    if isinstance(wrapped, partial):
+        return _name_of(wrapped.func)
+    name = getattr(wrapped, "__name__", type(wrapped).__name__)
     return "a function without a name" if name == "<lambda>" else str(name)

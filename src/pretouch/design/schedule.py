@@ -171,11 +171,11 @@ class ScheduledDrag(Value):
 
     def step(self, parameters: Parts, state: Parts, sample: Sample) -> tuple[Parts, Output]:
         """Compute one controller step with the scheduled drag, as described in `pretouch.control.Law`."""
-        sensing, seen = observe(parameters.sensing, state.sensing, sample)
-        law, push = push_by_drag(parameters.law, state.law, seen, state.drive)
-        if seen.usable:
-            push.impulse *= self.schedule.drag_at(math.log(seen.level))
-        driven, output = drive(parameters.drive, state.drive, seen, push, sample)
+        sensing, observation = observe(parameters.sensing, state.sensing, sample)
+        law, push = push_by_drag(parameters.law, state.law, observation, state.drive)
+        if observation.usable:
+            push.impulse *= self.schedule.drag_at(math.log(observation.level))
+        driven, output = drive(parameters.drive, state.drive, observation, push, sample)
         return Parts(sensing, driven, law), output
 
 

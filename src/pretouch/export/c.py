@@ -160,8 +160,8 @@ def _limit_lines(controller: Controller) -> Iterator[str]:
         ("excursion", limits.excursion, "m"),
     )
     for name, value, unit in rows:
-        given = value is not None and value < NO_LIMIT
-        yield f"- largest {name}: {format_quantity(value, unit) if given and value is not None else 'no limit'}"
+        is_limited = value is not None and value < NO_LIMIT
+        yield f"- largest {name}: {format_quantity(value, unit) if is_limited and value is not None else 'no limit'}"
 
 
 def _flag_table() -> Iterator[str]:

@@ -222,8 +222,8 @@ def _role(variable: Variable, reference: int) -> dict[str, Any]:
 def _value(variable: Variable) -> dict[str, Any]:
     """Return unit, bounds and start value as XML attributes."""
     bounds = variable.bounds or ()
-    given = {"unit": variable.unit, **dict(zip(("min", "max"), bounds, strict=False)), "start": variable.start}
-    return {name: value for name, value in given.items() if value != ""}
+    attributes = {"unit": variable.unit, **dict(zip(("min", "max"), bounds, strict=False)), "start": variable.start}
+    return {name: value for name, value in attributes.items() if value != ""}
 
 
 def _add_variable_2(parent: Xml.Element, reference: int, variable: Variable) -> None:

@@ -64,10 +64,10 @@ def structures() -> dict[str, tuple[Field, ...]]:
 
 
 def _fields(body: str) -> list[Field]:
-    found = []
+    parts = []
     for match in _FIELD.finditer(body):
         comment = " ".join((match["comment"] or "").split())
         for declared in match["names"].split(","):
             name = declared.strip().partition("[")[0]
-            found.append(Field(match["type"], name, comment))
-    return found
+            parts.append(Field(match["type"], name, comment))
+    return parts

@@ -275,9 +275,9 @@ def sample_drag(
     on = columns.lanes
     trace = np.full((len(on), samples, 2), np.nan)
     columns.path.sample(np.ascontiguousarray(times[on]), trace)
-    known = np.isfinite(trace[..., 0])
-    distance[on] = np.where(known, trace[..., 0], distance[on])
-    speed[on] = np.where(known, -trace[..., 1], speed[on])
+    filled = np.isfinite(trace[..., 0])
+    distance[on] = np.where(filled, trace[..., 0], distance[on])
+    speed[on] = np.where(filled, -trace[..., 1], speed[on])
     distance[:, -1], speed[:, -1] = columns.raw("distance"), columns.raw("relative_velocity")
     return _motion(columns, times, distance, speed)
 

@@ -108,10 +108,10 @@ def decode_names(messages: Messages) -> tuple[str, ...]:
         lists = {tuple(getattr(message, "name", ())) for message in decoded}
     names = next(iter(lists))
     if len(lists) > 1 or not names:
-        found = " or ".join(", ".join(each) or "none" for each in sorted(lists)[:2])
+        joints = " or ".join(", ".join(each) or "none" for each in sorted(lists)[:2])
         raise InvalidInputError(
-            f"{topic.name}: found messages with the joints {found}, expected the same joints in all messages of this "
-            "topic"
+            f"{topic.name}: found messages with the joints {joints}, expected the same joints in all messages of "
+            "this topic"
         )
     return names
 

@@ -81,12 +81,12 @@ def detections_in(steps: LawSteps, floor: float) -> list[tuple[float, float, flo
     """
     period = float(steps.time[1] - steps.time[0])
     spans = _merged(_spans((steps.status & Status.DETECTING) != 0), round(PAUSE / period))
-    found = []
+    detections = []
     for a, b in spans:
         peak = floor * float(np.exp(steps.log_level[a:b].max()))
         force = float(np.abs(steps.virtual_force[a:b]).max())
-        found.append((float(steps.time[a]), float(steps.time[b - 1]) + period, peak, force))
-    return found
+        detections.append((float(steps.time[a]), float(steps.time[b - 1]) + period, peak, force))
+    return detections
 
 
 def _spans(flags: BoolArray) -> list[tuple[int, int]]:
@@ -123,14 +123,14 @@ def events_in(time: FloatArray, values: FloatArray, threshold: float) -> list[tu
 
 
 def judge(
-    found: list[tuple[float, float, float, float]], events: list[tuple[float, float]] | None, before: float
+    rows: list[tuple[float, float, float, float]], events: list[tuple[float, float]] | None, before: float
 ) -> tuple[tuple[RecordedDetection, ...], tuple[Event, ...]]:
     """Compare detections with true events.
 
     A detection is right if it overlaps an event, or ends at most `before` ahead of its start.
 
     Args:
-        found: start, end, peak and largest force of each detection.
+        rows: start, end, peak and largest force of each detection.
         events: start and end of each true event; None if they are unknown.
         before: longest time from a detection to its event [s].
 
@@ -138,17 +138,17 @@ def judge(
         The detections with a judgment, and the events with the lead of their detection.
     """
     if events is None:
-        return tuple(_detection(row, "unknown") for row in found), ()
+        return tuple(_detection(row, "unknown") for row in rows), ()
     right: set[int] = set()
     judged = []
     for start, end in events:
-        matching = [i for i, row in enumerate(found) if row[0] <= end and row[1] >= start - before]
+        matching = [i for i, row in enumerate(rows) if row[0] <= end and row[1] >= start - before]
         right.update(matching)
         # the detection that acts at the start of the event, or the last one before it
-        announcing = [i for i in matching if found[i][0] <= start]
+        announcing = [i for i in matching if rows[i][0] <= start]
         acting = announcing[-1] if announcing else matching[0] if matching else None
-        judged.append(Event(start=start, end=end, lead=np.nan if acting is None else start - found[acting][0]))
-    detections = (_detection(row, "right" if i in right else "false") for i, row in enumerate(found))
+        judged.append(Event(start=start, end=end, lead=np.nan if acting is None else start - rows[acting][0]))
+    detections = (_detection(row, "right" if i in right else "false") for i, row in enumerate(rows))
     return tuple(detections), tuple(judged)
 
 

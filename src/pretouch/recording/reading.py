@@ -111,17 +111,17 @@ def decode_topic(contents: Contents, name: str, source: str) -> tuple[Messages, 
     Raises:
         InvalidInputError: there is no such topic, or no message on it.
     """
-    found = split_name(name, [topic.name for topic in contents.counts])
-    if found is None:
+    parts = split_name(name, [topic.name for topic in contents.counts])
+    if parts is None:
         refuse_unknown(name, contents.counts, source)
-    messages = contents.messages[found[0]]
+    messages = contents.messages[parts[0]]
     if not messages.data:
         why = "; ".join(note.rstrip(".") for note in contents.notes)
         raise InvalidInputError(
-            f"{source}: the topic {found[0]} has no messages{f' ({why})' if why else ''}; was the sensor running "
+            f"{source}: the topic {parts[0]} has no messages{f' ({why})' if why else ''}; was the sensor running "
             "while the bag was recorded?"
         )
-    return messages, decode(messages, found[1])
+    return messages, decode(messages, parts[1])
 
 
 def _recording(

@@ -73,19 +73,19 @@ def replay(
     readings = readings_of(used, task.sensor, controller.conditioning.offset)
     steps = run_steps(controller, time, readings)
     timing = timing_of(time, used.values)
-    found = detections_in(steps, controller.conditioning.floor)
+    intervals = detections_in(steps, controller.conditioning.floor)
     detecting = _detecting_at(steps, time)
     regular = np.diff(time, prepend=-np.inf) <= _REGULAR / timing.rate if timing.rate > 0 else np.zeros(len(time), bool)
     regular &= np.diff(time, prepend=0.0) > 0
     near = np.zeros(len(time), dtype=bool)
-    for begin, finish, *_ in found:
+    for begin, finish, *_ in intervals:
         near |= (time > begin - _AROUND) & (time < finish + _AROUND)
     noise = noise_of(used.values, regular, detecting, near, controller.conditioning.offset)
     distance_noise = spread_of_course(used.values, regular) if used.kind == "distance" else None
     origin = int(used.stamps[0])
     first = (origin - int(whole.stamps[0])) / 1e9
     events = _events(truth, threshold, contacts, origin=origin, first=first, last=float(time.max()))
-    detections, judged = judge(found, events, _positive(before))
+    detections, judged = judge(intervals, events, _positive(before))
     latency = None if reference is None else _latency(task, used, readings, reference, controller)
     name = f"{used.source}, {used.topic}"
     chain = ""
@@ -192,8 +192,8 @@ def _events(
     if truth is not None and contacts is not None:
         raise InvalidInputError("truth, contacts: found both, expected only one: a topic (truth) or times (contacts)")
     if truth is not None:
-        found = events_in(truth.seconds_after(origin), truth.values, threshold)
-        return [(max(a, 0.0), b) for a, b in found if b >= 0 and a <= last]
+        events = events_in(truth.seconds_after(origin), truth.values, threshold)
+        return [(max(a, 0.0), b) for a, b in events if b >= 0 and a <= last]
     if contacts is None:
         return None
     times = [float(t) - first for t in contacts]

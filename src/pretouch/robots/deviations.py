@@ -78,10 +78,10 @@ def report_deviations(
     """
     for site, runs, predicted in zip(sites, contacts, predictions, strict=True):
         pairs = [(c.relative_velocity, p.relative_velocity) for c, p in zip(runs, predicted, strict=True) if p]
-        known = [(a, b) for a, b in pairs if not math.isnan(a) and not math.isnan(b)]
-        if not known:
+        finite = [(a, b) for a, b in pairs if not math.isnan(a) and not math.isnan(b)]
+        if not finite:
             continue
-        simulated, expected = (abs(math.fsum(column)) for column in zip(*known, strict=True))
+        simulated, expected = (abs(math.fsum(column)) for column in zip(*finite, strict=True))
         change = simulated / expected - 1 if expected else math.inf
         if abs(change) > LARGE:
             percent, more = 100 * abs(change), "higher" if change > 0 else "lower"

@@ -103,9 +103,11 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
     kinds, biases = np.asarray(model.actuator_gaintype)[rows], np.asarray(model.actuator_biastype)[rows]
     length, gains, bias_kinds = np.array(data.actuator_length)[rows], library.mjtGain, library.mjtBias
     affine_gain, affine_bias = kinds == int(gains.mjGAIN_AFFINE), biases == int(bias_kinds.mjBIAS_AFFINE)
-    known = (affine_gain | (kinds == int(gains.mjGAIN_FIXED))) & (affine_bias | (biases == int(bias_kinds.mjBIAS_NONE)))
-    gain = np.where(known, gain_of[:, 0] + np.where(affine_gain, gain_of[:, 1] * length, 0.0), 0.0)
-    bias = np.where(affine_bias & known, bias_of[:, 0] + bias_of[:, 1] * length, 0.0)
+    supported = (affine_gain | (kinds == int(gains.mjGAIN_FIXED))) & (
+        affine_bias | (biases == int(bias_kinds.mjBIAS_NONE))
+    )
+    gain = np.where(supported, gain_of[:, 0] + np.where(affine_gain, gain_of[:, 1] * length, 0.0), 0.0)
+    bias = np.where(affine_bias & supported, bias_of[:, 0] + bias_of[:, 1] * length, 0.0)
     torque_limited = np.asarray(model.jnt_actfrclimited).astype(bool)[joints]
     torques = np.where(torque_limited[:, None], np.asarray(model.jnt_actfrcrange)[joints], (-math.inf, math.inf))
     force = np.array(data.qfrc_bias - data.qfrc_passive)
@@ -120,8 +122,8 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
         highest=forces[:, 1],
         gain=gain,
         constant=bias,
-        damping=np.where(affine_bias & known, -bias_of[:, 2], 0.0),
-        controls=_controls(model, rows, known),
+        damping=np.where(affine_bias & supported, -bias_of[:, 2], 0.0),
+        controls=_controls(model, rows, supported),
         torques=torques,
         load=load,
         friction=np.diag(np.asarray(model.dof_damping)[driven]),
@@ -162,8 +164,8 @@ def speed_limits(drives: Drives, motion: AxisMotion) -> AxisLimits:
     keeps the speed plausible, there is no limit.
     """
     velocities = np.column_stack([motion.joints, motion.free])
-    found = _span(drives, drives.friction @ velocities, velocities)
-    ahead, back = (speed if speed < _FASTEST else math.inf for speed in (found.ahead, found.back))
+    span = _span(drives, drives.friction @ velocities, velocities)
+    ahead, back = (speed if speed < _FASTEST else math.inf for speed in (span.ahead, span.back))
     return AxisLimits(ahead, back)
 
 
@@ -172,7 +174,7 @@ def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
 
     On a floating base, the force accelerates base and joints together, without motion between them.
     """
-    return _span(drives, (dynamics.axis @ dynamics.seen[:3])[:, None], np.zeros((len(dynamics.inertia), 0)))
+    return _span(drives, (dynamics.axis @ dynamics.relative[:3])[:, None], np.zeros((len(dynamics.inertia), 0)))
 
 
 def _span(drives: Drives, columns: FloatArray, velocities: FloatArray) -> AxisLimits:

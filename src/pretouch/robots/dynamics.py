@@ -58,7 +58,7 @@ class PostureDynamics:
         inertia: inertia that the drives feel, shape (n, n).
         own: Jacobian of the site relative to the base by the joints, shape (6, n): three rows of the position, three of
             the orientation.
-        seen: generalized Jacobian of the site relative to the common center of mass, shape (6, n).
+        relative: generalized Jacobian of the site relative to the common center of mass, shape (6, n).
         full: Jacobian by base and joints, the base first, shape (6, m + n).
         share: G, the base's motion for a motion of the joints with the opposite sign, shape (m, n).
         axis: direction toward objects in the world frame, shape (3,).
@@ -68,7 +68,7 @@ class PostureDynamics:
     mass: FloatArray
     inertia: FloatArray
     own: FloatArray
-    seen: FloatArray
+    relative: FloatArray
     full: FloatArray
     share: FloatArray
     axis: FloatArray
@@ -215,7 +215,7 @@ def posture_dynamics(model: Model, data: Data, drivetrain: Drivetrain, direction
         mass=mass,
         inertia=mass[count:, count:] - mass[count:, :count] @ share,
         own=jacobian[:, count:],
-        seen=jacobian[:, count:] - jacobian[:, :count] @ share,
+        relative=jacobian[:, count:] - jacobian[:, :count] @ share,
         full=jacobian,
         share=share,
         axis=np.array(data.site_xmat[site]).reshape(3, 3) @ direction,
@@ -259,13 +259,13 @@ def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMo
     joints, free = np.zeros(len(dynamics.inertia)), np.zeros((len(dynamics.inertia), others.shape[1]))
     joints[kept], free[kept] = motion[:, 0], others
     moved = float(joints @ dynamics.inertia @ joints)
-    shift, turn = (np.cross(part @ joints, dynamics.axis) for part in (dynamics.seen[:3], dynamics.seen[3:]))
+    shift, turn = (np.cross(part @ joints, dynamics.axis) for part in (dynamics.relative[:3], dynamics.relative[3:]))
     return AxisMotion(
         hold=hold,
         joints=joints,
         free=free,
         moved_mass=moved,
-        recoil_share=float(1 - dynamics.axis @ dynamics.seen[:3] @ joints),
+        recoil_share=float(1 - dynamics.axis @ dynamics.relative[:3] @ joints),
         conditioning=float(np.sqrt(dynamics.lightest_mass / moved)),
         turning=float(np.linalg.norm(turn)),  # without the turn about the axis, which changes nothing
         sideways=float(np.linalg.norm(shift)),

@@ -122,13 +122,13 @@ def _warnings(
     They concern the postures, the model, and deviations from the prediction.
     """
     names = [law.site.name for law in scene.laws]
-    found = list(explain_deviations(names, contacts))
+    explanations = list(explain_deviations(names, contacts))
     if scene.centering is None:  # the prediction does not know the law of the hand
-        found += report_deviations(names, contacts, predictions)
+        explanations += report_deviations(names, contacts, predictions)
     for law in scene.laws:
         for warning in warnings_of_site(scene.model, scene.data, law.site):
             yield with_context(law.site.name, warning)
-    yield from found
+    yield from explanations
 
 
 def _simulate(scene: _Scene, seed: int, runs: int, workers: int) -> list[tuple[SiteContact, ...]]:
@@ -316,10 +316,10 @@ class _Site:
         curve: Any = law.site.sensor
         self.sight = Sight(scene.model, law.site, self.index, curve, FARTHEST)
         chain = law.chain or SensorChain(rate=1 / scene.period)
-        seen = self.sight.equivalent_distance(data)
+        distance = self.sight.equivalent_distance(data)
         self.sensor = SensorRun(
             *(chain, curve),
-            distance=seen,
+            distance=distance,
             farthest=FARTHEST,
             period=scene.period,
             seed=seed,
@@ -439,7 +439,7 @@ class _Run:
         tree = int(model.body_treeid[body])
         along = self._approach(site)
         free = tree >= 0 and tree != int(model.body_treeid[site.body])
-        share = float(1 - dynamics.axis @ dynamics.seen[:3] @ motions) if len(site.drivetrain.base) else 0.0
+        share = float(1 - dynamics.axis @ dynamics.relative[:3] @ motions) if len(site.drivetrain.base) else 0.0
         return DetectedEncounter(
             time=t,
             distance=glance.distance,
@@ -460,9 +460,9 @@ class _Run:
         library, model, data = mujoco(), self.scene.model, self.data
         body = int(model.geom_bodyid[glance.geom])
         library.mj_rnePostConstraint(model, data)
-        found = np.zeros(6)
-        library.mj_objectAcceleration(model, data, library.mjtObj.mjOBJ_BODY, body, found, 0)
-        proper = found[3:].copy()
+        accelerations = np.zeros(6)
+        library.mj_objectAcceleration(model, data, library.mjtObj.mjOBJ_BODY, body, accelerations, 0)
+        proper = accelerations[3:].copy()
         if len(site.drivetrain.base):  # seen from a frame that falls with the robot
             return float(site.sight.axis(data) @ proper)
         moving = int(model.body_treeid[body]) >= 0
@@ -537,11 +537,11 @@ class _Run:
         before, site.glance = site.distance, site.sight.glance(data)
         site.distance = site.glance.distance
         while site.sensor.next <= now + _INSTANT:
-            seen = site.sight.equivalent_distance(data)
+            distance = site.sight.equivalent_distance(data)
             ahead = (now - site.sensor.next) / h
             moved = site.distance - before
-            shift = -moved * ahead if math.isfinite(seen) and math.isfinite(moved) else 0.0
-            site.sensor.look(max(seen + shift, 0.0) if math.isfinite(seen) else 2 * FARTHEST)
+            shift = -moved * ahead if math.isfinite(distance) and math.isfinite(moved) else 0.0
+            site.sensor.look(max(distance + shift, 0.0) if math.isfinite(distance) else 2 * FARTHEST)
         if math.isnan(site.time):
             site.excursion = max(site.excursion, abs(site.target[2] - site.law.approach * now))
         site.force = self._contact_force(site)

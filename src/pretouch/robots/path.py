@@ -69,8 +69,8 @@ def excursion(
     places = np.asarray(model.jnt_qposadr)[drivetrain.joints]
     u = np.array(data.site_xmat[drivetrain.site]).reshape(3, 3) @ direction
     path = _Path(model, scratch, drivetrain, places, u if ahead else -u, ranges, hold)
-    found = path.follow(np.array(data.qpos)[places])
-    return found if found.length > _SHORTEST else replace(found, length=0.0)
+    reference = path.follow(np.array(data.qpos)[places])
+    return reference if reference.length > _SHORTEST else replace(reference, length=0.0)
 
 
 def ranges_of(model: Model, drivetrain: Drivetrain) -> FloatArray:

@@ -156,13 +156,13 @@ class Projection(Described, Value):
         """
         share = 1 - self.recoil_share
         own = {limit.name: limit for limit in self.constraints()}
-        given = {limit.name: limit.limit for limit in task.limits}
+        limits = {limit.name: limit.limit for limit in task.limits}
         kept = [
             c
             for c, limit in zip(task.constraints, task.limits, strict=True)
             if not (limit.name in own and own[limit.name].limit < limit.limit)
         ]
-        added = [limit for name, limit in own.items() if limit.limit < given.get(name, math.inf)]
+        added = [limit for name, limit in own.items() if limit.limit < limits.get(name, math.inf)]
         changes: dict[str, Any] = {"constraints": (*kept, *added), "warnings": (*task.warnings, *self.warnings)}
         if self.recoil_share:
             if task.loop is not None:

@@ -105,10 +105,10 @@ class Sight:
         """
         while True:
             beyond = start + passed * ray
-            found = float(mujoco().mj_ray(self._model, data, beyond, ray, None, True, self._body, geom, normal))
-            if found < 0 or passed + found >= BEHIND or not self._own[geom[0]]:
-                return found if found < 0 else passed + found
-            passed += found + _PAST
+            distance = float(mujoco().mj_ray(self._model, data, beyond, ray, None, True, self._body, geom, normal))
+            if distance < 0 or passed + distance >= BEHIND or not self._own[geom[0]]:
+                return distance if distance < 0 else passed + distance
+            passed += distance + _PAST
 
     def equivalent_distance(self, data: Data) -> float:
         """Return the distance [m] at which a plane causes the same output.
@@ -128,11 +128,11 @@ class Sight:
         for i in np.flatnonzero(behind & self._own[self._geoms]):
             passed, geom, normal = self._distances[i] + _PAST, self._geoms[i : i + 1], self._normals[3 * i : 3 * i + 3]
             self._distances[i] = self._cast(data, start, rays[i], passed=passed, geom=geom, normal=normal)
-        seen = self._distances >= 0
-        if not seen.any():
+        in_sight = self._distances >= 0
+        if not in_sight.any():
             return math.inf
-        distances = self._distances[seen] * self._cosines[seen] - BEHIND
-        facing = np.abs(np.einsum("ij,ij->i", self._normals.reshape(count, 3)[seen], rays[seen]))
+        distances = self._distances[in_sight] * self._cosines[in_sight] - BEHIND
+        facing = np.abs(np.einsum("ij,ij->i", self._normals.reshape(count, 3)[in_sight], rays[in_sight]))
         near = distances <= self._farthest
         if not near.any():
             return math.inf

@@ -97,5 +97,5 @@ def _rows(result: RobotSimulation, site: str) -> Iterator[tuple[Cell, ...]]:
 
 
 def _mean(values: FloatArray) -> float:
-    known = values[~np.isnan(values)]
-    return float(known.mean()) if len(known) else float("nan")
+    finite = values[~np.isnan(values)]
+    return float(finite.mean()) if len(finite) else float("nan")

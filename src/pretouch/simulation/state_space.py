@@ -124,14 +124,14 @@ def _solved(a: FloatArray, c: FloatArray, right: FloatArray, output: float | Non
     values = right if output is None else np.append(right, output)
     scale = np.abs(rows).max(axis=1, initial=0.0)
     scale[scale == 0] = 1.0
-    found = np.linalg.lstsq(rows / scale[:, None], values / scale, rcond=None)[0]
-    error = np.abs(rows @ found - values) / scale
-    if error.max() > _ERROR * max(1.0, float(np.abs(found).max())):
+    solution = np.linalg.lstsq(rows / scale[:, None], values / scale, rcond=None)[0]
+    error = np.abs(rows @ solution - values) / scale
+    if error.max() > _ERROR * max(1.0, float(np.abs(solution).max())):
         raise InvalidInputError(
             f"a: the robot model does not follow the commanded motion of a virtual object {motion}; check the signs "
             "and units of the matrices A and B"
         )
-    return np.asarray(found)
+    return np.asarray(solution)
 
 
 def native_rows(system: StateSpace) -> tuple[FloatArray, FloatArray]:

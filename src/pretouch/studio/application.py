@@ -174,13 +174,13 @@ class Application:
 
             return read_readings(files, files.add_file(unquote(headers.get("x-name", "")), content))
         try:
-            asked = json.loads(content)
-            asked = asked if isinstance(asked, dict) else {}
+            content_object = json.loads(content)
+            content_object = content_object if isinstance(content_object, dict) else {}
         except ValueError:
             raise InvalidInputError("request: the content is not JSON, expected a JSON object from the page") from None
         if name not in self._answers:
             raise InvalidInputError(f"request: found {name!r}, expected one of {', '.join(self._answers)}")
-        return self._answers[name](_Asked(asked))
+        return self._answers[name](_Asked(content_object))
 
     async def _job(self, request: Any) -> Any:
         responses = require("starlette.responses", extra="studio")

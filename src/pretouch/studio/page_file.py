@@ -149,8 +149,8 @@ def _colors() -> list[str]:
 
     The colors for light pages are first.
     """
-    found = re.findall(r"\{ (.*?) \}", _read("colors.css"), flags=re.DOTALL)
-    return [re.sub(r"\s+", " ", part) for part in found]
+    blocks = re.findall(r"\{ (.*?) \}", _read("colors.css"), flags=re.DOTALL)
+    return [re.sub(r"\s+", " ", part) for part in blocks]
 
 
 def _read(name: str) -> str:

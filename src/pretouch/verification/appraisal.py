@@ -332,8 +332,8 @@ class LoopProblem:
             state = ContactState(_Runs(result, gain, loop, impact))
             return appraise(objective, state, result.touched, speed, impact)
         for term in objective.terms:
-            found = simulated_quantity(term.quantity, result, gain, loop, impact)
-            value = value + term.weight * (found / term.scale_for(speed)) ** 2
+            quantity = simulated_quantity(term.quantity, result, gain, loop, impact)
+            value = value + term.weight * (quantity / term.scale_for(speed)) ** 2
         return np.where(result.touched & np.isfinite(value), value, np.inf)
 
 

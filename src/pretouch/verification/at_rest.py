@@ -116,8 +116,8 @@ def motion_at_rest(task: Task, gain: float) -> RestMotion | None:
     if not moved > _STILL:
         return None
     quiet = _quiet_floor(task, gain, law, scan, moved)
-    seen = None if quiet is None else float(_places(task, law, quiet, np.zeros(1))[0])
-    return RestMotion(distance=worst, motion=moved, duration=_duration(law), quiet_floor=quiet, detected_from=seen)
+    place = None if quiet is None else float(_places(task, law, quiet, np.zeros(1))[0])
+    return RestMotion(distance=worst, motion=moved, duration=_duration(law), quiet_floor=quiet, detected_from=place)
 
 
 def rest_in_words(rest: RestMotion | None, law: Any) -> Iterator[str]:

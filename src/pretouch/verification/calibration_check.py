@@ -258,7 +258,7 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
     return _Outcome(speed=speed, ratios=ratios)
 
 
-def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Outcome, predicted: _Outcome) -> str:
+def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], outcome: _Outcome, predicted: _Outcome) -> str:
     """Return the largest source of error in the calibration.
 
     It is `offset`, `curve` or `misfit`.
@@ -276,7 +276,7 @@ def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Ou
     rest = _run(task, gain, chain, (fitted,) * _DRAWS).badness(predicted)
     if chain.misfit and smooth < rest:
         return "misfit"
-    failing = found.badness(predicted)
+    failing = outcome.badness(predicted)
     return "offset" if known_offset[0] <= failing[0] / 2 and known_offset < failing else "curve"
 
 

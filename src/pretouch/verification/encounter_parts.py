@@ -241,7 +241,7 @@ def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[Repo
     # `period` is the controller period [s]; `contact_time` may be NaN.
     flags = trace.flags.astype(np.int64)
     before = ~(trace.time >= contact_time)
-    found = []
+    sentences = []
     for bit in (1 << k for k in range(int(np.bitwise_or.reduce(flags)).bit_length())):
         on = (flags & bit) != 0
         if not on.any():
@@ -252,8 +252,8 @@ def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[Repo
         name = f"flag-{bit}" if status is None else str(status.name).lower().replace("_", "-")
         meaning = _OWN if status is None else status.meaning
         since, lasts = float(trace.time[on.argmax()]), (float(part.sum() * period) for part in (on, on & before))
-        found.append(ReportedFlag(name, meaning, since, *lasts))
-    return tuple(sorted(found, key=lambda flag: flag.since))
+        sentences.append(ReportedFlag(name, meaning, since, *lasts))
+    return tuple(sorted(sentences, key=lambda flag: flag.since))
 
 
 def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, scenario: Scenario) -> Detection | None:

@@ -194,8 +194,8 @@ def gain_section(v: Verdict) -> PageSection:
     terms = PageTable(head=("term of the objective", "typical value", "weight"), rows=rows)
 
     def shown() -> Picture | None:
-        known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
-        return picture if any(np.isfinite(objective).any() for objective in known) else None
+        objectives = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
+        return picture if any(np.isfinite(objective).any() for objective in objectives) else None
 
     title = "The objective over the gain" if v.gain is None else "The gain on the simulated loop"
     return PageSection(title=title, blocks=(*_gain_blocks(v), LazyBlock(make=shown), terms))

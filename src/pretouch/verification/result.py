@@ -136,8 +136,8 @@ class LimitCheck(Value):
     def to_dict(self) -> dict[str, Any]:
         """Return the limit check as one JSON object in SI units."""
         names = ("name", "label", "limit", "unit", "is_met", "predicted", "held", "value", "margin", "source")
-        told = {name: getattr(self, name) for name in names}
-        return {**told, "probability": self.required.probability, "held_at_least": self.low}
+        values = {name: getattr(self, name) for name in names}
+        return {**values, "probability": self.required.probability, "held_at_least": self.low}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -293,7 +293,7 @@ class Verdict(Described, Value):
             *("calibration_check", "loss", "changes", "unchanged", "assumptions", "warnings"),
         )
         design, best = self.design, self.best_change
-        told: dict[str, Any] = plain(
+        document: dict[str, Any] = plain(
             {
                 **{name: getattr(self, name) for name in names},
                 "objective_name": self.definition.name,
@@ -301,7 +301,7 @@ class Verdict(Described, Value):
                 "best_change": None if best is None else best.name,
             }
         )
-        return told
+        return document
 
     def __repr__(self) -> str:
         if self.gain is None or self.stability is None or not math.isfinite(self.stability.margin):

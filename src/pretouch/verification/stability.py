@@ -240,8 +240,8 @@ def told_period(controller: Controller) -> float:
 
     The default is the controller period.
     """
-    told = controller.conditioning.sensor_period
-    return controller.period if told is None else told
+    sensor_period = controller.conditioning.sensor_period
+    return controller.period if sensor_period is None else sensor_period
 
 
 def controller_at(controller: Controller, sensor_period: float, period: float | None = None) -> Controller:

@@ -65,8 +65,8 @@ class DragEffect(Value):
     def __post_init__(self) -> None:
         check_types(self)
         for name in (*_UNITS, "largest_speed"):
-            given = getattr(self, name)
-            if given is not None and np.size(positive(given, name, _UNITS.get(name, "m/s"))) == 0:
+            limit = getattr(self, name)
+            if limit is not None and np.size(positive(limit, name, _UNITS.get(name, "m/s"))) == 0:
                 raise InvalidInputError(f"{name}: found an empty array, expected at least one number")
         names = [name for name in _UNITS if getattr(self, name) is not None]
         if len(names) != 1:

@@ -114,12 +114,12 @@ def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, flo
         return None
     rows: list[tuple[float, float, float, float]] = []
     for term in problem.task.goal.terms:
-        found, scale = _row(term.quantity, problem.task.impact), term.scale
+        coded, scale = _row(term.quantity, problem.task.impact), term.scale
         follows = isinstance(scale, str)
         # If the scale is the obstacle's speed, this speed must not be 0.
-        if found is None or (follows and not np.all(np.asarray(problem.task.scenario.obstacle.velocity) != 0)):
+        if coded is None or (follows and not np.all(np.asarray(problem.task.scenario.obstacle.velocity) != 0)):
             return None
-        row, factor, exponent = found
+        row, factor, exponent = coded
         size = factor if isinstance(scale, str) else factor / scale
         rows.append((row, term.weight * size**2, 2 * exponent, follows))
     return rows
@@ -131,9 +131,9 @@ def limit_rows(problem: GainProblem, limits: Iterable[Constraint]) -> list[tuple
     Returns:
         One row per limit; None if that search cannot compute a limited quantity.
     """
-    found = [(_row(c.quantity, problem.task.impact), c.limit) for c in limits]
-    rows = [(row[0], row[1] / limit, row[2]) for row, limit in found if row is not None]
-    return rows if len(rows) == len(found) else None
+    coded = [(_row(c.quantity, problem.task.impact), c.limit) for c in limits]
+    rows = [(row[0], row[1] / limit, row[2]) for row, limit in coded if row is not None]
+    return rows if len(rows) == len(coded) else None
 
 
 def _row(quantity: str, impact: ImpactModel | None) -> tuple[float, float, float] | None:

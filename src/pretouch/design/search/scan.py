@@ -188,14 +188,14 @@ def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) ->
     return Scan(coordinate=u, landscape=landscape, resolution=resolution)
 
 
-def _relative_error(predicted: FloatArray, new: FloatArray, found: Landscape, share: float) -> FloatArray:
+def _relative_error(predicted: FloatArray, new: FloatArray, landscape: Landscape, share: float) -> FloatArray:
     """Return the relative error of predicted values.
 
     It is 0 if the error is not finite.
     """
     size = np.abs(new)
     if share:
-        values = found.objective[..., found.reached.reshape(-1, found.objective.shape[-1]).all(axis=0)]
+        values = landscape.objective[..., landscape.reached.reshape(-1, landscape.objective.shape[-1]).all(axis=0)]
         size = size + share * (np.ptp(values, axis=-1, keepdims=True) if values.size else 1.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         error = np.abs(predicted - new) / size

@@ -1,8 +1,8 @@
 """Build the compiled core as one shared library, with the machine's compiler or, if there is none, with zig.
 
     python native/build.py            into src/pretouch/_core/
-    python native/build.py --strict   compiler warnings are errors; wheels are built without, for future compilers
-    python native/build.py --sanitize with checks of addresses and undefined behavior, into build/native/sanitized/
+    python native/build.py --strict   treat compiler warnings as errors; wheels are built without, for future compilers
+    python native/build.py --sanitize check addresses and undefined behavior at run time, into build/native/sanitized/
     python native/build.py --page     into src/pretouch/studio/page/, as WebAssembly for browsers; needs ziglang
     python native/build.py --tidy     run clang-tidy on every source, if it is installed; nothing is built
 
@@ -38,16 +38,19 @@ WARNINGS = "-Wall -Wextra -Wconversion -Wno-psabi"
 LAW = f"-std=c99 -O2 -ffp-contract=off -pedantic {WARNINGS}"
 PLAIN = f"-std=c++20 -O2 -ffp-contract=off -fno-exceptions -fno-rtti -fno-threadsafe-statics {WARNINGS}"
 UNFUSED = {"lanes_loop"}
-"""Sources in lanes whose results have the same bits as those of a single encounter."""
+"""Vectorized sources that are compiled without fused multiply-add.
+
+Their results have the same bits as those of a single encounter.
+"""
 
 UNROLLED = {"stiff_step"}
-"""Sources whose loops have a constant length, so that -O3 unrolls them."""
+"""Sources whose loops have constant lengths; they are compiled with -O3, which unrolls these loops."""
 
 LANES = (
     f"-std=c++20 -O2 -fno-math-errno -fno-trapping-math -ffp-contract=fast -fno-exceptions -fno-rtti "
     f"-fno-threadsafe-statics {WARNINGS}"
 )
-_AVX2 = "-mavx2 -mfma -mbmi -mbmi2"  # features, not -march: zig spells its levels otherwise
+_AVX2 = "-mavx2 -mfma -mbmi -mbmi2"  # features instead of -march, since zig has other names for its levels
 PROCESSORS = {
     "base": "",
     "avx2": _AVX2,
@@ -61,7 +64,7 @@ SUFFIXES = {"win32": ".dll", "darwin": ".dylib"}
 
 
 class Target(NamedTuple):
-    """A kind of machine: the name in zig, with the oldest supported system, and the platform tag of a wheel."""
+    """A kind of machine: its name in zig, with the oldest supported system, and the platform tag of its wheels."""
 
     triple: str
     tag: str
@@ -77,19 +80,19 @@ TARGETS = {
 
 
 PAGE_TARGET = "wasm32-wasi"
-"""The target of zig for the page of pretouch studio; the module imports nothing, so that WASI is not needed."""
+"""Target of zig for the page of pretouch studio. The module imports nothing, so it needs no WASI at run time."""
 
 PAGE_FUNCTIONS = ("solve_linear", "respond", "solve_series", "drag_approaches", "find_gains")
-"""Functions that the page calls; the linker leaves out everything else, such as the sampled loop."""
+"""Functions that the page calls; the linker omits everything else, such as the sampled loop."""
 
 
 def this_target() -> str:
-    """Return the target machine: this one, or the one that PRETOUCH_TARGET names."""
+    """Return the target machine: that of the variable PRETOUCH_TARGET if it is set, else this machine."""
     return os.environ.get("PRETOUCH_TARGET") or f"{sys.platform}-{platform.machine()}"
 
 
 def compilers() -> tuple[list[str], list[str]] | None:
-    """Return the commands for C and C++; None if zig must be used."""
+    """Return the compiler commands for C and C++; None if zig must be used."""
     if os.environ.get("PRETOUCH_COMPILER") == "zig" or os.environ.get("PRETOUCH_TARGET") or sys.platform == "win32":
         return None
     if "CC" in os.environ and "CXX" in os.environ:
@@ -106,19 +109,22 @@ def library_path(root: Path) -> Path:
 
 
 def record_path(library: Path) -> Path:
-    """Return the path of the record of a library: size, hash and interface, which Python checks before loading."""
+    """Return the path of the record of a library.
+
+    It has the size, the hash and the interface of the library. Python checks them before it loads the library.
+    """
     return library.with_name(f"{library.name}.json")
 
 
 def interface() -> str:
-    """Return a hash of the declarations on which Python relies: both headers, without comments and spaces."""
+    """Return a hash of the declarations that Python uses: both headers, without comments and with single spaces."""
     texts = [(NATIVE / name).read_text(encoding="utf-8") for name in ("core/pretouch.h", "law/pretouch_law.h")]
     bare = [" ".join(re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL).split()) for text in texts]
     return hashlib.sha256("\0".join(bare).encode()).hexdigest()[:16]
 
 
 def check_interface() -> str:
-    """Return the hash of the interface; exit if the Python side names another one."""
+    """Return the hash of the interface; raise RuntimeError if native.py has another one."""
     side, current = NATIVE.parent / "src/pretouch/_core/native.py", interface()
     named = re.search(r'^INTERFACE: Final = "(\w+)"$', side.read_text(encoding="utf-8"), re.MULTILINE)
     if named is None or named[1] != current:
@@ -130,7 +136,7 @@ def check_interface() -> str:
 
 
 def write_record(library: Path, version: str) -> Path:
-    """Write the record of a library with a version of the interface, and return its path."""
+    """Write the record of a library with the hash of its interface, and return the record's path."""
     content = library.read_bytes()
     record = {"size": len(content), "sha256": hashlib.sha256(content).hexdigest(), "interface": version}
     record_path(library).write_text(json.dumps(record) + "\n", encoding="utf-8")
@@ -138,15 +144,17 @@ def write_record(library: Path, version: str) -> Path:
 
 
 def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Path:
-    """Compile every source and link with the C compiler, since no C++ runtime is needed.
+    """Compile every source, link the library and write its record.
+
+    The C compiler links, since no C++ runtime is needed.
 
     Args:
-        library: where it is put, with its record.
-        strict: take a warning for an error.
-        sanitize: check addresses and undefined behavior when it runs.
+        library: path of the library; the record is written next to it.
+        strict: treat compiler warnings as errors.
+        sanitize: check addresses and undefined behavior at run time.
 
     Returns:
-        The library. A command that fails ends this with what it printed.
+        The path of the library. If a command fails, a RuntimeError reports its output.
     """
     version = check_interface()
     system = this_target().split("-", 1)[0]
@@ -155,7 +163,7 @@ def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Pat
     common += SANITIZED.split() if sanitize else ["-g0"]
     common += ["-Werror"] if strict else []
     objects = _objects(_jobs(compiler, common, this_target().split("-", 1)[1]))
-    made = KEPT / f"{os.getpid()}-{library.name}"  # a linker may leave further files there
+    made = KEPT / f"{os.getpid()}-{library.name}"  # a linker may write further files there
     link = [*cc, "-shared", *(["-fsanitize=address,undefined"] if sanitize else ["-s"] if system != "darwin" else [])]
     _link(made, objects, link, ["-lm"] if system == "linux" else [])
     noted = write_record(made, version)
@@ -176,16 +184,17 @@ def page_core_path(root: Path) -> Path:
 
 
 def build_page_core(made: Path, *, strict: bool = False) -> Path:
-    """Compile the sources of the core for browsers, without change, and link those functions that the page calls.
+    """Compile the unchanged sources of the core for browsers, and link those functions that the page calls.
 
-    Code that is small loads sooner; the options for it change no bit of a result.
+    The options make the code small, so that it loads fast; they do not change any bit of the results.
 
     Args:
-        made: where the module is put.
-        strict: take a warning for an error.
+        made: path of the module.
+        strict: treat compiler warnings as errors.
 
     Returns:
-        The module. It imports nothing; its memory and `__heap_base` tell JavaScript where arrays can be put.
+        The path of the module. The module imports nothing. JavaScript places its arrays in the exported memory, from
+        `__heap_base` on.
     """
     check_interface()
     zig = [sys.executable, "-m", "ziglang"]
@@ -197,10 +206,10 @@ def build_page_core(made: Path, *, strict: bool = False) -> Path:
 
 
 def tidy() -> int:
-    """Run clang-tidy on every source with its compiler options; of several variants only on the last.
+    """Run clang-tidy on every source with its compiler options; if a source has variants, only with the last one's.
 
     Returns:
-        How many sources it finds fault with, which it prints.
+        The number of sources with findings; clang-tidy prints the findings.
     """
     if shutil.which("clang-tidy") is None:
         print("clang-tidy: found none on this machine, nothing is read")
@@ -216,7 +225,7 @@ def tidy() -> int:
 
 
 def _objects(jobs: list[list[str]]) -> list[Path]:
-    """Compile every source, except for those whose object is in the cache, and remove stale objects."""
+    """Compile every source whose object is not in the cache, remove stale objects, and return all objects."""
     KEPT.mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(max_workers=int(os.environ.get("JOBS", "2"))) as pool:
         objects = list(pool.map(_compiled, jobs))
@@ -225,14 +234,14 @@ def _objects(jobs: list[list[str]]) -> list[Path]:
 
 
 def _link(made: Path, objects: list[Path], link: list[str], libraries: list[str]) -> Path:
-    """Link objects with a command into one file."""
+    """Link objects into one file with a command, and return the file."""
     made.parent.mkdir(parents=True, exist_ok=True)
     _run([*link, *map(str, objects), "-o", str(made), *libraries])
     return made
 
 
 def _jobs(compilers: tuple[list[str], list[str]], common: list[str], machine: str) -> list[list[str]]:
-    """Return the command that compiles each source and each of its variants; the source is its last argument."""
+    """Return one compiler command for each source and each of its variants; its last argument is the source."""
     cc, cxx = compilers
     jobs = [[*cc, *LAW.split(), *common, "-c", str(p)] for p in sorted(NATIVE.glob("law/*.c"))]
     for path in sorted(NATIVE.glob("core/*.cpp")):
@@ -249,7 +258,7 @@ def _jobs(compilers: tuple[list[str], list[str]], common: list[str], machine: st
 
 
 def _drop_stale(used: list[Path]) -> None:
-    """Remove objects that no build has used for a week; mark each used object."""
+    """Mark the used objects by their file time, and remove objects that no build has used for a week."""
     for path in used:
         path.touch()
     for path in KEPT.glob("*.o"):
@@ -259,7 +268,7 @@ def _drop_stale(used: list[Path]) -> None:
 
 
 def _zig() -> tuple[list[str], list[str]]:
-    """Return the commands of the compiler that pip installs."""
+    """Return the commands of zig, the compiler that pip installs, for C and C++."""
     known = TARGETS.get(this_target())
     if known is None:
         raise RuntimeError(
@@ -271,7 +280,7 @@ def _zig() -> tuple[list[str], list[str]]:
 
 
 def _compiled(job: list[str]) -> Path:
-    """Compile one source, unless its object is in the cache."""
+    """Return the object of one source; compile the source if the object is not in the cache."""
     digest = hashlib.sha256("\0".join(job).encode())
     for path in [Path(job[-1]), *sorted(NATIVE.glob("*/*.h")), *sorted(NATIVE.glob("*/*.hpp"))]:
         digest.update(path.read_bytes())
@@ -290,7 +299,7 @@ def _run(command: list[str]) -> None:
 
 
 def main() -> None:
-    """Build the library in place."""
+    """Build the library or the page's core in the source tree, or run clang-tidy, as the command line says."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--sanitize", action="store_true", help="check addresses and undefined behavior")
     parser.add_argument("--strict", action="store_true", help="take a warning for an error")

@@ -1,4 +1,4 @@
-// Runs kernels on the cases that check_machine.py wrote, and prints how far the answers are from those found there.
+// Runs the kernels on the cases that check_machine.py has written, and prints the largest deviation from its results.
 
 #include <math.h>
 #include <stdio.h>
@@ -6,12 +6,13 @@
 #include "cases.h"
 #include "core/pretouch.h"
 
-static int compare(const char *name, const double *found, const double *expected, int n, double allowed) {
+static int compare(const char *name, const double *actual, const double *expected, int n, double allowed) {
     double worst = 0.0;
     for (int i = 0; i < n; i++) {
-        if (isnan(found[i]) && isnan(expected[i])) continue;
-        const double far = found[i] == expected[i] ? 0.0 : fabs(found[i] - expected[i]) / fmax(fabs(expected[i]), 1e-6);
-        worst = far <= worst ? worst : far;  // also where it is not a number
+        if (isnan(actual[i]) && isnan(expected[i])) continue;
+        const double far =
+            actual[i] == expected[i] ? 0.0 : fabs(actual[i] - expected[i]) / fmax(fabs(expected[i]), 1e-6);
+        if (!isnan(worst) && !(far <= worst)) worst = far;  // a NaN stays
     }
     printf("%-12s %5d numbers, %.1e apart (%.0e allowed)\n", name, n, worst, allowed);
     return !(worst <= allowed);
@@ -34,7 +35,7 @@ int main(void) {
     pretouch_solve_series(VALUES, N, INPUTS + 8 * N, &curve, 30.0, rows, ended, nullptr, 0, nullptr, nullptr, 0);
     failed |= compare("guaranteed", rows, EXPECTED_SERIES, 15 * N, 1e-8);
     const double term[4] = {4.0, 1.0, 2.0, 0.0}, other[4] = {1.0, 25.0, 2.0, 0.0};
-    const double limit[3] = {6.0, 1.0 / 0.06, 1.0};  // an excursion of at most 6 cm
+    const double limit[3] = {6.0, 1.0 / 0.06, 1.0};  // the largest excursion may be at most 6 cm
     double terms[8];
     for (int i = 0; i < 4; i++) terms[i] = term[i], terms[4 + i] = other[i];
     pretouch_find_gains(DESIGN_INPUTS, N, SLOPE, &curves, &curve, 0.0, INFINITY, 1, 30.0, terms, 2, limit, 1, 0.05, asinh(-10.0 / 0.05),

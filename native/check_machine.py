@@ -1,8 +1,9 @@
-"""Run the kernels on another kind of machine than x86-64 and compare the results with those of this machine.
+"""Compare the results of the compiled kernels on another kind of machine, such as ARM, with those on this machine.
 
     python native/check_machine.py --compiler "zig c++ -target aarch64-linux-musl -static" --run qemu-aarch64
 
-The inputs and the results of this machine are written into a program, which is compiled and run on the other machine.
+The script writes inputs and this machine's results into a C++ program, compiles it for the other machine and runs it
+there or in an emulator.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ N = 203
 
 
 def cases() -> dict[str, Any]:
-    """Return inputs and results by the names that check_machine.cpp uses."""
+    """Return the inputs and results of this machine, with the names that check_machine.cpp uses."""
     rng = np.random.default_rng(8)
     sensor = pt.InversePower(scale=1.3e-5, distance_offset=0.0419, exponent=3.32, maximum_distance=0.3)
     scenario = pt.Scenario(
@@ -73,7 +74,7 @@ def _literal(value: float) -> str:
 
 
 def header(found: dict[str, Any]) -> str:
-    """Return numbers and arrays as C code."""
+    """Return C code that defines numbers and arrays."""
     lines = ["#include <math.h>", "#include <stdint.h>"]
     for name, value in found.items():
         if isinstance(value, np.ndarray):
@@ -85,7 +86,7 @@ def header(found: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    """Compile and run the comparison."""
+    """Compile and run the comparison; exit with the status of its program."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--compiler", required=True, help="of C++, with what selects the machine")
     parser.add_argument("--run", default="", help="what runs programs of that machine")

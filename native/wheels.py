@@ -1,10 +1,10 @@
-"""Build the wheels of a release with zig on this machine, one for each kind of machine.
+"""Build the wheels of a release with zig, one for each kind of machine.
 
-    python native/wheels.py --output dist                  every kind
-    python native/wheels.py --output dist linux-aarch64    only that
+    python native/wheels.py --output dist                  every kind of machine
+    python native/wheels.py --output dist linux-aarch64    only this kind
 
-Every wheel serves every Python, for the library knows none. Linux wheels are checked by auditwheel where that is
-installed. Those for macOS and Windows are built and have not been run.
+Each wheel serves every Python version, because the library does not use Python's C interface. If auditwheel is
+installed, it checks the Linux wheels. The wheels for macOS and Windows are built, but have not been run.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from build import NATIVE, TARGETS
 
-LARGEST = 3 * 2**20  # largest size of a wheel in bytes; with three processor variants and the page, one has 1.7e6
+LARGEST = 3 * 2**20  # largest size of a wheel [bytes]; a wheel with three processor variants and the page has 1.7e6
 
 
 def build_wheel(target: str, output: Path) -> Path:
-    """Build the wheel of one kind of machine."""
+    """Build the wheel of one kind of machine, and return its path."""
     before = set(output.glob("*.whl"))
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(output), "."]
     subprocess.run(command, cwd=NATIVE.parent, env=os.environ | {"PRETOUCH_TARGET": target}, check=True)
@@ -34,7 +34,7 @@ def build_wheel(target: str, output: Path) -> Path:
 
 
 def check(wheel: Path, target: str) -> str:
-    """Print the contents of a wheel; exit if it is too large or does not match its name."""
+    """Return a report on the sizes of a wheel; exit if it is too large, or without library or page core."""
     with zipfile.ZipFile(wheel) as archive:
         files = archive.infolist()
     own = [i for i in files if Path(i.filename).name.startswith("libpretouch")]
@@ -52,7 +52,7 @@ def check(wheel: Path, target: str) -> str:
 
 
 def main() -> None:
-    """Build the wheels that the command line names."""
+    """Build and check the wheels that the command line names."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("targets", nargs="*", default=sorted(TARGETS), help=", ".join(sorted(TARGETS)))
     parser.add_argument("--output", type=Path, default=Path("dist"), help="folder of the wheels")

@@ -1,5 +1,7 @@
-// What the lanes of lanes_loop.cpp and the sampled loop of one encounter (loop*.cpp) tell each other. It has no inline
-// functions: those of two variants would be merged by the linker.
+// Interface between the vectorized loop (lanes_loop.cpp) and the sampled loop of a single encounter (loop*.cpp).
+//
+// It must not define inline functions. lanes_loop.cpp is compiled once for each kind of processor, and the linker would
+// keep only one of the compiled copies.
 
 #pragma once
 
@@ -7,55 +9,59 @@
 
 namespace pretouch {
 
-// The obstacle, as it moves by itself, from a time on until another, with one acceleration; way: no less than it has gone.
+// Part of the obstacle's path without contact forces, from the time `since` to `until`, with the constant acceleration
+// ao. xo, vo and way hold at `since`: position, velocity, and an upper bound of the distance that it has travelled [m].
 struct Leg {
     double since, until, xo, vo, ao, way;
 };
 
-// An encounter before its first contact: at a time within a period of the controller, t its start.
+// State of an encounter before its first contact, at the time t + at within a period of the controller.
 struct Approach {
-    int64_t period;                          // its number
-    double t, at, end_time;                  // end_time: of the period before
-    double x, v, servo, xo, vo;              // of plant and obstacle
-    double last_x, last_v, last_xo, last_vo; // the same at the start of the period
-    double xv, vv;                           // of the virtual object at the start of the period
-    double rate, acting;                     // acceleration over the last step, force of the law in the last period
+    int64_t period;                          // number of the controller's period, from 0
+    double t, at, end_time;                  // start of the period, time since then, end of the previous period
+    double x, v, servo, xo, vo;              // plant and its servo, obstacle
+    double last_x, last_v, last_xo, last_vo; // plant and obstacle at the start of the period
+    double xv, vv;                           // virtual object at the start of the period
+    double rate, acting;                     // acceleration over the last step, virtual force at the last law call
     double detection_time, closest_distance, largest_excursion, largest_travel, largest_speed;
     double largest_virtual_force, largest_acceleration;
-    pretouch_output output;                  // of the law, for this period
+    pretouch_output output;                  // output of the law for this period
     int32_t flags;
-    int32_t asked;                           // whether the law has been asked in this period
-    Leg leg;                                 // of the obstacle
-    int64_t stretch;                         // the number of stretches of the obstacle's course that have begun
+    int32_t law_called;                      // whether the law has been called in this period
+    Leg leg;                                 // present part of the obstacle's path
+    int64_t stretch;                         // how many stretches of the obstacle's course have begun
 };
 
-constexpr int64_t SENSOR_SIZE = 512;  // octets with room for a sensor
+constexpr int64_t SENSOR_SIZE = 512;  // bytes reserved for a Sensor
 
-// Makes the sensor of an encounter; returns when it first samples the distance [s].
+// Creates the sensor of an encounter in `sensor`; returns when it first samples the distance [s].
 double start_sensor(void *sensor, const pretouch_loop &loop, int64_t index, pretouch_reading *waiting, int64_t room);
 
 // Returns when a sensor samples the next distance [s].
 double next_sample(const void *sensor);
 
-// Lets a sensor sample a distance; returns when it samples the next one [s].
+// Passes a distance [m] to the sensor; returns when the sensor samples the next one [s].
 double sample_distance(void *sensor, double distance);
 
-// Delivers the reading that is available at a time; returns whether there is one.
+// Writes the newest reading that is available at the time t, and when it was measured [s]. If there is no new reading,
+// it writes the previous one. Returns whether the reading is new.
 int32_t deliver_reading(void *sensor, double t, double *reading, double *measured);
 
-// Continues an encounter, alone, until its end. state: of its law.
+// Continues an encounter to its end by the code for single encounters. state: state of its law.
 void continue_encounter(const pretouch_loop &loop, int64_t index, void *state, const void *sensor,
                         const Approach &approach);
 
-// Continues an encounter for one period at whose start the law has not been asked. Returns whether it goes on without a
-// contact; else it is continued until its end.
+// Continues an encounter for one period, including the call of the law at its start. Returns true if there was no
+// contact and the encounter goes on; `approach` and `sensor` then have the new state. Otherwise it runs the encounter
+// to its end.
 bool continue_period(const pretouch_loop &loop, int64_t index, void *state, void *sensor, Approach &approach);
 
-// The leg of an obstacle that starts with a stretch of its course, or with the acceleration after the last one.
+// Returns the part of the obstacle's path that follows `leg`. It has the acceleration of the stretch with this number,
+// or, after the last stretch, that of the scene.
 Leg leg_after(const pretouch_loop &loop, int64_t index, const Leg &leg, int64_t stretch);
 
-// Runs encounters of a damper side by side; loop.cpp says which. states and waiting:
-// with room for MOST_LANES of what one encounter needs.
+// Runs encounters of the virtual damper in vector lanes, one in each lane. pretouch_run_encounters (loop.cpp) decides
+// for which loops this code is used. states and waiting have room for MOST_LANES encounters.
 constexpr int64_t MOST_LANES = 8;
 void run_side_by_side(const pretouch_loop *loop, const int64_t *which, int64_t n, void *states,
                       pretouch_reading *waiting, int64_t room);

@@ -1,5 +1,5 @@
-// C interface of the vectorized kernels. When the library is loaded, the kind of processor is detected and the matching
-// variant of the kernels is selected.
+// C interface of the vectorized kernels. When the library is loaded, it detects the kind of processor and selects the
+// matching variant of the kernels.
 
 #include "approach.hpp"
 
@@ -35,7 +35,7 @@ constexpr uint32_t FMA = bit(12), SAVES = bit(27);  // leaf 1, ecx: FMA, OSXSAVE
 int best() {
     uint32_t a, b, c, d, low, high;
     if (!__get_cpuid(1, &a, &b, &c, &d) || (c & (FMA | SAVES)) != (FMA | SAVES)) return 0;
-    __asm__("xgetbv" : "=a"(low), "=d"(high) : "c"(0));  // which registers the operating system saves
+    __asm__("xgetbv" : "=a"(low), "=d"(high) : "c"(0));  // reads which registers the OS saves
     if ((low & 0x6) != 0x6 || !__get_cpuid_count(7, 0, &a, &b, &c, &d) || (b & AVX2) != AVX2) return 0;
     return (low & 0xe6) == 0xe6 && (b & AVX512) == AVX512 ? 2 : 1;
 }
@@ -63,7 +63,7 @@ void pretouch_linear_contacts(const pretouch_column *inputs, int64_t n, double s
 
 void pretouch_exponentials(const double *x, int64_t n, double *out) { CHOSEN(exponentials)(x, n, out); }
 
-// ---- encounters of any curve ----
+// ---- encounters with any sensor curve ----
 
 void pretouch_series_contacts(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
                               const pretouch_curves *curves, double horizon, double *out, double *gradients,
@@ -79,8 +79,8 @@ void pretouch_solve_series(const double *values, int64_t n, const double *gains,
 }
 
 void pretouch_follow_gradients(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,
-                               const double *shape, double horizon, double *found, int8_t *status) {
-    CHOSEN(follow_gradients)(values, n, gains, curve, shape, horizon, found, status);
+                               const double *shape, double horizon, double *gradients, int8_t *status) {
+    CHOSEN(follow_gradients)(values, n, gains, curve, shape, horizon, gradients, status);
 }
 
 // ---- approaches under the virtual drag ----

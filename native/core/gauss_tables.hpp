@@ -1,27 +1,29 @@
-// The 16 Gauss-Legendre points and matrices of the polynomials through values at them, for lanes_drag.cpp.
+// The 16 Gauss-Legendre points on [-1, 1], and matrices that integrate, differentiate and evaluate the polynomial
+// through values at these points. lanes_drag.cpp uses them.
 //
-// The points and weights are zeros of P_16, computed by mpmath with 40 digits and printed with 17. The compiler
-// computes the matrices. For n < 16 the quadrature is exact for P_n times the polynomial, so the coefficient of P_n is
-// (2 n + 1) / 2 sum_i w_i P_n(x_i) f_i. Its integral from -1 is (P_(n+1) - P_(n-1)) / (2 n + 1).
+// The points are the zeros of the Legendre polynomial P_16. Points and weights were computed by mpmath with 40 digits
+// and printed with 17. The compiler computes the matrices. For n < 16 the quadrature is exact for P_n times the
+// polynomial, so the coefficient of P_n is (2 n + 1) / 2 sum_i w_i P_n(x_i) f_i. The integral of P_n from -1 is
+// (P_(n+1) - P_(n-1)) / (2 n + 1).
 
 #pragma once
 
 namespace pretouch {
 
-constexpr int GAUSS = 16;  // points
-constexpr int FINE = 40;   // equally spaced places at which a maximum is searched; a multiple of every vector width
+constexpr int GAUSS = 16;  // number of points
+constexpr int FINE = 40;   // equally spaced places for the search of a maximum; a multiple of every vector width
 
 struct GaussTables {
     double node[GAUSS], weight[GAUSS], share[GAUSS];  // share: (1 + node) / 2
     double coefficient[GAUSS][GAUSS];  // [point][degree]: from values to Legendre coefficients
-    double so_far[GAUSS][GAUSS];       // [point][place]: integral from -1 to each point
-    double to_come[GAUSS][GAUSS];      // [point][place]: integral from each point to 1
-    double change[GAUSS][GAUSS];       // [point][place]: derivative at each point
+    double so_far[GAUSS][GAUSS];       // [point][place]: integral from -1 to the place, another of the points
+    double to_come[GAUSS][GAUSS];      // [point][place]: integral from the place to 1
+    double change[GAUSS][GAUSS];       // [point][place]: derivative at the place
     double last[2][GAUSS];             // [degree - 14][point]: the last two Legendre coefficients
-    double fine[GAUSS][FINE];          // [point][place]: value at equally spaced places
+    double fine[GAUSS][FINE];          // [point][place]: value at the FINE equally spaced places
 };
 
-// P_(n+1) = a z P_n - b P_(n-1), and the integral of P_n is (P_(n+1) - P_(n-1)) times c.
+// Factors of the recursion P_(n+1) = a z P_n - b P_(n-1), and of the integral of P_n, which is c (P_(n+1) - P_(n-1)).
 struct LegendreFactors {
     double a[GAUSS + 1], b[GAUSS + 1], c[GAUSS + 1];
 };
@@ -35,12 +37,12 @@ static constexpr LegendreFactors legendre_factors() {
 
 constexpr LegendreFactors FACTORS = legendre_factors();
 
-// P_n and P_n' for n from 0 to GAUSS.
+// The values of P_n and P_n' at one point, for n from 0 to GAUSS.
 struct Legendre {
     double value[GAUSS + 1], slope[GAUSS + 1];
 };
 
-// Functions of this file are static, since each kind of processor has its own.
+// The functions of this file are static, because each source that includes it is compiled for several processors.
 static constexpr Legendre legendre(double z) {
     Legendre p = {};
     p.value[0] = 1.0, p.value[1] = z, p.slope[0] = 0.0, p.slope[1] = 1.0;
@@ -51,7 +53,7 @@ static constexpr Legendre legendre(double z) {
     return p;
 }
 
-// The integral of P_n from -1.
+// Integral of P_n from -1 to z; p: the values at z.
 static constexpr double legendre_integral(const Legendre &p, int n, double z) {
     return n == 0 ? 1.0 + z : (p.value[n + 1] - p.value[n - 1]) * FACTORS.c[n];
 }

@@ -1,8 +1,9 @@
-// Vectors of doubles ("lanes") with the width of a register of the processor for which this file is compiled.
+// Vectors of doubles ("lanes"), as wide as a vector register of the processor for which this file is compiled.
 //
 // A kernel is written once for a type V that is `double` or `Lanes`. It needs only operators and the functions below.
-// Everything is in a namespace of the processor (PRETOUCH_VARIANT), and no std:: template is used. Otherwise the linker
-// could merge instances of different variants and use instructions that a processor does not have.
+// The core is compiled once for each kind of processor. Everything here is in the namespace of that variant
+// (PRETOUCH_VARIANT), and no std:: template is used. Otherwise the linker could merge instances of different variants,
+// and the program could execute instructions that its processor does not have.
 
 #pragma once
 
@@ -38,8 +39,9 @@ static inline Lanes load(const double *from) {
 }
 static inline void store(double *to, Lanes value) { __builtin_memcpy(to, &value, sizeof value); }
 
-// The last lanes of an array of any length; missing lanes repeat the first one. They use the same instructions as all
-// others, so a result does not depend on its position.
+// Load or store the vector at the end of an array whose length need not be a multiple of WIDTH. If fewer than WIDTH
+// numbers remain, the unused lanes are filled with the first number. The last numbers thus pass through the same
+// instructions as all others, so a result does not depend on its position in the array.
 static inline Lanes load(const double *from, int64_t count) {
     if (count >= WIDTH) return load(from);
     Lanes value = all(from[0]);
@@ -57,7 +59,7 @@ static inline Lanes where(Masks condition, Lanes yes, Lanes no) { return conditi
 static inline double absolute(double x) { return __builtin_fabs(x); }
 static inline Lanes absolute(Lanes x) { return (Lanes)((Masks)x & INT64_MAX); }
 
-// the smaller and the larger number; the second one if the first is NaN
+// the smaller and the larger of two numbers; y if x or y is NaN
 static inline double least(double x, double y) { return x < y ? x : y; }
 static inline double most(double x, double y) { return x > y ? x : y; }
 #if defined(__AVX512F__)
@@ -77,7 +79,7 @@ static inline Lanes most(Lanes x, Lanes y) { return x > y ? x : y; }
 static inline double root(double x) { return __builtin_sqrt(x); }
 static inline Lanes root(Lanes x) {
 #if defined(__AVX512F__)
-    return (Lanes)_mm512_maskz_sqrt_pd(0xff, (__m512d)x);  // gcc 12 warns about the unmasked function
+    return (Lanes)_mm512_maskz_sqrt_pd(0xff, (__m512d)x);  // masked, since gcc 12 warns about the unmasked function
 #elif defined(__AVX2__)
     return (Lanes)_mm256_sqrt_pd((__m256d)x);
 #elif defined(__x86_64__)
@@ -92,9 +94,9 @@ static inline Lanes root(Lanes x) {
 
 static inline bool any(bool condition) { return condition; }
 static inline bool any(Masks condition) {
-    int64_t found = 0;
-    for (int i = 0; i < WIDTH; i++) found |= condition[i];
-    return found != 0;
+    int64_t result = 0;
+    for (int i = 0; i < WIDTH; i++) result |= condition[i];
+    return result != 0;
 }
 
 // one bit for each lane in which the condition is true
@@ -106,26 +108,26 @@ static inline uint64_t bits(Masks condition) {
 #elif defined(__x86_64__)
     return (uint64_t)_mm_movemask_pd((__m128d)condition);
 #else
-    uint64_t found = 0;
-    for (int i = 0; i < WIDTH; i++) found |= (uint64_t)(condition[i] != 0) << i;
-    return found;
+    uint64_t result = 0;
+    for (int i = 0; i < WIDTH; i++) result |= (uint64_t)(condition[i] != 0) << i;
+    return result;
 #endif
 }
 
 static inline int64_t as_bits(double x) {
-    int64_t found;
-    __builtin_memcpy(&found, &x, sizeof found);
-    return found;
+    int64_t result;
+    __builtin_memcpy(&result, &x, sizeof result);
+    return result;
 }
 static inline Masks as_bits(Lanes x) { return (Masks)x; }
 static inline double from_bits(int64_t x) {
-    double found;
-    __builtin_memcpy(&found, &x, sizeof found);
-    return found;
+    double result;
+    __builtin_memcpy(&result, &x, sizeof result);
+    return result;
 }
 static inline Lanes from_bits(Masks x) { return (Lanes)x; }
 
-// the type of a comparison of V, and a V of equal numbers
+// Mask: the result type of a comparison of two V; all: a V whose lanes all have the same value
 template <class V> struct Of;
 template <> struct Of<double> {
     typedef bool Mask;

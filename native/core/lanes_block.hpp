@@ -1,18 +1,19 @@
-// Vectorized Taylor steps of many encounters from the start to the contact; unproved contacts are left open.
+// Simulate many encounters from the start to the contact by vectorized Taylor steps. An encounter whose contact is not
+// proved keeps the status OPEN; the guaranteed path (lanes_guaranteed.cpp) can solve it.
 //
-// Each lane holds one encounter with its own time, step and window of its curve. One table holds the windows of all
-// curves, and each encounter stores which rows belong to its curve. When an encounter ends, the next one takes its lane
-// at once: no lane waits for another, and no result depends on the other lanes. Encounters that reach the contact wait
-// in a second set of rows until that is full; they are then finished together.
+// Each vector lane holds one encounter with a separate time, step and window of its curve. One table holds the windows
+// of all curves, and each encounter stores which rows belong to its curve. When an encounter ends, the next one takes
+// its lane at once. So no lane waits for another, and no result depends on the other lanes. Encounters that reach the
+// contact are queued in a second set of lanes. When this queue is full, their contacts are computed together.
 //
 // What is proved: on each step, t = length * s with s in [0, 1], the sum b_1 + sum_k max(0, k b_k) is an upper bound of
-// dl/ds. A step is accepted only if this bound is negative. Then l falls during the whole step, its value at the end
-// decides whether it passed 0, and the first zero is the only one. Otherwise the step is shortened; if that does not
-// help, the encounter is left open.
+// dl/ds. A step is accepted only if this bound is negative. Then l falls during the whole step, so it has at most one
+// zero, and its value at the end decides whether there is one. Otherwise the step is passed only if l is proved to stay
+// between two levels (pass_turn), or it is shortened. If neither helps, the encounter stays open.
 //
-// What is estimated: the last coefficient of each step is taken as an error of l and of l'. It is propagated to the
-// contact (undamped, growing, or amplified by a decreasing damping) and divided by |l'|. If the result exceeds 1e-10 of
-// the time, the encounter is left open.
+// What is estimated: the last Taylor coefficient of each step is taken as the truncation error of l and of l'. This
+// error is propagated to the contact; it may stay, grow, or be amplified if the damping decreases. Divided by |l'|, it
+// is an error of the contact time. If that exceeds 1e-10 of the time, the encounter stays open.
 
 #pragma once
 
@@ -25,12 +26,12 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-constexpr double LARGEST_DOUBT = 1e-10;  // of the time; the documented accuracy is 1e-9
-constexpr double ROUGHLY = 1e-5;         // of a step: last Newton correction at a border; the error is its square
-constexpr int MOST_CUTS = 4;             // cuts of one step before it counts as a turning point
+constexpr double LARGEST_DOUBT = 1e-10;  // largest accepted error of the contact time, relative; documented: 1e-9
+constexpr double ROUGHLY = 1e-5;         // Newton's tolerance at a border, in step lengths; the error is its square
+constexpr int MOST_CUTS = 4;             // how often one step may be shortened; then the encounter stays open
 constexpr int8_t CONTACT = 0, OPEN = -1;
 
-// Output arrays: rows of n numbers; gradients and peaks are optional.
+// Inputs and output arrays of a call. Outputs have rows of n numbers; gradients and peaks may be null.
 struct Request {
     const pretouch_column *inputs, *reference;
     int64_t n;
@@ -43,7 +44,7 @@ struct Nothing {};
 template <class A, class B> constexpr bool SAME = false;
 template <class A> constexpr bool SAME<A, A> = true;
 
-// A motion with additional quantities: Nothing, Responses or Demands.
+// The motion in each lane, and the quantities that are computed with it: Nothing, Responses or Demands.
 template <class Extra> struct Work {
     Motion motion;
     Extra extra;
@@ -54,6 +55,7 @@ template <> struct Work<Nothing> {
 
 inline double number(const pretouch_column &column, int64_t i) { return column.at[i * column.stride]; }
 
+// The mask of the lanes whose bits are set.
 inline Masks chosen(uint64_t which) {
     Masks bit;
     for (int i = 0; i < WIDTH; i++) bit[i] = (int64_t)1 << i;
@@ -93,8 +95,8 @@ template <int DEGREE, class Extra> class Block {
     const DemandsOut demands;
     Work<Extra> work, queue;
     Room room;
-    int64_t owner[WIDTH], owners[WIDTH];              // index of the encounter in each lane, and of those that wait
-    int64_t place[WIDTH], first[WIDTH], last[WIDTH];  // its window, and the windows of its curve
+    int64_t owner[WIDTH], owners[WIDTH];              // index of the encounter in each lane, and of each queued one
+    int64_t place[WIDTH], first[WIDTH], last[WIDTH];  // row of its window; rows of its curve: first, beyond the last
     int cuts[WIDTH], waiting = 0;
     int64_t following = 0, hint = 0;
     uint64_t active = 0;
@@ -107,7 +109,8 @@ template <int DEGREE, class Extra> class Block {
         }
     }
 
-    // Assign an encounter to a lane; return whether it may reach the sensor within its curve.
+    // Assign an encounter to a lane. Return false if it must stay open: its inputs are not valid, l is not positive at
+    // the start, or the curve does not reach from l = 0 to the initial l.
     bool begin(int64_t i, int lane) {
         const pretouch_column *in = ask.inputs;
         const double m = number(in[0], i), d = number(in[1], i), k = number(in[2], i), x0 = number(in[3], i);
@@ -150,7 +153,7 @@ template <int DEGREE, class Extra> class Block {
         return true;
     }
 
-    // Take a step.
+    // Try one step in every lane. Lanes without another step are released.
     void advance() {
         Motion &m = work.motion;
         const State before = m.state;
@@ -171,6 +174,7 @@ template <int DEGREE, class Extra> class Block {
         }
     }
 
+    // Accept the step of a lane on which l may rise, if l is proved to stay in the window and above 0.
     void turn(int lane, Taken &taken) {
         Motion &m = work.motion;
         if (!pass_turn(m, lane, most(m.edge[lane], 0.0), windows[place[lane]][TOP], ask.horizon)) return;
@@ -178,17 +182,18 @@ template <int DEGREE, class Extra> class Block {
         if (m.state.distance[lane] < m.leave[lane]) taken.late |= 1ULL << lane;
     }
 
-    // Propagate the responses; return the lanes whose step was too long for them and is undone.
+    // Propagate the responses over the step. Return the lanes in which the step was too long for accurate responses.
+    // Their step is undone and will be repeated with a smaller length.
     uint64_t carry(const State &before, Taken &taken) {
         Motion &m = work.motion;
         uint64_t rough = ~carry_responses<DEGREE>(m, work.extra, before.time, chosen(taken.moved)) & active;
-        for (uint64_t left = rough; left; left &= left - 1) {
-            const int lane = __builtin_ctzll(left);
+        for (uint64_t remaining = rough; remaining; remaining &= remaining - 1) {
+            const int lane = __builtin_ctzll(remaining);
             if (m.steps[lane] >= MOST_STEPS) {
                 rough &= ~(1ULL << lane);
                 continue;
             }
-            if (taken.moved >> lane & 1) {  // the motion is accurate, the responses are not
+            if (taken.moved >> lane & 1) {  // the step was accepted for the motion: undo it
                 copy_lane(&m.state, lane, &before, lane, sizeof before);
                 cuts[lane] = 0;
             }
@@ -212,11 +217,12 @@ template <int DEGREE, class Extra> class Block {
         enter_window<DEGREE>(windows[index], index == first[lane], work.motion, lane);
     }
 
-    // Handle a lane whose step was rejected; return whether it tries another step.
+    // Decide what follows in a lane whose step was rejected. Return true if the lane tries another step. Return false
+    // if its encounter was queued for its contact, or stays open.
     bool goes_on(int lane) {
         Motion &m = work.motion;
         const double end = m.end[lane], bound = m.bound[lane], length = m.length[lane], change = m.b[1][lane];
-        if (m.cap[lane] == NEVER) cuts[lane] = 0;  // the last step was accepted
+        if (m.cap[lane] == NEVER) cuts[lane] = 0;  // the previous step was accepted
         if (!(m.steps[lane] < MOST_STEPS)) return false;
         if (bound < MOST_NEGATIVE * absolute(change)) {
             if (end <= 0.0 && place[lane] == first[lane]) {
@@ -245,7 +251,7 @@ template <int DEGREE, class Extra> class Block {
         for (size_t k = 0; k < size / sizeof(double); k += WIDTH) target[k] = source[k];
     }
 
-    // Queue an encounter whose contact must be found.
+    // Queue an encounter whose contact is inside the present step. A full queue is finished.
     void let_wait(int lane) {
         const bool whole = HAS_GRADIENTS || HAS_DEMANDS;
         copy_lane(&queue, waiting, &work, lane, whole ? sizeof work : COPIED * sizeof(Lanes));
@@ -253,51 +259,51 @@ template <int DEGREE, class Extra> class Block {
         if (++waiting == WIDTH) finish();
     }
 
-    // Find and write the contacts of the queued encounters.
+    // Compute and write the contacts of the queued encounters.
     __attribute__((noinline)) void finish() {
         Motion &m = queue.motion;
-        const Contacts found = find_in_step(m);
+        const Contacts contact = find_in_step(m);
         const uint64_t there = (1ULL << waiting) - 1;
         uint64_t smooth = 0;
-        if constexpr (HAS_GRADIENTS || HAS_DEMANDS) cut_steps(m, found.time);
+        if constexpr (HAS_GRADIENTS || HAS_DEMANDS) cut_steps(m, contact.time);
         if constexpr (HAS_GRADIENTS) {
             smooth = carry_responses<DEGREE>(m, queue.extra, m.state.time, chosen(there));
         }
         if constexpr (HAS_DEMANDS) {
             follow_demands<IS_LINE>(m, queue.extra, m.state.time, chosen(there), owners, room, demands);
         }
-        const uint64_t certain = there & bits((found.doubt <= LARGEST_DOUBT) & (found.time <= ask.horizon) &
-                                              (found.speed < 0.0));
-        for (uint64_t left = certain; left; left &= left - 1) {
-            const int lane = __builtin_ctzll(left);
-            write(found, lane);
+        const uint64_t certain = there & bits((contact.doubt <= LARGEST_DOUBT) & (contact.time <= ask.horizon) &
+                                              (contact.speed < 0.0));
+        for (uint64_t remaining = certain; remaining; remaining &= remaining - 1) {
+            const int lane = __builtin_ctzll(remaining);
+            write(contact, lane);
             if constexpr (HAS_GRADIENTS) {
-                if (smooth >> lane & 1) differentiate(found, lane);
+                if (smooth >> lane & 1) differentiate(contact, lane);
             }
             if constexpr (HAS_DEMANDS) {
-                write_demands<IS_LINE>(m, queue.extra, lane, found.time[lane], owners[lane], demands);
+                write_demands<IS_LINE>(m, queue.extra, lane, contact.time[lane], owners[lane], demands);
             }
         }
         waiting = 0;
     }
 
-    void write(const Contacts &found, int lane) {
+    void write(const Contacts &contact, int lane) {
         const Motion &m = queue.motion;
-        const double p = m.position[lane], v = m.velocity[lane], a = m.acceleration[lane], time = found.time[lane];
+        const double p = m.position[lane], v = m.velocity[lane], a = m.acceleration[lane], time = contact.time[lane];
         double *to = ask.out + owners[lane];
         to[0] = time;
         to[ask.n] = p + (v + a / 2 * time) * time;
-        to[2 * ask.n] = v + a * time - found.speed[lane];
-        to[3 * ask.n] = a - found.bend[lane];
-        to[4 * ask.n] = found.speed[lane];
-        to[5 * ask.n] = found.integral[lane];
+        to[2 * ask.n] = v + a * time - contact.speed[lane];
+        to[3 * ask.n] = a - contact.bend[lane];
+        to[4 * ask.n] = contact.speed[lane];
+        to[5 * ask.n] = contact.integral[lane];
         ask.status[owners[lane]] = CONTACT;
     }
 
-    void differentiate(const Contacts &found, int lane) {
+    void differentiate(const Contacts &contact, int lane) {
         const int64_t i = owners[lane], curve = ask.curves->curve_of[i * ask.curves->stride];
         const double slope = window_slope(windows[ask.curves->starts[curve]], windows.width, 0.0);
-        write_gradient(queue.motion, queue.extra, found, lane, slope, ask.gradients + i, ask.n);
+        write_gradient(queue.motion, queue.extra, contact, lane, slope, ask.gradients + i, ask.n);
     }
 };
 

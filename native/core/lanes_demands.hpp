@@ -1,9 +1,10 @@
 // The largest demands on the robot along the Taylor steps of many encounters.
 //
-// During a step all demands are polynomials q(s), s in [0, 1]: with y = -x~ those of y, y shifted by the reference, y',
-// y'' and F_p. Their values at the ends of the steps are recorded. Inside a step q can be larger only if q' changes its
-// sign, and then by at most the smaller of max q' and max -q'. These two are bounded in Bernstein form. If the bounds
-// do not suffice, the polynomial waits until all lanes are filled; find_peaks then finds its peak.
+// During a step all demands are polynomials q(s), s in [0, 1]: the excursion y = -x~; the travel, which is y shifted by
+// the motion of the reference; the velocity and acceleration of the robot, which are derivatives of the travel; and
+// F_p. The values of |q| at both ends of each step are recorded. Inside a step, |q| can exceed them only if q' changes
+// its sign, and then by at most the smaller of max q' and max -q'. These two are bounded in Bernstein form. If the
+// bounds do not exclude a new maximum, the polynomial is queued. Once the queue is full, find_peaks finds the peaks.
 
 #pragma once
 
@@ -15,19 +16,22 @@ namespace PRETOUCH_VARIANT {
 namespace {
 
 constexpr int TERMS_OF_PEAK = ORDER + 1;
-constexpr double SPARE = 64.0;  // factor by which the tolerance of steps is reduced, since derivatives lose digits
-constexpr double PEAK_ROUNDING = 1e-14;
-// Relative to the largest value; estimates are the last terms used, omitted terms are 1/16 of them.
+constexpr double SPARE = 64.0;  // the tolerance of steps is divided by this, since derivatives lose digits
+constexpr double PEAK_ROUNDING = 1e-14;  // rounding error, relative to the terms of a sum
+// Largest accepted truncation errors, relative to the largest value; STEEP_DOUBT is for second derivatives. An error is
+// estimated by the last term that is used; the omitted terms are about 1/16 of it.
 constexpr double DOUBT = 2e-10, STEEP_DOUBT = 5e-10;
 
 enum { EXCURSION, TRAVEL, OWN_SPEED, OWN_ACCELERATION, FORCE, PEAKS };
 
-// Quantities that are recorded with a motion.
+// Quantities that are recorded with a motion. mass: M; first_speed: l' at the start; drift, pull: velocity and
+// acceleration of the reference; x0: x~(0); best: the largest value of each demand so far; tail_speed, tail_bend: the
+// largest last terms of y' and y''; terms_of_force: the largest sum of the magnitudes of the terms of F_p / M.
 struct Demands {
-    Lanes mass, first_speed, drift, pull, x0;  // l' at the start, velocity and acceleration of the reference, x~(0)
+    Lanes mass, first_speed, drift, pull, x0;
     Lanes best[PEAKS], tail_speed, tail_bend, terms_of_force;
 
-    // Start in a lane.
+    // Start the record of a new encounter in a lane.
     void start(int lane, double m, double speed, double x, double velocity, double acceleration) {
         mass[lane] = m;
         first_speed[lane] = speed;
@@ -39,19 +43,20 @@ struct Demands {
     }
 };
 
-// The demands of one step, and the lanes in which each may have a peak inside it.
+// The polynomials of the demands on one step, and the lanes in which each may have a peak inside the step.
 struct StepDemands {
     Polynomial<TERMS_OF_PEAK> of[PEAKS];
     uint64_t inside[PEAKS];
 };
 
-// The examined step and the lanes in which it was accepted.
+// The lanes in which the step was accepted, and the results of its examination.
 struct Watched {
     Masks moved;
     StepDemands &to;
 };
 
-// Record a polynomial and its values at both ends; return the value at the end.
+// Record the polynomial of a demand and its values at both ends of the step. Decide whether it may have a peak inside.
+// The demand is the polynomial times `unit`. Return the value of the polynomial at the end.
 template <int N>
 __attribute__((always_inline)) inline Lanes keep(const Watched &step, Demands &d, int row, const Polynomial<N> &q,
                                                  const Polynomial<N - 1> &slope, Lanes unit) {
@@ -68,11 +73,12 @@ __attribute__((always_inline)) inline Lanes keep(const Watched &step, Demands &d
     return end;
 }
 
+// Update a maximum in the lanes that moved.
 __attribute__((always_inline)) inline void raise(Lanes &kept, Lanes value, Masks moved) {
     kept = where(moved, most(value, kept), kept);
 }
 
-// x~ and x - x(0) over a step, with their signs turned
+// Compute the polynomials y = -x~ and travel = -(x - x(0)) on a step, with x the position of the robot.
 __attribute__((always_inline)) inline void look_at_paths(const Motion &m, const Demands &d, Lanes start,
                                                          Polynomial<TERMS_OF_PEAK> &y,
                                                          Polynomial<TERMS_OF_PEAK> &travel) {
@@ -90,7 +96,7 @@ __attribute__((always_inline)) inline void look_at_paths(const Motion &m, const 
     travel.at[2] = y.at[2] - d.pull * 0.5 * square;
 }
 
-// Examine one step.
+// Record all demands of one step in the lanes in which it was accepted.
 template <bool IS_LINE>
 __attribute__((noinline)) void look_at_step(const Motion &m, Demands &d, Lanes start, const Watched &step) {
     const Lanes length = m.length, one = all(1.0), inverse = one / length, square = inverse * inverse;
@@ -130,14 +136,15 @@ struct DemandsOut {
     double *at;
     int64_t n;
 
-    // Keep the larger value; NaN stays NaN.
+    // Raise an output to a value if that is larger. NaN replaces every number, and stays.
     void raise_to(int row, int64_t i, double value) const {
         double &kept = at[row * n + i];
         if (value > kept || value != value) kept = value;
     }
 };
 
-// Queue of polynomials whose peaks must be found.
+// Queue of polynomials whose peaks must be found, one per lane. unit: factor from the polynomial to the demand; whose:
+// index of the encounter; which: the demand.
 struct Room {
     Polynomial<TERMS_OF_PEAK> waiting;
     Lanes unit;
@@ -145,33 +152,35 @@ struct Room {
     int which[WIDTH];
     int count;
 
+    // Find the peaks of all queued polynomials, write them, and empty the queue.
     void settle(const DemandsOut &out) {
         if (count == 0) return;
-        const Lanes found = find_peaks(waiting) * unit;
-        for (int at = 0; at < count; at++) out.raise_to(which[at], whose[at], found[at]);
+        const Lanes peaks = find_peaks(waiting) * unit;
+        for (int at = 0; at < count; at++) out.raise_to(which[at], whose[at], peaks[at]);
         count = 0;
     }
 };
 
-// Number of coefficients of a demand, and its order of differentiation.
+// How often the motion is differentiated for a demand: 0, 1 or 2 times. Its polynomial has that many coefficients fewer
+// than TERMS_OF_PEAK.
 constexpr int differentiated(int row, bool is_line) {
     return row < OWN_SPEED ? 0 : row == OWN_SPEED || (row == FORCE && is_line) ? 1 : 2;
 }
 
-// factor of the polynomial of the force, which is l' for a constant slope, else F_p / M
+// The factor from the recorded polynomial to the force |F_p|. The polynomial is l' for a constant slope, else F_p / M.
 template <bool IS_LINE> double force_factor(const Motion &m, const Demands &d, int lane) {
     return d.mass[lane] * (IS_LINE ? absolute(m.gain[lane] * m.terms[1][lane]) : 1.0);
 }
 
-// Record the demands of an accepted step; queue those with a peak inside it.
+// Record the demands of an accepted step. Queue the polynomials that may have a peak inside it.
 template <bool IS_LINE>
 void follow_demands(const Motion &m, Demands &d, Lanes start, Masks moved, const int64_t *owners, Room &room,
                     const DemandsOut &out) {
     StepDemands demands;
     look_at_step<IS_LINE>(m, d, start, {moved, demands});
     for (int row = 0; row < PEAKS; row++) {
-        for (uint64_t left = demands.inside[row]; left; left &= left - 1) {
-            const int lane = __builtin_ctzll(left), power = differentiated(row, IS_LINE), at = room.count;
+        for (uint64_t remaining = demands.inside[row]; remaining; remaining &= remaining - 1) {
+            const int lane = __builtin_ctzll(remaining), power = differentiated(row, IS_LINE), at = room.count;
             if (row == FORCE && m.gain[lane] == 0) continue;
             for (int k = 0; k < TERMS_OF_PEAK; k++) {
                 room.waiting.at[k][at] = k < TERMS_OF_PEAK - power ? demands.of[row].at[k][lane] : 0.0;
@@ -190,7 +199,7 @@ void follow_demands(const Motion &m, Demands &d, Lanes start, Masks moved, const
 template <bool IS_LINE>
 void write_demands(const Motion &m, const Demands &d, int lane, double time, int64_t i, const DemandsOut &out) {
     const double v = m.velocity[lane], a = m.acceleration[lane];
-    // rounding error of quantities that are differences of larger ones, also on the guaranteed path
+    // Rounding errors of quantities that are differences of larger ones. The guaranteed path has the same errors.
     const double approach = 2 * absolute(v) + absolute(d.first_speed[lane]) + absolute(a) * time;
     const double speed = PEAK_ROUNDING * (approach + absolute(d.drift[lane]));
     const double way = PEAK_ROUNDING * (absolute(m.position[lane]) + absolute(d.x0[lane])) + speed * time;

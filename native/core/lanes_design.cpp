@@ -1,21 +1,23 @@
-// The search for one optimal gain per encounter: a scan, a proof of what it leaves out, and a polish.
+// Search the optimal gain of each encounter: scan gains, prove that the unscanned ones are worse, refine the minimum.
 //
-// Gains are scanned from the weakest to the strongest, equally spaced in u = asinh(D_p / s). The spacing is halved until
-// interpolation between the other gains predicts every second objective. If there is then one minimum inside the scan, the
-// objective is interpolated at eight nodes close to it.
+// Gains are scanned from the weakest to the strongest, equally spaced in u = asinh(D_p / s). The spacing is halved
+// until the objective at every second gain is predicted by interpolation between the other gains. If the scan then has
+// one minimum, the objective is interpolated at eight nodes close to it.
 //
-// With limits, each gap between neighboring gains is feasible, infeasible, crossed once by a limit, or open. The second
-// differences of a ratio |quantity| / limit estimate how far it leaves the range of its two ends inside a gap, also at
-// corners, where another peak becomes the largest. The edge of a crossed gap is found as a root. If the
-// objective falls toward an edge or toward an end of the axis, the optimum lies there.
+// With limits, each gap between neighboring gains is feasible, infeasible, crossed once by a limit, or open (not
+// decided). Inside a gap, a ratio |quantity| / limit may leave the range between its values at both ends. The second
+// differences of the ratio estimate how far. That includes corners of the ratio, at which another peak of the motion
+// becomes the largest. The edge between the feasible and the infeasible part of a crossed gap is computed as a root. If
+// the objective falls toward an edge or toward an end of the axis, the optimum lies there.
 //
-// When a scan may end: if g < 0, D^2 >= 4 M K, v < 0, a <= 0 and -D v - K x_0 >= sigma (u_0 - v) > 0, with sigma the
-// smaller root of sigma^2 - D sigma + M K, then l falls until contact for every mitigating gain, and of two gains the
-// stronger touches later (proved in docs/developers/fast-designs.md). A term of the objective that grows with the time of
-// contact is therefore a lower bound for all stronger gains. Such terms are the time itself, and the displacement at contact,
-// p + v t + a t^2 / 2, once it is negative. If this bound exceeds the best objective so far, no stronger gain can be the
-// optimum, and none is solved. The same holds for limits: the time, and the displacement at contact as a lower bound of
-// the excursion. If they exceed their limits, so they do for all stronger gains.
+// When a scan may end early: assume g < 0, D^2 >= 4 M K, v < 0, a <= 0 and -D v - K x_0 >= sigma (u_0 - v) > 0, with
+// sigma the smaller root of sigma^2 - D sigma + M K. Then l falls until contact for every mitigating gain, and a
+// stronger gain has a later contact (proved in docs/developers/fast-designs.md). Therefore a term of the objective that
+// grows with the contact time is a lower bound of the objective for all stronger gains. Such terms are the time itself,
+// and the displacement at contact, p + v t + a t^2 / 2, once it is negative. If this bound exceeds the best objective
+// so far, no stronger gain can be the optimum, and none is solved. The same holds for limits of the time, and of the
+// excursion, which the displacement at contact bounds from below. If one of these limits is exceeded, all stronger
+// gains exceed it, too.
 
 
 #include <math.h>
@@ -32,25 +34,25 @@ enum { MASS, DAMPING, STIFFNESS, X0, U0, P, V, A, OWN_V, OWN_A, INPUTS };
 enum { TIME, DISPLACEMENT, VELOCITY, ACCELERATION, RELATIVE_VELOCITY, FORCE, EXCURSION };
 constexpr int STATES = 6, QUANTITIES = 11;
 
-constexpr int FIRST = 17;  // gains of the first scan
-constexpr int LARGEST = 129;
+constexpr int FIRST = 17;  // number of gains of the first scan
+constexpr int LARGEST = 129;  // largest number of gains of a scan
 constexpr double WIDEST = 0.5;  // largest spacing in u
-constexpr int PART = 2;  // gains per call if the next ones may not be needed
+constexpr int PART = 2;  // number of gains per call of the solver if the scan may end early
 constexpr double HALF = 0.05;  // initial half width in u around the minimum
-constexpr int MOVES = 8;
+constexpr int MOVES = 8;  // largest number of interpolations around a minimum
 constexpr int MOST_LIMITS = 16;
-constexpr double HELD = 1 - 1e-11;  // the largest used share of a limit, as in design/search/scan.py
-constexpr double CLOSE = 1e-12;  // an edge is found if its share of the limit is that close to HELD
+constexpr double HELD = 1 - 1e-11;  // largest feasible ratio |quantity| / limit, as in design/search/scan.py
+constexpr double CLOSE = 1e-12;  // the search for an edge ends this close to HELD; 1000 times this is accepted
 constexpr double LARGEST_START = 8796093022208.0;  // [m]: 2^43, as in motion/curve.py
-constexpr int PASSES = 8;  // calls of eight gains to find an edge
-constexpr int SAMPLES = 33;  // places at which the slope of the objective is read between edges
+constexpr int PASSES = 8;  // largest number of calls with eight gains to find an edge
+constexpr int SAMPLES = 33;  // places between two edges at which the slope of the objective is evaluated
 
-// factor * |quantity|^exponent, divided by the obstacle's squared speed if the term is relative to it
+// A term of the objective: factor * |quantity|^exponent, divided by the obstacle's squared speed unless follows is 0.
 struct Term {
     double quantity, factor, exponent, follows;
 };
 
-// factor * |quantity|^exponent <= 1
+// A limit: factor * |quantity|^exponent <= 1.
 struct Limit {
     double quantity, factor, exponent;
 };
@@ -64,12 +66,12 @@ struct Axis {
     double scale, strong, weak, low, high;
 
     double gain_at(double part) const {
-        if (part <= 0.0 || part >= 1.0) return part <= 0.0 ? high : low;  // the bounds themselves
+        if (part <= 0.0 || part >= 1.0) return part <= 0.0 ? high : low;  // exactly the bounds, without rounding
         return fmin(fmax(scale * sinh(weak + (strong - weak) * part), low), high);
     }
 };
 
-// Objective and ratios |quantity| / limit at gains in order.
+// Objective f and ratios r = |quantity| / limit at the gains of a scan, in their order.
 struct Values {
     double f[LARGEST];
     double r[MOST_LIMITS][LARGEST];
@@ -86,12 +88,12 @@ struct Encounter {
     const Limit *limits;
     int64_t limit_count;
     bool peaks;  // whether a term or a limit needs the whole motion
-    const pretouch_pieces *pieces;  // the curve for encounters that the lanes leave open; null if it is not needed
+    const pretouch_pieces *pieces;  // the curve for the guaranteed path; may be null
     double nearest, farthest;  // valid distances of a constant slope
-    double states[QUANTITIES * LARGEST];  // of the gains that were solved last
+    double states[QUANTITIES * LARGEST];  // results for the gains that were solved last
     int64_t solved;
 
-    // Solve it for some gains; return the number of proved contacts before the first open one.
+    // Solve the encounter for n gains. Return the number of proved contacts before the first unproved one.
     int64_t solve(const double *gains, int64_t n) {
         pretouch_column columns[11];
         for (int i = 0; i < 8; i++) columns[i] = {inputs + i, 0};
@@ -111,15 +113,18 @@ struct Encounter {
         return n;
     }
 
+    // Whether the lanes have determined all peaks of the motion with the i-th gain.
     bool has_peaks(int64_t i) const {
         double sum = 0.0;
         for (int row = EXCURSION; row < QUANTITIES; row++) sum += states[row * solved + i];
         return sum < INFINITY;
     }
 
-    // Solve the i-th gain by the method that finds or excludes every contact; return whether it ends in contact.
+    // Solve the i-th gain by the guaranteed path, which finds or excludes every contact. Return whether it ends in
+    // contact. Return false without a solution if there are curves, but no pieces, or if the initial distance is too
+    // large.
     bool solve_alone(double gain, int64_t i) {
-        constexpr int COLUMNS = 15, CONTACT = 0;  // of motion/layout.py
+        constexpr int COLUMNS = 15, CONTACT = 0;  // as in motion/layout.py
         constexpr int COLUMN_OF[QUANTITIES] = {0, 2, 3, 4, 5, 14, 7, 8, 9, 10, 11};
         double row[COLUMNS] = {};
         int64_t status = -1;
@@ -132,7 +137,7 @@ struct Encounter {
         return status == CONTACT;
     }
 
-    // A quantity of the i-th gain that was solved last.
+    // A quantity of the i-th of the gains that were solved last.
     double quantity(int kind, int64_t i, double gain) const {
         double value = states[(kind == FORCE ? RELATIVE_VELOCITY : kind) * solved + i];
         if (kind == FORCE) value *= gain * slope;
@@ -141,7 +146,7 @@ struct Encounter {
         return value;
     }
 
-    // Its objective, or the part of it that grows with the time of contact.
+    // The objective for the i-th gain, or only the terms of it that grow with the contact time.
     double weigh(int64_t i, double gain, bool growing) const {
         const double displacement = states[solved + i];
         double total = 0.0;
@@ -155,7 +160,7 @@ struct Encounter {
         return total;
     }
 
-    // Whether a limit is exceeded by this gain and, by the proof above, by all stronger ones.
+    // Whether a limit is exceeded by this gain and, as proved at the top of this file, by all stronger ones.
     bool exceeds_for_good(int64_t i) const {
         const double displacement = states[solved + i];
         for (const Limit *limit = limits; limit < limits + limit_count; limit++) {
@@ -166,11 +171,11 @@ struct Encounter {
         return false;
     }
 
-    // Fill the values of some gains, from the `to`-th on; return the number of certain ones before the first open one.
+    // Solve n gains and fill their values from index `to` on. Return how many are certain before the first open one.
     int64_t appraise(const double *gains, int64_t n, Values &values, int to) {
         const int64_t proved = solve(gains, n);
         for (int64_t i = 0; i < proved; i++) {
-            // solve has filled the states: NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage)
+            // solve() has filled the states. NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage)
             values.f[to + i] = weigh(i, gains[i], false);
             double sum = values.f[to + i];
             for (int64_t j = 0; j < limit_count; j++) {
@@ -183,13 +188,14 @@ struct Encounter {
         return proved;
     }
 
+    // The largest ratio |quantity| / limit of a gain.
     double worst(const Values &values, int i) const {
         double most = 0.0;
         for (int64_t j = 0; j < limit_count; j++) most = fmax(most, values.r[j][i]);
         return most;
     }
 
-    // Whether stronger gains touch later, by the proof above.
+    // Whether a stronger gain always has a later contact, by the conditions at the top of this file.
     bool ends_early(bool falling) const {
         const double m = inputs[MASS], d = inputs[DAMPING], s = inputs[STIFFNESS], v = inputs[V], u0 = inputs[U0];
         const double room = d * d - 4.0 * m * s;
@@ -201,11 +207,11 @@ struct Encounter {
 
 // How a function of the gain may behave between two neighboring gains of a scan.
 struct Gap {
-    double least, most;  // bounds of its values
+    double least, most;  // estimated bounds of its values
     bool monotone;
 };
 
-// The gap from the i-th gain, to the next one or, for every second gain, to the one after that.
+// The gap from the i-th gain to the next one (stride 1), or to the one after that if only every second gain is used.
 inline Gap gap_of(const double *r, int i, int used, int stride = 1) {
     const int next = i + stride;
     const double step = r[next] - r[i], low = fmin(r[i], r[next]), high = fmax(r[i], r[next]);
@@ -218,19 +224,20 @@ inline Gap gap_of(const double *r, int i, int used, int stride = 1) {
 
 enum class Kind { FEASIBLE, INFEASIBLE, CROSSED, OPEN };
 
-// A scan of the axis: the gains in order, and their values.
+// A scan of the axis of gains, and the values at its gains.
 struct Scan {
     Encounter &encounter;
     const Axis &axis;
     int count = FIRST;  // number of gains on the whole axis
-    int used = 0;  // number of needed gains
+    int used = 0;  // number of gains, from the weakest, that can be optimal and are evaluated
     Values at;
 
     Scan(Encounter &of, const Axis &along) : encounter(of), axis(along) {}
 
     bool is_feasible(int i) const { return encounter.worst(at, i) <= HELD; }
 
-    // After how many gains the scan may end, an odd number; 0 if it must continue. Gains from `start` on were solved last.
+    // The number of gains, which is odd, after which the scan may end; 0 if it must continue. The gains from `start` on
+    // are those that were solved last.
     int last_needed(const double *gains, int start, int reached) const {
         double lowest = INFINITY;
         for (int i = 0; i < reached; i++) {
@@ -241,7 +248,7 @@ struct Scan {
         return 0;
     }
 
-    // Evaluate gains from the weakest to the strongest that is needed; return whether all contacts are proved.
+    // Evaluate the gains from the weakest to the last needed one. Return whether all their contacts are proved.
     bool run(bool falling) {
         while (fabs(axis.strong - axis.weak) > WIDEST * (count - 1) && 2 * count - 1 <= LARGEST) count = 2 * count - 1;
         double gains[LARGEST];
@@ -250,7 +257,7 @@ struct Scan {
         for (int reached = 0; reached < count;) {
             const int start = reached;
             int following = count;
-            if (encounter.curves && early) {  // strong gains cause stiff motions
+            if (encounter.curves && early) {  // avoid strong gains, whose motions are stiff
                 following = reached + (reached ? PART : LEAST);
                 if (following > count) following = count;
             }
@@ -262,7 +269,7 @@ struct Scan {
         return true;
     }
 
-    // Insert a gain between each two; return whether that was possible.
+    // Insert a gain between each two neighbors. Return false if the scan gets too long, or if a contact is not proved.
     bool refine() {
         count = 2 * count - 1;
         const int gaps = used - 1;
@@ -277,11 +284,13 @@ struct Scan {
         return proved == gaps;
     }
 
+    // Insert a value into each gap of a row.
     static void spread(double *row, const double *between, int gaps) {
         for (int i = gaps; i > 0; i--) row[2 * i] = row[i];
         for (int i = 0; i < gaps; i++) row[2 * i + 1] = between[i];
     }
 
+    // The kind of the gap after the i-th gain.
     Kind kind_of(int i) const {
         bool all_met = true, simple = true;
         for (int64_t j = 0; j < encounter.limit_count; j++) {
@@ -294,7 +303,7 @@ struct Scan {
         return simple && is_feasible(i) != is_feasible(i + 1) ? Kind::CROSSED : Kind::OPEN;
     }
 
-    // Whether the bounds of every ratio hold for every second gain, as predicted from the other gains.
+    // Test the bounds of gaps: whether each ratio at every second gain is within the bounds from the other gains.
     bool is_bounded() const {
         for (int64_t j = 0; j < encounter.limit_count; j++)
             for (int i = 0; i + 2 < used; i += 2) {
@@ -304,7 +313,7 @@ struct Scan {
         return true;
     }
 
-    // Whether the objective is resolved at the gains that may be feasible.
+    // Whether interpolation predicts the objective at every second gain, except between two infeasible gaps.
     bool is_objective_resolved() const {
         for (int i = 1; i < used - 1; i += 2) {
             if (is_predicted(at.f, used, i)) continue;
@@ -313,7 +322,8 @@ struct Scan {
         return true;
     }
 
-    // Whether no gain is feasible, by far: a narrow range of feasible gains may hide where a ratio nearly meets its limit.
+    // Whether a ratio exceeds its limit in each gap with a wide margin. The margin is necessary because a narrow range
+    // of feasible gains may be hidden where a ratio nearly meets its limit.
     bool is_infeasible() const {
         for (int i = 0; i + 1 < used; i++) {
             bool far = false;
@@ -326,7 +336,7 @@ struct Scan {
         return true;
     }
 
-    // Whether no feasible gain of a gap, except an edge that is found, can have an objective below a value.
+    // Whether the objective is above a value in the whole gap after the i-th gain.
     bool is_above(int i, double value) const { return gap_of(at.f, i, used).least > value; }
 };
 
@@ -337,7 +347,8 @@ struct Optimum {
 
 constexpr Optimum UNCERTAIN = {NAN, NAN, 0.0}, INFEASIBLE = {NAN, NAN, 2.0};
 
-// Interpolate the objective near a guess between two coordinates; `first` and `last` are coordinates u.
+// Find the minimum of the objective between the coordinates u = first and u = last by interpolation at eight nodes.
+// They span `half` on both sides of `center`, the first guess; both are adapted until the interpolation is accurate.
 Optimum polish(Encounter &encounter, const Axis &axis, double center, double first, double last, double half) {
     const double range = axis.strong - axis.weak;
     for (int move = 0; move < MOVES; move++) {
@@ -358,19 +369,20 @@ Optimum polish(Encounter &encounter, const Axis &axis, double center, double fir
     return UNCERTAIN;
 }
 
-// An end of the feasible gains around the best gain of a scan: its part of the axis, and its objective.
+// One end of the range of feasible gains around the best gain of a scan: its position on the axis, from 0 to 1, the
+// objective there, and whether the end could be determined.
 struct Edge {
     double part, objective;
-    bool known, proper;  // found; and an edge of a limit or of the axis, not only a neighboring gain
+    bool certain, proper;  // proper: an edge of a limit or an end of the axis, not only a neighboring gain
 };
 
-// Find where a limit is met exactly, between a feasible gain and an infeasible one.
+// Find the gain at which a limit is met exactly, between a feasible gain and an infeasible one.
 Edge find_edge(const Scan &scan, int inside, int outside) {
     Encounter &encounter = scan.encounter;
     double a = (double)inside / (scan.count - 1), b = (double)outside / (scan.count - 1);
     double at_a = encounter.worst(scan.at, inside) - HELD, at_b = encounter.worst(scan.at, outside) - HELD;
     double objective = scan.at.f[inside];
-    double guess = 0.5, spread = 1.0;  // shares of [a, b]; in the first pass the gains are equally spaced
+    double guess = 0.5, spread = 1.0;  // fractions of [a, b]; in the first pass the gains are equally spaced
     for (int pass = 0; pass < PASSES && at_a < -CLOSE; pass++) {
         constexpr double OFFSETS[NODES] = {-1.0, -1e-2, -1e-4, -1e-6, 1e-6, 1e-4, 1e-2, 1.0};
         double parts[NODES], gains[NODES];
@@ -382,11 +394,11 @@ Edge find_edge(const Scan &scan, int inside, int outside) {
         }
         if (encounter.appraise(gains, NODES, values, 0) < NODES) return {a, objective, false, true};
         for (int k = 0; k < NODES; k++) {
-            const double found = encounter.worst(values, k) - HELD;
+            const double excess = encounter.worst(values, k) - HELD;
             const bool closer_a = fabs(parts[k] - b) < fabs(a - b), closer_b = fabs(parts[k] - a) < fabs(b - a);
-            if (found <= 0.0 && closer_a) a = parts[k], at_a = found, objective = values.f[k];
-            if (found > 0.0 && closer_b) b = parts[k], at_b = found;
-            if (found > 0.0) break;  // the parts are ordered from the feasible gain to the infeasible one
+            if (excess <= 0.0 && closer_a) a = parts[k], at_a = excess, objective = values.f[k];
+            if (excess > 0.0 && closer_b) b = parts[k], at_b = excess;
+            if (excess > 0.0) break;  // the gains are ordered from the feasible end to the infeasible one
         }
         guess = at_a / (at_a - at_b);
         spread = fmin(guess, 1.0 - guess);
@@ -395,11 +407,11 @@ Edge find_edge(const Scan &scan, int inside, int outside) {
     return {a, objective, at_a >= -1e3 * CLOSE, true};
 }
 
-// The feasible end on one side of a gain: side -1 toward weaker gains, 1 toward stronger ones.
+// The end of the feasible range on one side of the best gain: side -1 toward weaker gains, 1 toward stronger ones.
 Edge end_on(const Scan &scan, int best, int side) {
     const int next = best + side;
     if (next < 0 || next >= scan.used) {
-        const bool is_end = next < 0 || scan.used == scan.count;  // otherwise stronger gains were left out
+        const bool is_end = next < 0 || scan.used == scan.count;  // otherwise the scan ended early
         return {(double)best / (scan.count - 1), scan.at.f[best], is_end, true};
     }
     const Kind kind = scan.kind_of(best < next ? best : next);
@@ -407,7 +419,7 @@ Edge end_on(const Scan &scan, int best, int side) {
     return {(double)next / (scan.count - 1), scan.at.f[next], kind == Kind::FEASIBLE, false};
 }
 
-// The optimum between two ends, at least one of which is an edge.
+// The optimum between the two ends of the feasible range, at least one of which is proper.
 Optimum between_edges(const Scan &scan, const Edge &weak, const Edge &strong) {
     const Axis &axis = scan.axis;
     const double range = axis.strong - axis.weak, first = axis.weak + range * weak.part;
@@ -434,68 +446,69 @@ Optimum between_edges(const Scan &scan, const Edge &weak, const Edge &strong) {
     }
     const Bottom bottom = bottom_between(values.f);
     if (!(fabs(bottom.z) <= 0.999)) return UNCERTAIN;
-    const Optimum found = polish(scan.encounter, axis, center + half * bottom.z, fmin(first, last), fmax(first, last),
+    const Optimum result = polish(scan.encounter, axis, center + half * bottom.z, fmin(first, last), fmax(first, last),
                                  fmin(HALF, fabs(half)));
-    return found.objective <= fmin(weak.objective, strong.objective) ? found : UNCERTAIN;
+    return result.objective <= fmin(weak.objective, strong.objective) ? result : UNCERTAIN;
 }
 
-// The only feasible local minimum among the gains of a scan; -1 if there are several, or none.
+// The index of the only local minimum among the feasible gains of a scan; -1 if there are several, or none.
 int only_feasible_minimum(const Scan &scan) {
-    int found = -1;
+    int minimum = -1;
     double before = INFINITY, here = scan.is_feasible(0) ? scan.at.f[0] : INFINITY;
     for (int i = 0; i < scan.used; i++) {
         const double after = i + 1 < scan.used && scan.is_feasible(i + 1) ? scan.at.f[i + 1] : INFINITY;
         if (here < INFINITY && here <= before && here < after) {
-            if (found >= 0) return -1;
-            found = i;
+            if (minimum >= 0) return -1;
+            minimum = i;
         }
         before = here;
         here = after;
     }
-    return found;
+    return minimum;
 }
 
-// The optimum of a scan whose objective is resolved; not certain if a gap in which it may lie is open.
+// The optimum of a scan whose objective is resolved. It is uncertain if an undecided gap may contain a better gain.
 Optimum decide(const Scan &scan) {
     const int best = only_feasible_minimum(scan);
     if (best < 0) return UNCERTAIN;
     const Axis &axis = scan.axis;
     const Edge weak = end_on(scan, best, -1), strong = end_on(scan, best, 1);
-    if (!(weak.known && strong.known)) return UNCERTAIN;
-    Optimum found;
+    if (!(weak.certain && strong.certain)) return UNCERTAIN;
+    Optimum result;
     if (weak.proper || strong.proper) {
-        found = between_edges(scan, weak, strong);
+        result = between_edges(scan, weak, strong);
     } else {
         const double step = (axis.strong - axis.weak) / (scan.count - 1);
         const double u = axis.weak + step * guess_minimum(scan.at.f, best, scan.used);
         const double one = axis.weak + step * (best + 1), other = axis.weak + step * (best - 1);
-        found = polish(scan.encounter, axis, u, fmin(one, other), fmax(one, other), HALF);
+        result = polish(scan.encounter, axis, u, fmin(one, other), fmax(one, other), HALF);
     }
-    if (found.outcome != 1.0) return UNCERTAIN;
-    if (scan.encounter.limit_count > 0) {  // the bounds inside gaps are estimates: the optimum itself must meet the limits
+    if (result.outcome != 1.0) return UNCERTAIN;
+    if (scan.encounter.limit_count > 0) {  // test the limits again, since the bounds inside gaps are estimates
         Values there;
-        if (scan.encounter.appraise(&found.gain, 1, there, 0) < 1) return UNCERTAIN;
+        if (scan.encounter.appraise(&result.gain, 1, there, 0) < 1) return UNCERTAIN;
         if (scan.encounter.worst(there, 0) > HELD + CLOSE) return UNCERTAIN;
     }
     for (int i = 0; i + 1 < scan.used; i++) {
         if (i == best || i == best - 1) continue;
         const Kind kind = scan.kind_of(i);
         const bool harmless = kind == Kind::FEASIBLE || kind == Kind::INFEASIBLE;
-        if (!harmless && !scan.is_above(i, found.objective)) return UNCERTAIN;
+        if (!harmless && !scan.is_above(i, result.objective)) return UNCERTAIN;
     }
-    return found;
+    return result;
 }
 
+// The optimal gain of an encounter: scan the gains, and refine the scan until the optimum is certain.
 Optimum optimum(Encounter &encounter, const Axis &axis, bool falling) {
     Scan scan(encounter, axis);
-    bool known = scan.run(falling);
-    while (known) {
+    bool proved = scan.run(falling);
+    while (proved) {
         if (scan.is_bounded()) {
             if (scan.is_infeasible()) return INFEASIBLE;
-            const Optimum found = scan.is_objective_resolved() ? decide(scan) : UNCERTAIN;
-            if (found.outcome != 0.0) return found;
+            const Optimum result = scan.is_objective_resolved() ? decide(scan) : UNCERTAIN;
+            if (result.outcome != 0.0) return result;
         }
-        known = scan.refine();
+        proved = scan.refine();
     }
     return UNCERTAIN;
 }
@@ -522,10 +535,10 @@ void find_gains(const double *inputs, int64_t n, double slope, const pretouch_cu
     for (int64_t j = 0; j < limit_count; j++) encounter.peaks |= (int)encounter.limits[j].quantity >= EXCURSION;
     for (int64_t i = 0; i < n; i++) {
         for (int j = 0; j < INPUTS; j++) encounter.inputs[j] = inputs[j * n + i];
-        const Optimum found = optimum(encounter, axis, falling);
-        out[i] = found.gain;
-        out[n + i] = found.objective;
-        out[2 * n + i] = found.outcome;
+        const Optimum result = optimum(encounter, axis, falling);
+        out[i] = result.gain;
+        out[n + i] = result.objective;
+        out[2 * n + i] = result.outcome;
     }
 }
 

@@ -1,18 +1,20 @@
-// Approaches under the virtual drag, by adaptive quadrature over the distance. The 16 points of an interval are lanes.
+// Simulate approaches under the virtual drag by adaptive quadrature over the distance. The 16 quadrature points of an
+// interval are distributed to vector lanes.
 //
 // With w = l'^2 and k = phi / M, the equation M l'' = M a_o + phi g^2 l'^2 is linear in w,
 //
 //     dw/dl = 2 (a_o + k g^2 w),   so   w = e^-q W,   W = w_0 - 2 a_o int_l^{l_0} e^q dl,   q = 2 k int_l^{l_0} g^2 dl,
 //
-// for any l_0, and t = int dl / sqrt(w). A cell is an interval of the distance without a corner of the curve. Integrals
-// are those of the polynomials through 16 Gauss points on the cell. Cells are halved until the last Legendre
+// for any l_0, and t = int dl / sqrt(w). A cell is an interval of the distance without a corner of the curve. On each
+// cell, the polynomials through the values at 16 Gauss points are integrated. Cells are halved until the last Legendre
 // coefficients of both integrands are negligible. If w is zero at one end of a cell, 1 / sqrt(w) is not smooth, but
 // sqrt(w) is a smooth function of the square root of the distance from that end. Therefore the traversed share s of a
-// cell is a function of r from 0 to 1, s(r) = r - b r (1 - r). This is r for b = 0, r^2 for a start at rest (b = 1), and
-// 1 - (1 - r)^2 for an end at rest (b = -1).
+// cell is written as a function of a variable r from 0 to 1, s(r) = r - b r (1 - r). This is r for b = 0, r^2 for a
+// start at rest (b = 1), and 1 - (1 - r)^2 for an end at rest (b = -1).
 //
-// A derivative u of w by an input obeys du/dl = 2 (k g^2 u + h), where h is the derivative of a_o + k g^2 w at fixed w.
-// Hence u e^q = u_0 - 2 int_l^{l_0} e^q h dl. The time changes by -1/2 int u w^{-3/2} dl, and by 1/|l'| per unit of l_0.
+// Gradients: the derivative u of w with respect to an input obeys du/dl = 2 (k g^2 u + h), where h is the derivative of
+// a_o + k g^2 w at fixed w. Hence u e^q = u_0 - 2 int_l^{l_0} e^q h dl. The derivative of the time is
+// -1/2 int u w^{-3/2} dl. The derivative of the time by l_0 has the additional term 1/|l'|.
 
 #include <math.h>
 
@@ -36,18 +38,21 @@ using pretouch::legendre_integral;
 constexpr const pretouch::GaussTables &AT = pretouch::GAUSS_TABLES;
 constexpr int VECTORS = GAUSS / WIDTH;
 
-constexpr double TOLERANCE = 1e-12;   // of the last Legendre coefficients, relative to the largest value
-constexpr double PAST_REST = 0.7;     // cell width over the distance from a virtual rest behind the start of the cell
-constexpr double BEFORE_REST = 0.4;  // cell width over the distance to a virtual rest beyond the cell
-constexpr double GROWTH = 3.0;  // largest q on a cell; a polynomial of degree 15 then equals its exponential to rounding
-constexpr double MAX_GROWTH = 100.0;  // larger values of q are limited to this one to avoid overflow
+constexpr double TOLERANCE = 1e-12;   // largest accepted last Legendre coefficients, relative to the largest value
+// At constant acceleration a_o, l'^2 would be zero at a distance l'^2 / |2 a_o| behind or ahead of the start of a cell
+// (a virtual rest), where 1 / |l'| is singular. The width of a cell is limited to these fractions of that distance.
+constexpr double PAST_REST = 0.7;     // the virtual rest is behind the start: the approach accelerates
+constexpr double BEFORE_REST = 0.4;  // the virtual rest is ahead: the approach decelerates
+constexpr double GROWTH = 3.0;  // largest q on a cell; a polynomial of degree 15 then equals e^q within rounding
+constexpr double MAX_GROWTH = 100.0;  // larger values of q are reduced to this one to avoid overflow
 constexpr int MAX_CELLS = 4000;
-constexpr double HOPELESS = 4.0 * GROWTH * MAX_CELLS;  // q of a pushed object that twice as many cells do not reach
+constexpr double HOPELESS = 4.0 * GROWTH * MAX_CELLS;  // if q is larger, even twice MAX_CELLS cells do not suffice
 constexpr int DRAG_ROWS = 6, DRAG_PEAKS = 7, DRAG_GRADIENTS = 5;
 
+// How an approach ended: ON if it continues, else a value of ContactStatus.
 enum Ending : int64_t { ON = -1, CONTACT = 0, NEVER_IN_CONTACT = 1, LATE = 2, UNRESOLVED = 4 };
 
-// Values at the points of a cell.
+// The values of a function at the quadrature points of a cell.
 struct Nodes {
     Lanes at[VECTORS];
 
@@ -68,6 +73,7 @@ inline double sum(const Nodes &nodes, const double *weights) {
     return value;
 }
 
+// The integral over the cell, by z from -1 to 1.
 inline double integral(const Nodes &nodes) { return sum(nodes, AT.weight); }
 
 inline Nodes times(const Nodes &nodes, const double (&matrix)[GAUSS][GAUSS]) {
@@ -79,9 +85,10 @@ inline Nodes times(const Nodes &nodes, const double (&matrix)[GAUSS][GAUSS]) {
     return product;
 }
 
+// The integral from the start of the cell to each point.
 inline Nodes so_far(const Nodes &nodes) { return times(nodes, AT.so_far); }
 
-// The relative size of the last two Legendre coefficients.
+// The sum of the magnitudes of the last two Legendre coefficients, relative to the largest value.
 inline double last_terms(const Nodes &nodes) {
     Lanes largest = absolute(nodes.at[0]);
     for (int j = 1; j < VECTORS; j++) largest = most(absolute(nodes.at[j]), largest);
@@ -90,13 +97,13 @@ inline double last_terms(const Nodes &nodes) {
     return (fabs(sum(nodes, AT.last[0])) + fabs(sum(nodes, AT.last[1]))) / greatest;
 }
 
-// The Legendre polynomials through values at the points.
+// The polynomial through the values at the points, as a Legendre series.
 struct Polynomial {
     double terms[GAUSS];
 
     explicit Polynomial(const Nodes &nodes) {
-        const Nodes found = times(nodes, AT.coefficient);
-        for (int j = 0; j < VECTORS; j++) store(terms + j * WIDTH, found.at[j]);
+        const Nodes coefficients = times(nodes, AT.coefficient);
+        for (int j = 0; j < VECTORS; j++) store(terms + j * WIDTH, coefficients.at[j]);
     }
 
     double operator()(double z) const {
@@ -107,7 +114,8 @@ struct Polynomial {
     }
 };
 
-// The place at which the integral of a positive function reaches a total.
+// The place z in [-1, 1] at which the integral of a positive function reaches a total. Newton's method, safeguarded by
+// bisection.
 double place_of(const Nodes &rates, double total) {
     const Polynomial rate(rates);
     double low = -1.0, high = 1.0, z = 2.0 * total / most(integral(rates), 2.3e-308) - 1.0;
@@ -132,8 +140,8 @@ struct Maximum {
     double value, place;
 };
 
-// The maximum of the polynomial through values at the points next to the best of its values at equally spaced places,
-// times a sign.
+// Find a maximum of the polynomial through the values at the points, times a sign, by Newton's method. The search
+// starts from the best of its values at equally spaced places, and stays between the neighbors of that place.
 Maximum refined_maximum(const Nodes &nodes, int best, double value, double sign) {
     const Polynomial polynomial(nodes);
     const double start = fine_place(best), low = fine_place(best > 0 ? best - 1 : 0);
@@ -150,21 +158,21 @@ Maximum refined_maximum(const Nodes &nodes, int best, double value, double sign)
         if (!(sign * curve < 0.0)) break;
         const double next = least(most(z - slope / curve, low), high), moved = fabs(next - z);
         z = next;
-        if (moved < 1e-8) break;  // the value is exact to the square of this
+        if (moved < 1e-8) break;  // the error of the value is of the order of the square of this
     }
     const double refined = sign * polynomial(z);
     return refined > value ? Maximum{refined, z} : Maximum{value, start};
 }
 
-// The maximum of the polynomial times a sign, if it exceeds a bound; else the bound, and NaN.
+// The maximum of the polynomial times a sign, and its place, if it exceeds a bound. Otherwise the bound and NaN.
 Maximum maximum(const Nodes &nodes, const double *values, int best, double sign, double bound) {
     const int middle = best == 0 ? 1 : best == FINE - 1 ? FINE - 2 : best;
     const double before = values[middle - 1], at = values[middle], after = values[middle + 1];
     const double bend = fabs(before - 2.0 * at + after), value = sign * values[best];
-    if (!(value + bend > bound)) return {bound, NOT_A_NUMBER};  // a parabola exceeds its samples by bend / 8
-    const bool at_end = best != middle && fabs(at - values[best]) > 2.0 * bend;  // and the slope goes on there
-    const Maximum found = at_end ? Maximum{value, fine_place(best)} : refined_maximum(nodes, best, value, sign);
-    return found.value > bound ? found : Maximum{bound, NOT_A_NUMBER};
+    if (!(value + bend > bound)) return {bound, NOT_A_NUMBER};  // a parabola exceeds its samples by at most bend / 8
+    const bool at_end = best != middle && fabs(at - values[best]) > 2.0 * bend;  // and the polynomial still rises
+    const Maximum refined = at_end ? Maximum{value, fine_place(best)} : refined_maximum(nodes, best, value, sign);
+    return refined.value > bound ? refined : Maximum{bound, NOT_A_NUMBER};
 }
 
 // The windows of one curve.
@@ -177,13 +185,14 @@ struct Windowed {
         : windows{curves.windows, curves.width}, first(curves.starts[curves.curve_of[i * curves.stride]]),
           last(curves.starts[curves.curve_of[i * curves.stride] + 1]), low(windows[first][LOW]) {}
 
-    // the lowest window whose top is not below l; the highest one beyond its top
+    // The lowest window whose top is not below l; the highest window if l is above all of them.
     int64_t find(double l, int64_t hint) const {
         const int64_t row = find_window(windows, first, last, l, hint);
         return row < 0 ? last - 1 : row;
     }
 
-    // The distance of the next corner, or the lowest distance. Windows overlap unless there is a corner between them.
+    // The distance of the next corner below a window, or the lowest distance if there is none. Neighboring windows
+    // overlap, unless there is a corner between them.
     double border(int64_t row) const {
         while (row > first && windows[row - 1][TOP] != windows[row][LOW]) row--;
         return windows[row][LOW];
@@ -191,7 +200,7 @@ struct Windowed {
 
     double slope(double l, int64_t hint) const { return window_slope(windows[find(l, hint)], windows.width, l); }
 
-    // g at falling distances; those below a window are in the next ones
+    // g at decreasing distances that start in a window. Distances below the window are evaluated in lower windows.
     Nodes slopes(const Nodes &distance, int64_t row) const {
         const double *window = windows[row];
         const int64_t degree = windows.width - TERMS - 1;
@@ -213,24 +222,26 @@ struct Windowed {
     }
 };
 
-// An interval of the distance, and the state at its start.
+// A cell, the state at its start, and its window. bend: b in the share s(r); square: l'^2.
 struct Cell {
     double start, width, bend, square, time;
     int64_t row;
 
+    // The traversed share of the cell at a place z in [-1, 1].
     double share(double z) const {
         const double r = 0.5 * (1.0 + z);
         return r - bend * r * (1.0 - r);
     }
 };
 
-// Quantities at the points of a cell: l, g, |dl/dz|, e^-q, e^q |dl/dz|, l'^2 and dt/dz; at its end: q, l'^2 (negative if
-// l' becomes zero before) and the duration.
+// The motion on a cell. At its points: l, g, |dl/dz|, e^-q, e^q |dl/dz|, l'^2 and dt/dz. At its end: q, l'^2 (negative
+// if l' becomes zero before), the duration, and the integral of e^q over the distance.
 struct Course {
     Nodes distance, slope, length, decay, grown, square, pace;
     double growth, last_square, duration, rest_integral;
 };
 
+// Compute the motion on a cell.
 Course course_of(const Windowed &curve, double strength, double acceleration, const Cell &cell) {
     Course c;
     const double half = 0.5 * cell.width, bend = cell.bend, twice = 2.0 * acceleration;
@@ -266,9 +277,10 @@ Course course_of(const Windowed &curve, double strength, double acceleration, co
     return c;
 }
 
-// The smaller number; the other one if one is NaN.
+// The smaller number; if one of them is NaN, the other one.
 inline double smaller_number(double x, double y) { return x < y || y != y ? x : y; }
 
+// One approach, from its start to contact, rest, horizon or failure.
 class Approach {
   public:
     Approach(const pretouch_column *inputs, const pretouch_curves &curves, double latest, const pretouch_approaches &to,
@@ -280,7 +292,7 @@ class Approach {
         if (to.peaks) place = input(5), velocity = input(6), push = input(7);
         row = curve.find(distance, -1);
         slope = window_slope(curve.windows[row], curve.windows.width, distance);
-        // at the start l'^2 changes by -2 (a_o + k g^2 l'^2) per unit of the start, and t by 1 / |l'|
+        // initial values of the derivatives by the initial l: -2 (a_o + k g^2 l'^2) for l'^2, and 1 / |l'| for t
         by_square[2] = -2.0 * (acceleration + strength * slope * slope * square), by_square[3] = 1.0;
         by_time[2] = 1.0 / sqrt(square);
     }
@@ -312,10 +324,10 @@ class Approach {
     int64_t row, status = ON, cells = 0, ending = ON, sample = 0;
     double by_square[DRAG_GRADIENTS] = {}, by_time[DRAG_GRADIENTS] = {}, impulse = 0, moment = 0;
     double largest_rate = -INFINITE, rate_distance = 0, smallest_rate = -INFINITE, fastest = -INFINITE;
-    double slowest = -INFINITE, farthest = -INFINITE, nearest = -INFINITE;  // the smallest values have their sign changed
+    double slowest = -INFINITE, farthest = -INFINITE, nearest = -INFINITE;  // the smallest values, with opposite sign
     Course course;
 
-    // The next cell, short enough for an accurate quadrature; it ends at the next corner at the latest.
+    // The next cell, short enough for an accurate quadrature. It ends at or before the next corner.
     Cell next_cell(double room, double scale) {
         const double twice = 2.0 * acceleration;
         double far = smaller_number(room, GROWTH / (2.0 * strength * slope * slope)), tried = far, ahead = 0.0;
@@ -332,13 +344,14 @@ class Approach {
         far = scale * tried;
         if (square > 0.0) {
             const double near = scale * (twice < 0.0 ? PAST_REST : BEFORE_REST) * square / fabs(twice);
-            const double rest = 1.01 * square / twice;  // l' becomes zero before this distance, since e^q >= 1
+            const double rest = 1.01 * square / twice;  // l' becomes zero within this distance, since e^q >= 1
             far = smaller_number(far, twice * far > square ? rest : near);
         }
         return {distance, far, square == 0.0 ? 1.0 : 0.0, square, time, row};
     }
 
-    // Whether the cells are too narrow to get on, or far too many. Without a push, an object soon rests or is late.
+    // Whether cells are so narrow that the distance no longer changes, or whether far too many would be needed. The
+    // latter is tested only if a_o accelerates the approach. Otherwise l' soon becomes zero, or the horizon ends.
     bool is_hopeless(double room) const {
         if (distance - widest == distance) return true;
         if (cells > 0 || acceleration >= 0.0 || widest * MAX_CELLS >= room) return false;
@@ -350,8 +363,8 @@ class Approach {
         return total > HOPELESS;
     }
 
-    // Shortens a cell in which the object comes to rest, or in which the horizon ends. Returns the relative error of that
-    // end. It matters because the cell from which the end was computed may have been too long.
+    // Shorten a cell in which l' becomes zero, or in which the horizon ends, to end there. Return the relative error of
+    // that end. It is needed because the original cell may have been too long for an accurate end.
     double shorten_to_end(Cell &cell) {
         course = course_of(curve, strength, acceleration, cell);
         ending = ON;
@@ -373,6 +386,7 @@ class Approach {
         return missed;
     }
 
+    // Accept a cell: update all requested outputs, and advance the state to its end.
     void accept(const Cell &cell, double error, double end) {
         if (wanted.peaks) raise_peaks(cell);
         if (wanted.gradients) follow_gradients();
@@ -416,7 +430,8 @@ class Approach {
         raise(travel, farthest, nearest);
     }
 
-    // Raises the maximum, and that of the values with changed signs; returns the place of the first one, or NaN.
+    // Update the largest value, and the smallest value (stored with opposite sign). Return the place of the new largest
+    // value; NaN if it is unchanged.
     static double raise(const Nodes &nodes, double &largest, double &smallest) {
         Lanes fine[FINE / WIDTH] = {};
         for (int i = 0; i < GAUSS; i++) {
@@ -432,11 +447,12 @@ class Approach {
         int best = 0, worst = 0;
         while (best < FINE - 1 && values[best] != top) best++;
         while (worst < FINE - 1 && values[worst] != bottom) worst++;
-        const Maximum found = maximum(nodes, values, best, 1.0, largest);
-        largest = found.value, smallest = maximum(nodes, values, worst, -1.0, smallest).value;
-        return found.place;
+        const Maximum highest = maximum(nodes, values, best, 1.0, largest);
+        largest = highest.value, smallest = maximum(nodes, values, worst, -1.0, smallest).value;
+        return highest.place;
     }
 
+    // Propagate the derivatives of l'^2 and t over the cell. push: e^q h |dl/dz| for one input.
     void follow_gradients() {
         const auto follow = [&](int k, const Nodes &push) {
             const Nodes passed = so_far(push);
@@ -462,7 +478,8 @@ class Approach {
                }));
     }
 
-    // Adds k int s' ds, and its moment, with ds from ln xi, which the quadrature does not use.
+    // Add k int s' ds and its moment, with s = ln xi. As a check, ds is computed from ln xi, which the quadrature does
+    // not use.
     void add_to_balance(const Cell &cell) {
         const Nodes level = load_nodes(wanted.log_outputs), at = times_at(cell);
         const double first = level[0];
@@ -473,6 +490,7 @@ class Approach {
         moment += integral(at_nodes([&](int j) { return force.at[j] * at.at[j]; }));
     }
 
+    // Write l and |l'| at the requested times inside the cell.
     void take_samples(const Cell &cell) {
         const double *at = wanted.times + i * wanted.m;
         const Polynomial speed(at_nodes([&](int j) { return root(course.square.at[j]); }));

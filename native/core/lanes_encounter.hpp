@@ -1,4 +1,5 @@
-// One encounter of the guaranteed path: Taylor steps with errors at rounding level, or long steps of a stiff motion.
+// One encounter of the guaranteed path. It takes Taylor steps with errors at rounding level, or long steps if the
+// motion is stiff (stiff_step.cpp).
 
 #pragma once
 
@@ -13,23 +14,23 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-enum Status : int64_t { CONTACT, NO_CONTACT, LATE, LEFT_RANGE, UNRESOLVED };  // integer values of ContactStatus
+enum Status : int64_t { CONTACT, NO_CONTACT, LATE, LEFT_RANGE, UNRESOLVED };  // the values of ContactStatus
 
-constexpr int DEGREE = LARGEST_DEGREE;  // of ln xi; that of a piece is less
-constexpr double LEFT_OUT = 1e-16;      // of l': largest truncation error of a step
-constexpr double SLOW = 1e-6;           // of l over a step: if l' moves l by less, it need not be more accurate
-constexpr double SHORTEST_UNIT = 1e-150;  // [s]: its square does not underflow
-constexpr double LEFT_ALONE = 1e-13;  // of the largest value of a response: truncation error per step
-constexpr int HALVINGS = 6;           // of a step, to make its peaks certain
+constexpr int DEGREE = LARGEST_DEGREE;  // of ln xi; pieces have a smaller degree
+constexpr double LEFT_OUT = 1e-16;      // largest truncation error of l' in a step, relative
+constexpr double SLOW = 1e-6;           // changes of l in a step below this part of l need no relative accuracy
+constexpr double SHORTEST_UNIT = 1e-150;  // [s]; its square does not underflow
+constexpr double LEFT_ALONE = 1e-13;  // truncation error of a response per step, relative to its largest value
+constexpr int HALVINGS = 6;           // how often a step may be halved until its peaks are certain
 
-// Output of a sampled motion: ascending times, and TRACE_COLUMNS of motion/layout.py for each.
+// Output of a sampled motion: ascending times, and for each time a row with TRACE_COLUMNS of motion/layout.py.
 struct Samples {
     const double *times;
     int64_t count;
     double (*trace)[4];
 };
 
-// A later section of the obstacle's path relative to the reference: p + v t + a t^2 / 2 from a time on.
+// A later section of the obstacle's path relative to the reference: p + v t + a t^2 / 2 for t >= since.
 struct Section {
     double since, p, v, a;
 };
@@ -39,7 +40,8 @@ struct Sections {
     int64_t count;
 };
 
-// Quantities that are integrated with a motion, and the coefficients in z of dg/d(parameter) on each piece, if any.
+// Responses that are integrated with a motion. shape: the polynomial coefficients in z of dg/d(parameter) on each
+// piece, for the response to a parameter of the curve; null if there is none.
 struct Followed {
     Responses responses;
     const double *shape;
@@ -47,7 +49,7 @@ struct Followed {
 
 // State of one encounter.
 struct Encounter {
-    Values m;  // with the obstacle's path in the present section
+    Values m;  // p, v and a are those of the present section of the path
     const double gain;
     const Curve curve;
     const double horizon;  // longest time [s]
@@ -56,14 +58,14 @@ struct Encounter {
     Course &row;
     Sections later;
 
-    int64_t index = 0;  // of the piece
+    int64_t index = 0;  // of the present piece of the curve
     Piece piece = {};
     double time = 0, l, speed;
-    double start, taylor = 0, longest = INFINITY;  // initial l; last Taylor step; longest step for the responses
-    bool alone, never = false;  // whether no external motion drives l; whether it is proved never to reach contact
+    double start, taylor = 0, longest = INFINITY;  // initial l; length of a Taylor step; longest step for the responses
+    bool alone, never = false;  // l is undriven from now on; l is proved never to reach contact
     Pace pace = {0, PATIENCE, PATIENCE, 0};
     Motion motion = {};
-    double b[ORDER + 1], force[ORDER], unit = 0;  // the series of l and of d ln xi / dt, and the unit of its time [s]
+    double b[ORDER + 1], force[ORDER], unit = 0;  // the series of l and of d ln xi / dt; the unit of their time [s]
 
     Encounter(const Values &values, double strength, const pretouch_pieces &along, double until, const Samples &at,
               Followed *carried, Course &course, const Sections &sections = {});
@@ -87,7 +89,8 @@ struct Encounter {
     Status run();
 };
 
-// Set the terms of a curve to those of ln xi, from the polynomial of g, or of a change of g, on a piece.
+// Integrate the polynomial of g on a piece, or that of a change of g: set `terms` to the terms of ln xi, without the
+// constant one.
 inline void set_terms(const double *g, int64_t count, double half, Lanes *terms) {
     double power = 1;
     for (int64_t j = 0; j < count; j++) {
@@ -96,6 +99,7 @@ inline void set_terms(const double *g, int64_t count, double half, Lanes *terms)
     }
 }
 
+// Enter a piece of the curve.
 inline void Encounter::enter(int64_t to) {
     index = to;
     piece = curve.piece(to);
@@ -130,7 +134,7 @@ inline Encounter::Encounter(const Values &values, double strength, const pretouc
     taylor = larger(smaller(smaller(slow, crossing), horizon), SHORTEST_UNIT);
 }
 
-// Set the obstacle's path. What is proved for all later times is proved in the last section.
+// Set the obstacle's path to the present section. Proofs for all later times are possible only in the last section.
 inline void Encounter::enter_section() {
     motion.position = all(m.p);
     motion.velocity = all(m.v);
@@ -149,31 +153,36 @@ inline void Encounter::next_section() {
     enter_section();
 }
 
+// The time at which the present section ends [s].
 inline double Encounter::section_end() const { return later.count ? later.next->since : INFINITY; }
 
-// Reference of errors of l [m]: the initial l, unless all parts of l have decayed.
+// The length [m] to which errors of l are relative: the initial l, or less once both l and the terms of the path are
+// smaller than that.
 inline double Encounter::scale() const {
     const double path = fabs(m.p) + (fabs(m.v) + fabs(m.a) / 2 * time) * time;
     return larger(l, smaller(start, path));
 }
 
-// The largest part of the unit for which the truncation errors of l and l' are at rounding level.
+// The length of the step, as a multiple of the unit, for which the truncation errors of l and l' are at rounding level;
+// at most 2.
 inline double Encounter::reach() const {
     const double size = larger(larger(fabs(b[1]), fabs(b[2])), SLOW * scale());
-    double found = 2;
+    double part = 2;
     for (int k = ORDER - 1; k <= ORDER; k++) {
         if (b[k] == 0) continue;
-        found = smaller(found, pow(1e-17 * scale() / fabs(b[k]), 1.0 / k));
-        found = smaller(found, pow(LEFT_OUT * size / (k * fabs(b[k])), 1.0 / (k - 1)));
+        part = smaller(part, pow(1e-17 * scale() / fabs(b[k]), 1.0 / k));
+        part = smaller(part, pow(LEFT_OUT * size / (k * fabs(b[k])), 1.0 / (k - 1)));
     }
-    return found;
+    return part;
 }
 
-// Compute the series of the next step; return the largest part of its unit for which it is accurate.
+// Compute the series of the next step, by a long step of a stiff motion if possible, else by Taylor's method. Return
+// the length for which the series is accurate, as a multiple of the unit. The step also ends at the horizon and at the
+// end of the section.
 inline double Encounter::expand_step() {
     const Borders used = curve.borders(index, 0);
-    const double way = speed < 0 ? l - used.low : used.high - l, left = smaller(horizon, section_end()) - time;
-    const double useful = smaller(left, AHEAD * way / larger(fabs(speed), 1e-300));
+    const double way = speed < 0 ? l - used.low : used.high - l, remaining = smaller(horizon, section_end()) - time;
+    const double useful = smaller(remaining, AHEAD * way / larger(fabs(speed), 1e-300));
     memset(b, 0, sizeof b);
     memset(force, 0, sizeof force);
     unit = followed ? 0 : long_step(m, gain, piece, {time, l, speed}, taylor, useful, pace, b, force);
@@ -195,10 +204,10 @@ inline double Encounter::expand_step() {
         taylor = larger(smaller(unit * tau, horizon), SHORTEST_UNIT);
         pace.doubt = LEFT_OUT * SLOW * scale() / taylor;
     }
-    return smaller(tau, smaller(left, longest) / unit);
+    return smaller(tau, smaller(remaining, longest) / unit);
 }
 
-// Rescale the series to a part of the step, which becomes the unit.
+// Shorten the step to the part tau of its unit. This part becomes the new unit, and the series is rescaled to it.
 inline void Encounter::cut(double tau) {
     double power = 1;
     for (int k = 0; k <= ORDER; k++) {
@@ -210,7 +219,7 @@ inline void Encounter::cut(double tau) {
     motion.length = all(unit);
 }
 
-// Propagate the responses over a step, or over the part for which they are accurate.
+// Propagate the responses over a step. If they are not accurate, shorten the step until they are.
 inline void Encounter::carry(Accepted &step) {
     Responses &r = followed->responses;
     const auto carried = followed->shape ? carry_responses<DEGREE, SHAPED> : carry_responses<DEGREE>;
@@ -226,20 +235,21 @@ inline void Encounter::carry(Accepted &step) {
     }
 }
 
-// Fill the trace at the times inside the step.
+// Write the trace at the requested times inside the step.
 inline void Encounter::sample(double tau) {
     for (; samples.count > 0 && *samples.times <= time + unit * tau; samples.count--) {
         const double t = *samples.times++;
         const Point<double> now = look_at(b, (t - time) / unit);
-        double *found = *samples.trace++;
-        found[0] = now.value;
-        found[1] = obstacle_at(m, t) - now.value;
-        found[2] = obstacle_speed(m, t) - now.slope / unit;
-        found[3] = m.a - now.bend / (unit * unit);
+        double *columns = *samples.trace++;
+        columns[0] = now.value;
+        columns[1] = obstacle_at(m, t) - now.value;
+        columns[2] = obstacle_speed(m, t) - now.slope / unit;
+        columns[3] = m.a - now.bend / (unit * unit);
     }
 }
 
-// Update the largest and smallest quantities and the integral of x~ for one step.
+// Update the largest demands, the closest distance and the integral of x~ by one step. The closest distance is found as
+// the maximum of far - l, where far is at least |l| on the step.
 inline void Encounter::keep_extremes(double tau) {
     enum { NEAR, EXCURSION, TRAVEL, SPEED, ACCELERATION, FORCE, KEPT };
     double q[ORDER + 1][8] = {}, far = 0, area = 0, power = 1;
@@ -274,7 +284,7 @@ inline void Encounter::keep_extremes(double tau) {
     row.displacement_integral += area * unit;
 }
 
-// Write the state at the end of a step, and continue from there.
+// Write the state at the end of a step, and make it the state from which the next step starts.
 inline void Encounter::finish(double tau, double end) {
     const Point<double> last = look_at(b, tau);
     time += unit * tau;

@@ -1,9 +1,10 @@
-// Integrate L(1) with the virtual force L(2) for any sensor curve by Taylor series, and find the first contact. One
-// encounter is solved at a time, with equal values in all lanes.
+// The guaranteed path: find or exclude the first contact of each encounter, for any sensor curve. The equation of
+// motion, L(1) with the virtual force L(2), is integrated by Taylor series. One encounter is solved at a time, with
+// equal values in all vector lanes.
 //
 // Each step is a polynomial with an error at rounding level (lanes_taylor.hpp). It is accepted only if its coefficients
-// prove the course of l (lanes_proof.hpp), so that no pair of crossings of a border or the contact is missed. The rules
-// of pieces.hpp detect touches and motions that decay to zero without contact.
+// prove how l moves (lanes_proof.hpp). So it cannot miss two crossings of a border, or of l = 0, within one step. The
+// rules of pieces.hpp detect touches and motions that decay to zero without contact.
 
 #include <string.h>
 
@@ -14,10 +15,10 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-constexpr int64_t MOST_TAKEN = 4000;  // a few milliseconds; then the motion is unresolved
+constexpr int64_t MOST_TAKEN = 4000;  // steps (a few milliseconds); then the motion is unresolved
 constexpr int64_t PER_PIECE = 16;     // further steps for each piece of the curve
-constexpr int64_t MOST_FOLLOWED = 30000;  // stiffer motions have no exact derivatives
-constexpr double VANISHED = 1e-280;   // of the initial l: smaller motions about l = 0 count as rest
+constexpr int64_t MOST_FOLLOWED = 30000;  // steps with responses; stiffer motions have no exact derivatives
+constexpr double VANISHED = 1e-280;   // relative to the initial l: smaller motions about l = 0 count as rest
 constexpr int INPUTS = 9;
 
 // Upper bound of the distance [m] of an undriven l from its resting place.
@@ -26,13 +27,13 @@ double Encounter::rest(double damping) const {
     return sqrt((l - m.p) * (l - m.p) + speed * speed * m.mass / m.stiffness);
 }
 
-// Bound D + D_p g(l) [N s/m] from below for all l up to a top.
+// Lower bound of D + D_p g(l) [N s/m] for all l up to a top.
 double Encounter::least_damping(double top) const {
     if (gain == 0) return m.damping;
     double least = INFINITY;
     for (int64_t i = 0; i < curve.count && curve.bottom(i) < top; i++) {
         const Piece part = curve.piece(i);
-        const double width = smaller(2, (top - curve.bottom(i)) / part.half);  // in z, from -1 upward
+        const double width = smaller(2, (top - curve.bottom(i)) / part.half);  // in z, from z = -1 upward
         double here = 0, spread = 0, steep = 0, sign = 1;
         for (int j = 0; j < COEFFICIENTS; j++) {
             here += sign * part.g[j];
@@ -46,7 +47,8 @@ double Encounter::least_damping(double top) const {
     return m.damping + (gain < 0 ? larger(least, 0) : least);  // since g <= 0
 }
 
-// Lower bound of l for all later times, if the obstacle stays at rest, since damping only dissipates energy; else -inf.
+// Lower bound of l for all later times if the obstacle stays at rest relative to the reference, since damping only
+// dissipates energy; otherwise, or if the gain is positive, -inf.
 double Encounter::floor_after() const {
     if (later.count || m.v != 0 || m.a != 0 || gain > 0) return -INFINITY;
     if (m.stiffness > 0) {
@@ -56,14 +58,16 @@ double Encounter::floor_after() const {
     return m.damping > 0 ? l - fabs(speed) * m.mass / m.damping : -INFINITY;
 }
 
-// Whether an undriven l is proved never to reach the lowest border.
+// Whether an undriven l is proved never to reach the lower end of the curve.
 bool Encounter::is_never() const {
     double top = l;
     if (speed > 0 && m.stiffness > 0) top = m.p + sqrt((l - m.p) * (l - m.p) + speed * speed * m.mass / m.stiffness);
     return never_arrives(m, least_damping(top), l, speed, curve.bottom(0));
 }
 
-// Whether l is proved to stay above 0 and within the range for all later times, at its end or near its minimum.
+// Whether the encounter can end without a contact. l must be proved to stay above 0 and within the range of the curve
+// for all later times. Besides, it must be the last step, or l must have settled or passed its minimum. Writes the
+// settling distance and the closest distance.
 bool Encounter::is_over(bool last) {
     if (never && (curve.open_ended || speed <= 0)) {
         const double damping = least_damping(l), way = rest(damping), doubt = rest_resolution(m, damping);
@@ -85,6 +89,7 @@ bool Encounter::is_over(bool last) {
     return true;
 }
 
+// Simulate the encounter step by step until it ends; return how.
 Status Encounter::run() {
     const int64_t last = curve.count - 1;
     const int64_t most = followed ? MOST_FOLLOWED : MOST_TAKEN + PER_PIECE * curve.count;
@@ -108,7 +113,7 @@ Status Encounter::run() {
                 row.displacement_velocity += speed;
                 row.relative_velocity = row.virtual_force = 0;
             }
-            if (never) row.settling_distance = bottom;  // it has reached its rest within rounding
+            if (never) row.settling_distance = bottom;  // l has reached its resting place within rounding
             return never ? NO_CONTACT : curve.ends_in_contact ? CONTACT : LEFT_RANGE;
         }
         if (step.moved > 0 && index == last) {
@@ -127,29 +132,30 @@ Status Encounter::run() {
     return never && is_over(true) ? NO_CONTACT : UNRESOLVED;
 }
 
-// Solve one encounter to its contact and write the gradients of time and l'. Return 0 for a contact, 1 if l went beyond
-// the curve, else 2, also for a touch, since an arbitrarily small change can prevent it.
+// Solve one encounter and write the derivatives of contact time and of l' at contact. Return 0 for a contact, 1 if l
+// left the range of the curve, else 2. A touch also returns 2, since an arbitrarily small change of an input can
+// prevent it.
 int8_t follow(const Values &m, double gain, const pretouch_pieces &curve, double horizon, const double *shape,
-              double *found) {
+              double *gradients) {
     const int64_t many = shape ? INPUTS + 1 : INPUTS;
     Course row;
     Followed followed = {};
     followed.shape = shape;
     Encounter one(m, gain, curve, horizon, {}, &followed, row);
     const Status status = one.run();
-    for (int64_t j = 0; j < 2 * many; j++) found[j] = NOT_A_NUMBER;
+    for (int64_t j = 0; j < 2 * many; j++) gradients[j] = NOT_A_NUMBER;
     if (status == LEFT_RANGE) return 1;
     if (status != CONTACT || row.relative_velocity == 0) return 2;
     const double slope = slope_at(one.piece, row.distance).value, bend = m.a - row.displacement_acceleration;
     const Contacts contact = {all(row.time), all(row.relative_velocity), all(bend), Lanes{}, Lanes{}};
     double rows[3][INPUTS];
     write_gradient(one.motion, followed.responses, contact, 0, slope, rows[0], 1);
-    memcpy(found, rows[0], sizeof rows[0]);
-    memcpy(found + many, rows[2], sizeof rows[2]);
+    memcpy(gradients, rows[0], sizeof rows[0]);
+    memcpy(gradients + many, rows[2], sizeof rows[2]);
     if (shape) {
         const double d = followed.responses.of[BY_SHAPE].d[0], y = followed.responses.of[BY_SHAPE].y[0];
-        found[INPUTS] = -d / row.relative_velocity;
-        found[many + INPUTS] = y - (m.damping + gain * slope) / m.mass * d + bend * found[INPUTS];
+        gradients[INPUTS] = -d / row.relative_velocity;
+        gradients[many + INPUTS] = y - (m.damping + gain * slope) / m.mass * d + bend * gradients[INPUTS];
     }
     return 0;
 }
@@ -171,9 +177,9 @@ void solve_series(const double *values, int64_t n, const double *gains, const pr
 }
 
 void follow_gradients(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,
-                      const double *shape, double horizon, double *found, int8_t *status) {
+                      const double *shape, double horizon, double *gradients, int8_t *status) {
     for (int64_t i = 0; i < n; i++) {
-        double *rows = found + i * 2 * (shape ? INPUTS + 1 : INPUTS);
+        double *rows = gradients + i * 2 * (shape ? INPUTS + 1 : INPUTS);
         status[i] = follow(values_of(values, i), gains[i], *curve, horizon, shape, rows);
     }
 }

@@ -1,5 +1,5 @@
-// Declarations of the vectorized kernels behind the C interface of pretouch.h. The file is included once for each kind
-// of processor, in its namespace, and therefore has no include guard.
+// Declarations of the vectorized kernels that the C interface of pretouch.h calls. dispatch.cpp includes this file once
+// for each kind of processor, each time with another namespace PRETOUCH_VARIANT. So it has no include guard.
 
 #include "pretouch.h"
 
@@ -16,7 +16,7 @@ void solve_series(const double *values, int64_t n, const double *gains, const pr
                   double *rows, int64_t *status, const double *times, int64_t m, double *trace, const double *sections,
                   int64_t section_count);
 void follow_gradients(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,
-                      const double *shape, double horizon, double *found, int8_t *status);
+                      const double *shape, double horizon, double *gradients, int8_t *status);
 
 void drag_approaches(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves, double horizon,
                      const pretouch_approaches *wanted);

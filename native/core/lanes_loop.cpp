@@ -1,10 +1,10 @@
-// Encounters of the sampled loop side by side, one in each lane, until their first contact.
+// Simulate several encounters of the sampled loop at once, one in each vector lane, until their first contact.
 //
-// The law's limits and motion, the robot and the obstacle advance in lanes. Sensor, filters and the rest of the law are
-// those of a single encounter, called for each lane. Whatever is rare (a touch, a limit of the motion, the end) is left
-// to the code of a single encounter, too. This file is compiled without fused multiplication and addition, and follows
-// the order of the operations in loop*.cpp and pretouch_law.c: each result has the same bits as that of an encounter
-// that runs alone, on every processor.
+// The law's limits and motion, the robot and the obstacle are computed for all lanes together. The sensor, the filters
+// and the rest of the law are computed by the code of a single encounter, which is called for each lane. Rare events (a
+// touch, a limit of the motion, the end) are also handled by the code of a single encounter. This file is compiled
+// without fused multiply-add instructions, and follows the order of the operations in loop*.cpp and pretouch_law.c.
+// Therefore each result has the same bits as that of an encounter that runs alone, on every processor.
 
 #include "approach.hpp"
 #include "lanes.hpp"
@@ -17,9 +17,9 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-constexpr double INSTANT = 1e-12;      // s: as in loop.hpp
-constexpr double ROUNDING = 1e-9;      // of an impulse: as in pretouch_law.c
-constexpr double ANY_REFERENCE = 1e6;  // as in pretouch_law.c
+constexpr double INSTANT = 1e-12;      // [s] times that differ by less are equal, as in loop.hpp
+constexpr double ROUNDING = 1e-9;      // relative, of an impulse, as in pretouch_law.c
+constexpr double ANY_REFERENCE = 1e6;  // largest valid reference motion, as in pretouch_law.c
 
 inline Lanes larger(Lanes a, Lanes b) { return where(b > a, b, a); }
 inline Lanes smaller(Lanes a, Lanes b) { return where(b < a, b, a); }
@@ -43,7 +43,7 @@ inline Lanes rounded_down(Lanes x) {
 #endif
 }
 
-// A cubic over a step or a period, by its slopes over the whole of it.
+// A cubic polynomial on a step or a period, with s from 0 to 1. A slope is a derivative by s.
 struct Course {
     Lanes start, start_slope, second, third;
 
@@ -56,6 +56,7 @@ inline Course course_between(Lanes start, Lanes start_slope, Lanes end, Lanes en
             start_slope + end_slope - 2.0 * (end - start)};
 }
 
+// Robot, servo and obstacle, or their time derivatives.
 struct Bodies {
     Lanes x, v, servo, xo, vo;
 };
@@ -64,13 +65,14 @@ inline Bodies along(const Bodies &b, const Bodies &k, double h) {
     return {b.x + h * k.x, b.v + h * k.v, b.servo + h * k.servo, b.xo + h * k.xo, b.vo + h * k.vo};
 }
 
-// The numbers of the drive of a law, pretouch_drive_numbers.
+// The parameters of the drive of a law in each lane; see pretouch_drive_numbers.
 struct Drive {
     Lanes hold, fade_step, largest_force, contact_gain, threshold;
     Lanes xx, xv, vx, vv, xf, vf;
     Lanes speed, acceleration, excursion;
 };
 
+// The encounters that share the lanes. When one ends, the next one takes its lane.
 class Group {
 public:
     Group(const pretouch_loop &loop_, const int64_t *which_, int64_t count_, char *states_,
@@ -91,20 +93,20 @@ private:
     const double inverse_mass;
 
     int64_t next = 0, index[WIDTH], period_number[WIDTH];
-    uint64_t open = 0;  // a bit for each lane with an encounter that is not at its end
+    uint64_t open = 0;  // bits of the lanes whose encounter has not ended
     alignas(64) char sensors[WIDTH][pretouch::SENSOR_SIZE];
 
-    alignas(64) double times[WIDTH] = {}, instants[WIDTH] = {};  // t, and of the next sample
+    alignas(64) double times[WIDTH] = {}, instants[WIDTH] = {};  // start of the period; time of the next sample
     Lanes t{}, instant{};
     Bodies body{};
     Lanes last_x{}, last_v{}, last_xo{}, last_vo{}, end_time{}, xv{}, vv{}, rate{}, acting{};
     Lanes detection_time{}, closest{}, excursion{}, travel{}, fastest{}, strongest{}, hardest{};
-    Lanes x0{}, start_xo{}, xd{}, vd{}, ad{};               // of the scene
-    Lanes since{}, until{}, xo0{}, vo0{}, ao{}, gone{};  // of the obstacle's leg
+    Lanes x0{}, start_xo{}, xd{}, vd{}, ad{};               // scene
+    Lanes since{}, until{}, xo0{}, vo0{}, ao{}, gone{};  // leg of the obstacle's path
     int64_t stretch[WIDTH];
-    Lanes steady{}, rest{}, ahead{}, fading{}, motion{}, speed{}, reference{};  // of the law's drive
+    Lanes steady{}, rest{}, ahead{}, fading{}, motion{}, speed{}, reference{};  // state of the law's drive
     Drive drive{};
-    Lanes position{}, velocity{}, acceleration{}, force{};  // of the law's output
+    Lanes position{}, velocity{}, acceleration{}, force{};  // output of the law
     double log_level[WIDTH];
     int32_t status[WIDTH], flags[WIDTH];
 
@@ -120,23 +122,23 @@ private:
     void load_drive(int lane);
     void set_leg(int lane, const pretouch::Leg &leg);
     pretouch::Leg leg_of(int i) const { return {since[i], until[i], xo0[i], vo0[i], ao[i], gone[i]}; }
-    pretouch::Approach approach_of(int lane, double at, bool asked);
+    pretouch::Approach approach_of(int lane, double at, bool law_called);
     bool is_at_end(int lane, int64_t periods) const {
         return period_number[lane] >= periods || !(body.x[lane] - body.xo[lane] < 0.0);
     }
     void follow_course(int lane, int64_t periods);
     void visit(int lane);
-    void leave(int lane, double at, bool asked);
+    void leave(int lane, double at, bool law_called);
     void refill(int lane);
     void ask_laws();
-    void step_alone(int lane, const pretouch_observation &seen, const pretouch_push &push, pretouch_sample &sample);
+    void step_alone(int lane, const pretouch_observation &observed, const pretouch_push &push, pretouch_sample &sample);
     bool is_open(int lane) const { return open >> lane & 1; }
     void follow_period();
     Bodies advance(double at, double h, const Course &target) const;
     Bodies slopes(const Bodies &b, Lanes wanted, Lanes command) const;
 };
 
-// Begins the next encounter in a lane, as the constructor of Encounter does.
+// Start the next encounter in a lane, with the same values as the constructor of Encounter.
 void Group::begin(int i) {
     const int64_t k = index[i] = which[next++];
     const pretouch_scene &s = loop.scenes[k];
@@ -179,7 +181,7 @@ void Group::begin(int i) {
     drive.excursion[i] = d.limits.excursion;
 }
 
-// Takes the state of the law's drive from the law.
+// Copy the state of the law's drive from the state of the law.
 void Group::load_drive(int i) {
     const pretouch_drive_state &driven = state_of(i)->drive;
     steady[i] = driven.delivery.steady;
@@ -200,7 +202,8 @@ void Group::set_leg(int i, const pretouch::Leg &leg) {
     gone[i] = leg.way;
 }
 
-// Brings a lane to a period without an end of a leg. The code of a single encounter follows periods with one.
+// Advance a lane until a period in which no leg of the obstacle's path ends. The code of a single encounter simulates
+// the periods in which a leg ends.
 void Group::follow_course(int i, int64_t periods) {
     while (is_open(i)) {
         if (is_at_end(i, periods)) {
@@ -215,12 +218,14 @@ void Group::follow_course(int i, int64_t periods) {
     }
 }
 
+// Start the next encounter in a lane, if one remains.
 void Group::refill(int lane) {
     if (next < count) begin(lane);
 }
 
-// An encounter for the code of a single one. The law gets the state of its drive.
-pretouch::Approach Group::approach_of(int i, double at, bool asked) {
+// Pack the state of a lane for the code of a single encounter, and copy the state of the drive back to the law.
+// law_called: whether the law has been called in this period.
+pretouch::Approach Group::approach_of(int i, double at, bool law_called) {
     pretouch_drive_state &driven = state_of(i)->drive;
     driven.delivery = {steady[i], rest[i], ahead[i], fading[i]};
     driven.motion = {motion[i], speed[i]};
@@ -228,17 +233,17 @@ pretouch::Approach Group::approach_of(int i, double at, bool asked) {
     return {
         period_number[i], t[i], at, end_time[i], body.x[i], body.v[i], body.servo[i], body.xo[i], body.vo[i],
         last_x[i], last_v[i], last_xo[i], last_vo[i], xv[i], vv[i], rate[i], acting[i], detection_time[i], closest[i], excursion[i], travel[i], fastest[i], strongest[i],
-        hardest[i], {position[i], velocity[i], acceleration[i], force[i], log_level[i], status[i]}, flags[i], asked,
-        leg_of(i), stretch[i]};
+        hardest[i], {position[i], velocity[i], acceleration[i], force[i], log_level[i], status[i]}, flags[i],
+        law_called, leg_of(i), stretch[i]};
 }
 
-// Leaves the rest of an encounter to the code of a single one.
-void Group::leave(int i, double at, bool asked) {
-    pretouch::continue_encounter(loop, index[i], state_of(i), sensors[i], approach_of(i, at, asked));
+// Let the code of a single encounter continue the encounter of a lane until its end.
+void Group::leave(int i, double at, bool law_called) {
+    pretouch::continue_encounter(loop, index[i], state_of(i), sensors[i], approach_of(i, at, law_called));
     open &= ~(1ull << i);
 }
 
-// Leaves a period of an encounter to the code of a single one.
+// Let the code of a single encounter simulate one period of a lane, and load the state at its end.
 void Group::visit(int i) {
     pretouch::Approach a = approach_of(i, 0.0, false);
     if (!pretouch::continue_period(loop, index[i], state_of(i), sensors[i], a)) {
@@ -277,15 +282,16 @@ void Group::visit(int i) {
     stretch[i] = a.stretch;
 }
 
-// The drive of one lane by the law itself, for limits and faults.
-void Group::step_alone(int i, const pretouch_observation &seen, const pretouch_push &push, pretouch_sample &sample) {
+// Compute the drive of one lane by the code of the law, since a limit or a fault may act.
+void Group::step_alone(int i, const pretouch_observation &observed, const pretouch_push &push,
+                       pretouch_sample &sample) {
     pretouch_drive_state driven = {{steady[i], rest[i], ahead[i], fading[i]}, {motion[i], speed[i]}, reference[i]};
     pretouch_output out;
     sample.contact_force = -0.0;
     sample.reference_position = reference_at(t)[i];
     sample.reference_velocity = vd[i] + ad[i] * t[i];
     sample.reference_acceleration = ad[i];
-    pretouch_drive(&parameters_of(i)->drive, &driven, &seen, &push, &sample, &out);
+    pretouch_drive(&parameters_of(i)->drive, &driven, &observed, &push, &sample, &out);
     steady[i] = driven.delivery.steady;
     rest[i] = driven.delivery.rest;
     ahead[i] = driven.delivery.ahead;
@@ -300,12 +306,12 @@ void Group::step_alone(int i, const pretouch_observation &seen, const pretouch_p
     status[i] = out.status;
 }
 
-// Passes the available readings to the laws, which move the virtual objects over the period.
+// Pass the available readings to the laws. They move the virtual objects over the period.
 void Group::ask_laws() {
-    pretouch_observation seen[WIDTH];
+    pretouch_observation observed[WIDTH];
     pretouch_push push[WIDTH];
     pretouch_sample sample[WIDTH];
-    // arrays: a vector whose lanes are set one by one would go through memory each time
+    // arrays, because setting single lanes of a vector would write and read memory each time
     alignas(64) double impulses[WIDTH] = {};
     alignas(64) int64_t usables[WIDTH] = {}, stales[WIDTH] = {}, losses[WIDTH] = {};
     for (int i = 0; i < WIDTH; i++) {
@@ -317,37 +323,37 @@ void Group::ask_laws() {
         sample[i].fresh = pretouch::deliver_reading(sensors[i], times[i], &sample[i].reading, &measured);
         const double age = times[i] - measured;
         sample[i].age = 0.0 > age ? 0.0 : age;
-        pretouch_observe(&p->sensing, &state_of(i)->sensing, &sample[i], &seen[i]);
-        pretouch_damp(&p->law, &state_of(i)->law, &seen[i], &push[i]);
+        pretouch_observe(&p->sensing, &state_of(i)->sensing, &sample[i], &observed[i]);
+        pretouch_damp(&p->law, &state_of(i)->law, &observed[i], &push[i]);
         impulses[i] = push[i].impulse;
-        usables[i] = -seen[i].usable;
-        stales[i] = -seen[i].stale;
-        losses[i] = -seen[i].lost;
-        log_level[i] = seen[i].log_level;
+        usables[i] = -observed[i].usable;
+        stales[i] = -observed[i].stale;
+        losses[i] = -observed[i].lost;
+        log_level[i] = observed[i].log_level;
     }
     const double period = loop.period;
     const Lanes impulse = load(impulses);
     const Masks usable = masks_of(usables), stale = masks_of(stales), lost = masks_of(losses);
-    // deliver of pretouch_law.c
+    // as deliver in pretouch_law.c
     const Lanes owed = impulse + rest, due = owed - ahead, none = all(0.0);
     const Masks covers = ((owed > 0.0) & (0.0 < due)) | ((owed < 0.0) & (0.0 > due));
     const Lanes new_steady = where(covers, within(due / drive.hold, drive.largest_force), none);
     const Lanes now_steady = where(usable, new_steady, steady);
-    const Lanes left = where(usable, new_steady * drive.hold, rest);
+    const Lanes remaining = where(usable, new_steady * drive.hold, rest);
     const Lanes now_ahead = where(usable, where(covers, none, -due), ahead);
     const Lanes now_fading = where(usable, all(1.0), fading);
-    const Lanes given = now_steady * period;
-    const Masks lasts = left != 0.0, last = absolute(left) <= absolute(given) * (1 + ROUNDING);
+    const Lanes portion = now_steady * period;
+    const Masks lasts = remaining != 0.0, last = absolute(remaining) <= absolute(portion) * (1 + ROUNDING);
     const Masks fades = ~lasts & stale;
     const Lanes faded = larger(now_fading - drive.fade_step, none), fading_force = now_steady * faded;
     const Lanes delivered =
-        where(lasts, where(last, left / period, now_steady), where(stale, fading_force, none));
-    // pretouch_drive
+        where(lasts, where(last, remaining / period, now_steady), where(stale, fading_force, none));
+    // as pretouch_drive in pretouch_law.c
     const Lanes virtual_force = within(delivered + 0.0, drive.largest_force);
     const Lanes total = virtual_force + drive.contact_gain * -0.0;
     const Lanes next_x = drive.xx * motion + drive.xv * speed + drive.xf * total;
     const Lanes next_v = drive.vx * motion + drive.vv * speed + drive.vf * total;
-    // limit_motion: whether no limit acts
+    // as limit_motion in pretouch_law.c: lanes in which no limit acts are `plain`
     const Lanes step = drive.acceleration * period, drifted = speed * period, moved = next_x - motion;
     const Lanes low = larger(-drive.speed, speed - step), high = smaller(drive.speed, speed + step);
     const Lanes size = absolute(next_v), whole = rounded_down(size / step), part = size - whole * step;
@@ -363,7 +369,7 @@ void Group::ask_laws() {
     acceleration = where(plain, ad + (next_v - speed) / period, acceleration);
     force = where(plain, virtual_force, force);
     steady = where(plain, now_steady, steady);
-    rest = where(plain, where(lasts & ~last, left - given, none), rest);
+    rest = where(plain, where(lasts & ~last, remaining - portion, none), rest);
     ahead = where(plain, where(fades, where(lost, none, now_ahead + fading_force * period), now_ahead), ahead);
     fading = where(plain, where(fades, faded, now_fading), fading);
     motion = where(plain, next_x, motion);
@@ -374,10 +380,10 @@ void Group::ask_laws() {
     for (int i = 0; i < WIDTH; i++) {
         if (!is_open(i)) continue;
         if (common >> i & 1)
-            status[i] = seen[i].status + (limited >> i & 1 ? PRETOUCH_FORCE_LIMITED : 0) +
+            status[i] = observed[i].status + (limited >> i & 1 ? PRETOUCH_FORCE_LIMITED : 0) +
                         (pressed >> i & 1 ? PRETOUCH_IN_CONTACT : 0);
         else
-            step_alone(i, seen[i], push[i], sample[i]);
+            step_alone(i, observed[i], push[i], sample[i]);
         flags[i] |= status[i];
         if (status[i] & PRETOUCH_DETECTING && isnan(detection_time[i])) detection_time[i] = t[i];
     }
@@ -385,6 +391,7 @@ void Group::ask_laws() {
     acting = force;
 }
 
+// The time derivatives of robot, servo and obstacle.
 Bodies Group::slopes(const Bodies &b, Lanes wanted, Lanes extra) const {
     const pretouch_plant &p = loop.plant;
     const Lanes command = p.stiffness * (wanted - b.x) - p.own_damping * b.v + extra;
@@ -402,7 +409,7 @@ Bodies Group::slopes(const Bodies &b, Lanes wanted, Lanes extra) const {
     return {b.v, driven * inverse_mass, lags ? p.servo_rate * (command - b.servo) : all(0.0), b.vo, ao};
 }
 
-// Plant and obstacle h [s] later, by the Runge-Kutta method of loop_mechanics.cpp.
+// Robot, servo and obstacle h [s] later, by the same Runge-Kutta method as in loop_mechanics.cpp.
 Bodies Group::advance(double at, double h, const Course &target) const {
     const double half = 0.5 * h, sixth = h / 6.0, period = loop.period;
     const Lanes feedforward = loop.plant.feedforward_mass * acceleration;
@@ -424,6 +431,7 @@ Bodies Group::advance(double at, double h, const Course &target) const {
             mean(body.xo, k1.xo, k2.xo, k3.xo, k4.xo), mean(body.vo, k1.vo, k2.vo, k3.vo, k4.vo)};
 }
 
+// Simulate the bodies and the sampling of the sensor over one period of the controller.
 void Group::follow_period() {
     const double period = loop.period;
     const Course target = course_between(xv, vv * period, position, velocity * period);
@@ -503,7 +511,7 @@ void Group::run() {
             if (is_open(i)) times[i] = static_cast<double>(period_number[i]) * loop.period;
         }
         t = load(times);
-        // bodies that overlap have a force, which only the code of a single encounter knows
+        // overlapping bodies exert a contact force, which only the code of a single encounter computes
         const uint64_t apart = bits(body.x - body.xo < 0.0);
         for (int i = 0; i < WIDTH; i++) {
             bool ends = is_open(i) && (period_number[i] >= periods || !(apart >> i & 1));

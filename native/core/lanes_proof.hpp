@@ -1,9 +1,12 @@
-// The polynomial of l on a step [0, tau]: its values, and proofs from its coefficients.
+// The polynomial of l on a step [0, tau]: prove from its coefficients how l moves, and find where l passes a border.
 //
-// A step is accepted only if one of three properties is proved. l is monotone, so its value at the end decides whether
-// it passed a border. Or l stays between two borders, since the sum of all terms is too small to reach one. Or l'' has
-// one sign, so that l turns at most once, and its values at the turn and at the end decide. A touch needs the third:
-// near a touch the other two hold only on ever shorter steps.
+// A step is accepted only if one of three properties is proved:
+//
+//   - l is monotone. Its value at the end then decides whether it passed a border.
+//   - l stays between the two borders, since the sum of all terms is too small to reach one.
+//   - l'' has one sign. Then l has at most one turning point, and its values there and at the end decide.
+//
+// A touch needs the third property: near a touch, the other two hold only on shorter and shorter steps.
 
 #pragma once
 
@@ -16,11 +19,11 @@ namespace {
 
 using namespace pretouch;
 
-constexpr double SHORTEST = 1e-14;  // tau
-constexpr int MOST_HALVINGS = 100;
+constexpr double SHORTEST = 1e-14;  // smallest tau for which a proof is tried
+constexpr int MOST_HALVINGS = 100;  // largest number of Newton or bisection steps
 
-// An accepted step: length, and l at its end; -1 or 1 if that is the lower or upper border, else 0; whether the contact
-// is a touch; the time from which l is monotone.
+// An accepted step. tau, end: its length, and l at its end; moved: -1 or 1 if l reaches the lower or upper border
+// there, else 0; touched: whether the contact is a touch; since: the time from which l is monotone.
 struct Accepted {
     double tau, end;
     int moved;
@@ -28,12 +31,13 @@ struct Accepted {
     double since;
 };
 
-// Whether l is monotone on [0, tau], stays between the borders, and has a curvature of one sign.
+// The proved properties of l on [0, tau]: it is monotone, it stays inside the borders, its curvature has one sign.
 struct Proof {
     bool monotone, inside, bent;
     bool none() const { return !(monotone || inside || bent); }
 };
 
+// Prove these properties from the coefficients. What is not proved is false.
 inline Proof certify(const double *c, const Borders &borders, double tau) {
     double below = 0, above = 0, bend = 0, turn = 0, power = 1;
     for (int k = 1; k <= ORDER; k++) {
@@ -48,8 +52,9 @@ inline Proof certify(const double *c, const Borders &borders, double tau) {
     return {fabs(c[1]) > bend, inside, 2 * fabs(c[2]) * tau > turn};
 }
 
-// Where a polynomial that is monotone between two times passes a level there, or where its slope, monotone there, changes
-// its sign; Newton's method from the right, and halving where that leaves the range.
+// LEVEL: the time at which a polynomial that is monotone between two times passes a level. TURNING: the time at which
+// its slope, which must be monotone there, changes sign. Newton's method starts from the right end; a step that leaves
+// the bracket is replaced by bisection. resolved: the tolerance, relative to the right end.
 enum Wanted { LEVEL, TURNING };
 inline double zero_time(const double *c, Wanted wanted, double level, double left, double right,
                         double resolved = 4e-16) {
@@ -68,8 +73,8 @@ inline double zero_time(const double *c, Wanted wanted, double level, double lef
     return t;
 }
 
-// Shorten a step until the course of l is proved, and end it at the first border that l passes, if any; begin and
-// unit: the time at tau = 0 and the unit of tau [s].
+// Shorten a step until one of the properties is proved, and end it at the first border that l passes, if any. begin:
+// the time at tau = 0 [s]; unit: the unit of tau [s].
 inline Accepted accepted_step(const Values &m, const double *c, const Borders &borders, double begin, double unit,
                               double tau) {
     Proof proof = certify(c, borders, tau);

@@ -1,22 +1,23 @@
-// Derivatives of the state at contact by the nine inputs, vectorized.
+// Compute the derivatives of the state at contact by the nine inputs, vectorized.
 //
-// A change of an input changes l by d(t), which obeys the linearized equation of motion,
+// A small change of an input changes l by d(t), which obeys the linearized equation of motion,
 //
 //     M d'' + D d' + K d + D_p (g d)' = f,    d' = y - c d,   y' = -(K d - f) / M,   c = (D + D_p g) / M,
 //
-// along the computed motion, so its Taylor coefficients follow on the same steps by one convolution of c and d. Eight
-// responses are integrated: h_1 to l(0) and h_2 to l'(0), and from rest those to the forces x~' (for D), x~
-// (for K), -d(ln xi)/dt (for D_p), and M times 1, t and t^2/2 (F_0, F_1, F_2). They give
+// along the computed motion. So the Taylor coefficients of d follow on the same steps, by one convolution of c and d.
+// Eight responses are integrated: h_1 to a change of l(0), h_2 to a change of l'(0), and six responses from rest to
+// forces f. The forces are x~' (for D), x~ (for K), -d(ln xi)/dt (for D_p), and M times 1, t and t^2/2 (F_0, F_1, F_2).
+// The responses give the derivatives of l by x_0, p, a, u_0 and v,
 //
 //     d_x0 = -h_1,   d_p = h_1 + (K/M) F_0,   d_a = F_0 + (D F_1 + K F_2) / M,
 //     d_u0 = -h_2,   d_v = h_2 + (D F_0 + K F_1) / M,
 //
-// and the last follows since a common factor of M, D, K and D_p does not change the motion,
+// The derivative by M follows, since a common factor of M, D, K and D_p does not change the motion:
 //
 //     0 = M d_M + D d_D + K d_K + D_p d_Dp.
 //
-// (Scaling of lengths and a shift of time would give h_2 and h_1, too, but lose digits: the first divides by l'(0), which
-// may be small, the second loses those of the damping rate in stiff motions.)
+// (h_2 and h_1 would also follow from scaling all lengths and from shifting the time, but with a loss of digits.
+// Scaling divides by l'(0), which may be small. The shift loses the digits of the damping rate in stiff motions.)
 
 #pragma once
 
@@ -28,22 +29,25 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-constexpr double RESPONSE_TOLERANCE = 1e-10;  // largest last term of a step, relative to the response
+constexpr double RESPONSE_TOLERANCE = 1e-10;  // largest accepted last Taylor term of a step, relative to the response
 
 enum { BY_DAMPING, BY_STIFFNESS, BY_GAIN, BY_CONSTANT, BY_TIME, BY_SQUARE, BY_DISTANCE, BY_SPEED, BY_SHAPE, SHAPED };
 constexpr int RESPONSES = BY_SHAPE;
 
 struct Response {
-    Lanes d, y;  // the change of l, and d' + c d
+    Lanes d, y;  // d: the change of l; y = d' + c d
 };
 
-// Responses that are integrated with a motion: the eight, or SHAPED with that to a parameter of the curve.
+// The responses that are integrated with a motion: the eight ones, and optionally that to a parameter of the curve.
+// Those to the forces for D, K and D_p are stored times M. widest: the largest response to D_p so far; excess: the last
+// Taylor terms of the latest step, of the response to l(0), or of that to D_p relative to `widest`, whichever is
+// larger.
 struct Responses {
-    Lanes mass, widest, excess;  // the largest response to D_p, and what last terms add beside it
+    Lanes mass, widest, excess;
     Response of[SHAPED];
-    Lanes shape[LARGEST_DEGREE + 1];  // what the parameter adds to ln xi, in the terms of the window
+    Lanes shape[LARGEST_DEGREE + 1];  // the derivative of ln xi by the parameter, as terms of the window
 
-    // Start in a lane; held: c at the start.
+    // Start the responses of a new encounter in a lane. held: c at the start.
     void start(int lane, double m, double held) {
         mass[lane] = m;
         widest[lane] = 0.0;
@@ -54,13 +58,15 @@ struct Responses {
     }
 };
 
-// A step as the equation of small changes needs it: -c, and the forces x~', x~ and -d(ln xi)/dt on the response to
-// each, all over the time that the step is long.
+// The Taylor coefficients of the linearized equation of motion on one step: -c, the forces x~', x~ and -d(ln xi)/dt,
+// that of the parameter of the curve, those of 1, t and t^2/2, and -K / M (pull). The unit of time is the length of the
+// step.
 struct Around {
-    Lanes minus_c[ORDER], force[3][ORDER], shape[ORDER], moments[3][3];  // moments: of 1, t and t^2/2
+    Lanes minus_c[ORDER], force[3][ORDER], shape[ORDER], moments[3][3];
     Lanes pull, length;
 };
 
+// Fill the coefficients that depend on the slope of the curve.
 template <int DEGREE, int N>
 __attribute__((always_inline)) inline void look_along(const Motion &m, const Responses &r, Around &s) {
     Series<0> g, rate, shape;
@@ -77,6 +83,7 @@ __attribute__((always_inline)) inline void look_along(const Motion &m, const Res
     s.minus_c[0] = s.minus_c[0] - m.damping * m.length;
 }
 
+// Fill the coefficients that do not depend on the curve. start: the time at the start of the step.
 inline void look_around(const Motion &m, Lanes start, Around &s) {
     const Lanes length = m.length, square = length * length;
     const Obstacle o = obstacle_at(m, start);
@@ -100,12 +107,13 @@ inline void look_around(const Motion &m, Lanes start, Around &s) {
     s.length = length;
 }
 
-// Changes of l over a step.
+// Taylor series of N responses on a step: the coefficients of d, the latest one of y, and the sums of both.
 template <int N> struct Changes {
     Lanes d[ORDER + 1][N], y[N], total[N], momentum[N];
 };
 
-// The next coefficient of all: side by side, for none of them waits for the last one of another.
+// Compute the coefficients of order k + 1 of all responses together. They do not depend on one another, so the
+// processor can overlap the operations.
 template <int N> inline void grow(const Around &s, Changes<N> &changes, int k) {
     Lanes sum[N];
     unrolled<0, N>([&](auto r) __attribute__((always_inline)) {
@@ -134,7 +142,7 @@ template <int N> inline void grow(const Around &s, Changes<N> &changes, int k) {
     });
 }
 
-// What one step adds to the responses: what they become, and the last term of each.
+// Compute the responses at the end of a step, and the magnitude of the last Taylor term of each.
 template <int N>
 __attribute__((noinline)) void carry_all(const Around &s, const Responses &r, Response *to, Lanes *tails) {
     Changes<N> changes;
@@ -149,7 +157,8 @@ __attribute__((noinline)) void carry_all(const Around &s, const Responses &r, Re
     }
 }
 
-// Propagate the responses over the accepted step, in the lanes that moved; return the lanes in which they are accurate.
+// Propagate the responses over a step in the lanes that moved. Return the lanes in which they are accurate. In all
+// other lanes they stay unchanged.
 template <int DEGREE, int N = RESPONSES>
 __attribute__((noinline)) uint64_t carry_responses(const Motion &m, Responses &r, Lanes start, Masks moved,
                                                    double tolerance = RESPONSE_TOLERANCE) {
@@ -170,15 +179,15 @@ __attribute__((noinline)) uint64_t carry_responses(const Motion &m, Responses &r
     return bits(smooth);
 }
 
-// Write the derivatives of time, x~ and l' at contact by the nine inputs, rows of n numbers; slope: g at contact.
+// Write the derivatives of time, x~ and l' at contact by the nine inputs, in rows of n numbers. slope: g at contact.
 inline void write_gradient(const Motion &m, const Responses &all_of, const Contacts &contact, int lane, double slope,
                            double *to, int64_t n) {
     const double dm = m.damping[lane], km = m.stiffness[lane], gm = m.gain[lane], mass = all_of.mass[lane];
     const double v = m.velocity[lane], a = m.acceleration[lane], time = contact.time[lane];
     const double held = dm + gm * slope;
-    double found[3][9];
-    for (int part = 0; part < 2; part++) {  // the change of l, then that of l', at the time of contact
-        double r[RESPONSES], *row = found[2 * part];
+    double gradient[3][9];
+    for (int part = 0; part < 2; part++) {  // first the changes of l, then those of l', at the unchanged contact time
+        double r[RESPONSES], *row = gradient[2 * part];
         for (int j = 0; j < RESPONSES; j++) {
             const double d = all_of.of[j].d[lane], y = all_of.of[j].y[lane];
             r[j] = part == 0 ? d : y - held * d;
@@ -194,15 +203,15 @@ inline void write_gradient(const Motion &m, const Responses &all_of, const Conta
         row[8] = r[BY_GAIN] / mass;
     }
     for (int j = 0; j < 9; j++) {
-        found[0][j] = -found[0][j] / contact.speed[lane];
-        found[2][j] += contact.bend[lane] * found[0][j];
-        found[1][j] = (v + a * time) * found[0][j];
+        gradient[0][j] = -gradient[0][j] / contact.speed[lane];
+        gradient[2][j] += contact.bend[lane] * gradient[0][j];
+        gradient[1][j] = (v + a * time) * gradient[0][j];
     }
-    found[1][5] += 1.0;
-    found[1][6] += time;
-    found[1][7] += time * time / 2;
+    gradient[1][5] += 1.0;
+    gradient[1][6] += time;
+    gradient[1][7] += time * time / 2;
     for (int row = 0; row < 3; row++) {
-        for (int j = 0; j < 9; j++) to[(row * 9 + j) * n] = found[row][j];
+        for (int j = 0; j < 9; j++) to[(row * 9 + j) * n] = gradient[row][j];
     }
 }
 

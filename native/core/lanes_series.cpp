@@ -1,4 +1,4 @@
-// Contacts of many encounters with any curve, vectorized; see lanes_block.hpp.
+// Find the contacts of many encounters with any curve, vectorized (see lanes_block.hpp), and evaluate Chebyshev series.
 
 #include <string.h>
 
@@ -15,7 +15,7 @@ template <int DEGREE, class Extra> __attribute__((noinline)) void solve(const Re
     block.run();
 }
 
-// The width of the windows determines their degree.
+// Call the solver for the degree of the windows, which follows from their width.
 template <class Extra> void solve(const Request &request) {
     switch (request.curves->width - TERMS - 1) {
         case 0: return solve<0, Extra>(request);
@@ -38,10 +38,11 @@ void series_contacts(const pretouch_column *inputs, const pretouch_column *refer
     solve<Nothing>(request);
 }
 
-// ---- Chebyshev series of two functions at many places, vectorized: Clenshaw's recurrence ----
+// ---- Chebyshev series of two functions at many places, vectorized, by Clenshaw's recurrence ----
 
 namespace {
 
+// The value of a series with m coefficients; z is twice the place in [-1, 1].
 Lanes series(Lanes z, const double *c, int64_t m) {
     Lanes first = all(0.0), before = first;
     for (int64_t k = m - 1; k > 0; k--) {

@@ -1,10 +1,11 @@
-// One vectorized Taylor step of encounters, and the contact inside a step.
+// Take one vectorized Taylor step of encounters, and find the contact inside a step.
 //
-// With the obstacle at p + v t + a t^2 / 2 from the reference, expanded about the present time,
+// Let the obstacle be at p + v t + a t^2 / 2 relative to the reference. The equation of motion,
 //
 //     M l'' = M a + D (v - l') + K (x_o - l) - D_p d(ln xi)/dt
 //
-// gives the coefficient c_{k+2} of l from c_0 ... c_{k+1} and coefficient k of d(ln xi)/dt, see lanes_taylor.hpp.
+// is expanded about the present time. It gives the coefficient c_{k+2} of l from c_0 ... c_{k+1} and from coefficient k
+// of d(ln xi)/dt (see lanes_taylor.hpp).
 
 #pragma once
 
@@ -14,52 +15,58 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-constexpr double LOG_TOLERANCE = -43.5;  // log2 of the largest last term, relative to the initial l: 8e-14
+constexpr double LOG_TOLERANCE = -43.5;  // log2 of the largest last term relative to the initial l, 8e-14
 constexpr double ROUNDING = 2e-16;
-constexpr double MOST_STEPS = 200.0;  // longer motions are stiff: l' and l'' are differences of much larger numbers
+// Motions with more steps are stiff: l' and l'' are differences of much larger numbers.
+constexpr double MOST_STEPS = 200.0;
 constexpr double NEVER = 1e300;
 constexpr double SMALLEST = 1e-300;
-constexpr double MOST_NEGATIVE = -1e-9;  // of the first coefficient: l falls during the whole step if its bound is below
+constexpr double MOST_NEGATIVE = -1e-9;  // l' < 0 is proved if its bound is below this times |b_1|
 
 struct State {
     Lanes time, distance, speed, integral, error, strongest;
 };
 
-// Parameters and state of one encounter per lane. Empty lanes execute the same steps.
+// Parameters and state of one encounter per lane. Empty lanes execute the same instructions, without an effect.
+// weakest: (D + D_p g) / M at the start of the last step; scale: l at the start of the encounter, or less if
+// derivatives must be accurate; cap: the largest length of the next step; bound: an upper bound of dl/ds on the last
+// step.
 struct Motion {
-    Lanes b[ORDER + 1];                      // the coefficients of l over the last step, in [0, 1]
-    Lanes length, end, weakest, scale;       // of that step, where it ends, its damping; l at the start
+    Lanes b[ORDER + 1];                      // coefficients of l on the last step, s in [0, 1]
+    Lanes length, end, weakest, scale;       // length of that step; l at its end
     Lanes position, velocity, acceleration;  // of the obstacle relative to the reference
     State state;
     Lanes damping, stiffness, gain;  // over M
     Lanes cap, bound, steps;
-    Lanes edge, leave, middle, terms[LARGEST_DEGREE + 1];  // the window; at and below `leave` the next holds l
+    Lanes edge, leave, middle, terms[LARGEST_DEGREE + 1];  // the window; at l <= leave the next lower one is used
 };
-constexpr int COPIED = __builtin_offsetof(Motion, damping) / sizeof(Lanes);  // rows that a search for the contact reads
+constexpr int COPIED = __builtin_offsetof(Motion, damping) / sizeof(Lanes);  // rows that find_in_step reads
 
-// Contacts with the relative uncertainty of their time.
+// Contacts. speed, bend: l' and l''; integral: of x~; doubt: the relative uncertainty of the time.
 struct Contacts {
     Lanes time, speed, bend, integral, doubt;
 };
 
-// Lanes that moved, and those of them that need another window.
+// Lanes whose step was accepted, and those of them that must switch to a lower window.
 struct Taken {
     uint64_t moved, late;
 };
 
-// The upper half of a float's bits is its logarithm to the base 2, to 0.09, in units of 2^-20. Here with 2^52 and what
-// belongs to 1 added: an integer that is put into the bits of 2^52 needs no conversion.
+// rough_log2(x) is log2 |x| in units of LOG_UNIT = 2^-20 plus a constant, with an error of at most 0.09 in log2. The
+// upper 32 bits of a double without the sign are such an integer, since they hold the exponent and 20 bits of the
+// mantissa. The integer is put into the lowest bits of the double 2^52, so that no conversion is needed. The constant
+// is therefore 2^52 + 1023 * 2^20. Differences of two results do not contain it.
 constexpr double LOG_UNIT = 0x1p-20;
 inline Lanes rough_log2(Lanes x) {
-    typedef uint64_t Words __attribute__((vector_size(WIDTH * sizeof(uint64_t))));  // whose shift brings in zeros
+    typedef uint64_t Words __attribute__((vector_size(WIDTH * sizeof(uint64_t))));  // unsigned: >> shifts in zeros
     constexpr uint64_t shifted = 0x433ULL << 52;  // the bits of 2^52
     return (Lanes)((((Words)x << 1) >> 33) | shifted);
 }
 
-// about 2 to the power of x, at most 6 % too large, for |x| < 1000: the same backward
+// 2 to the power of x for |x| < 1000, at most 6 % too large: puts x into the exponent and mantissa of a double.
 inline Lanes rough_exp2(Lanes x) { return from_bits(as_bits(x + (0x1.8p32 + 1023.0)) << 32); }
 
-// Position and velocity of the obstacle at some time.
+// Position and velocity of the obstacle relative to the reference, at some time.
 struct Obstacle {
     Lanes position, velocity;
 };
@@ -67,12 +74,13 @@ inline Obstacle obstacle_at(const Motion &m, Lanes time) {
     return {m.position + (m.velocity + (m.acceleration * 0.5) * time) * time, m.velocity + m.acceleration * time};
 }
 
-// the integral of the obstacle's path over a step, over the step
+// The mean position of the obstacle during a step. o: the obstacle at the start of the step.
 inline Lanes mean_path(const Motion &m, const Obstacle &o, Lanes step) {
     return o.position + (o.velocity * 0.5 + (m.acceleration * (1.0 / 6.0)) * step) * step;
 }
 
-// Fill c with the coefficients of l, and rates, if not null, with those of d ln xi / dt; return the total damping.
+// Fill c with the coefficients of l and, unless it is null, `rates` with those of d ln xi / dt. Return (D + D_p g) / M
+// at the start. `rates` is filled only for DEGREE > 1.
 template <int DEGREE>
 __attribute__((always_inline)) inline Lanes expand(const Motion &m, const Obstacle &o, Lanes *c,
                                                    Lanes *rates = nullptr) {
@@ -97,8 +105,8 @@ __attribute__((always_inline)) inline Lanes expand(const Motion &m, const Obstac
     return held;
 }
 
-// The length of a step for which its last two terms are below the tolerance, at most the given maximum. Due to the
-// sixteenth root, low accuracy suffices.
+// The length of a step for which its last two terms are below the tolerance, at most `most_of_all`. Low accuracy of the
+// logarithms suffices, because the length depends only on the sixteenth root of the term.
 inline Lanes longest(const Motion &m, const Lanes *c, Lanes most_of_all) {
     const Lanes size = rough_log2(m.scale) + LOG_TOLERANCE / LOG_UNIT;
     const Lanes reach = (size - rough_log2(c[ORDER])) * (LOG_UNIT / ORDER);
@@ -106,8 +114,9 @@ inline Lanes longest(const Motion &m, const Lanes *c, Lanes most_of_all) {
     return least(rough_exp2(least(reach, before)), most_of_all);
 }
 
-// Carry the estimate of the error over a step: what it adds to l and, over the time that damping or the way to go leave
-// it, to l'.
+// Propagate the estimated error of l over a step. The last term `tail` is added as an error of l. It also is an error
+// of l', which changes l until the damping has removed it or the contact is reached, whichever is earlier. Rounding
+// errors of l are added. The previous error grows if the damping `held` is negative.
 inline Lanes carried_error(const Motion &m, Lanes tail, Lanes held, Lanes ahead, Lanes per_length) {
     const Lanes lever = least(1.0 / most(all(SMALLEST), held), ahead) * per_length;
     Lanes growth = most(all(0.0), -held * m.length);
@@ -115,13 +124,13 @@ inline Lanes carried_error(const Motion &m, Lanes tail, Lanes held, Lanes ahead,
     return (tail + m.state.distance * ROUNDING) + (tail * double(ORDER)) * lever + m.state.error * growth;
 }
 
-// What the coefficients b_k of a step add up to: l and its slope at the end, the mean of l, a bound of the slope.
+// Sums over the coefficients b_k of a step: l at the end, dl/ds at the end, the mean of l, an upper bound of dl/ds.
 struct Sums {
     Lanes end, turn, area, bound;
 };
 
-// Scale the coefficients to the length of the step; the sums of even and of odd orders, and the powers of the length,
-// are made side by side.
+// Scale the coefficients to the length of the step, and sum them. The sums over even and over odd orders are
+// independent, and the powers of the length form short chains, so that the processor can overlap these operations.
 __attribute__((always_inline)) inline Sums scale(Motion &m, const Lanes *c, Lanes length) {
     Lanes power[ORDER + 1];
     power[1] = length;
@@ -150,6 +159,8 @@ __attribute__((always_inline)) inline Sums scale(Motion &m, const Lanes *c, Lane
     return {even.end + odd.end, even.turn + odd.turn, even.area + odd.area, even.bound + odd.bound};
 }
 
+// Try one step in every lane. It is accepted if l is proved to fall during the step, stays above the lower edge of the
+// window, and ends before the horizon. Only in these lanes time, l and l' advance.
 template <int DEGREE> __attribute__((noinline)) Taken take_step(Motion &m, double horizon) {
     const Lanes time = m.state.time, distance = m.state.distance, speed = m.state.speed;
     const Obstacle o = obstacle_at(m, time);
@@ -177,10 +188,10 @@ template <int DEGREE> __attribute__((noinline)) Taken take_step(Motion &m, doubl
     return {bits(good), bits(good & (sums.end < m.leave))};
 }
 
-// Newton's method from the secant for l = 0; change: how far its last step went. A lane that has arrived stays where it
-// is, for how long the others take.
+// Solve l = 0 by Newton's method, starting from the zero of the secant. change: the length of the last Newton step. A
+// lane that has converged keeps its value, so that no result depends on the number of iterations of other lanes.
 inline Lanes find_zero(const Motion &m, Lanes &change) {
-    constexpr double arrived = 1e-12;  // the next step is that squared
+    constexpr double arrived = 1e-12;  // converged: the next step would be of the order of its square
     Lanes s = m.b[0] / (m.b[0] - m.end);
     change = s;
     Masks open = s == s;
@@ -194,7 +205,7 @@ inline Lanes find_zero(const Motion &m, Lanes &change) {
     return s;
 }
 
-// Find the contact inside steps that are proved monotone.
+// Find the contact inside the last step of each lane, on which l is proved monotone.
 inline Contacts find_in_step(const Motion &m) {
     Lanes change;
     const Lanes s = find_zero(m, change);

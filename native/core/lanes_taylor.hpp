@@ -1,15 +1,16 @@
-// Taylor coefficients of products of series, and of ln xi along a motion, computed order by order.
+// Compute Taylor coefficients of products of series, and of ln xi along a motion, order by order.
 //
 // With l = c_0 + c_1 t + ... and v_k = (k + 1) c_{k+1}, coefficient k of d(ln xi)/dt is g v_k plus a remainder that
-// contains only lower coefficients. The remainder comes from the polynomial sum_j a_j z^j about the present l, with
-// z = l(t) - l(0) = c_1 t + c_2 t^2 + ..., by the Paterson-Stockmeyer scheme: the series of z^2, z^3 and z^4 are
+// contains only lower coefficients. The remainder is computed from the polynomial sum_j a_j z^j about the present l,
+// with z = l(t) - l(0) = c_1 t + c_2 t^2 + ..., by the Paterson-Stockmeyer scheme: the series of z^2, z^3 and z^4 are
 // computed once, and
 //
 //     degree 4:   a_1 z + a_2 z^2 + z^2 (a_3 z + a_4 z^2)
 //     degree 12:  a_1 z + ... + a_3 z^3 + z^4 (a_4 + ... + a_7 z^3 + z^4 (a_8 + ... + a_12 z^4))
 //
-// so 1.5 and 4 convolutions remain, all of them short since z starts at order one. For g = n / (l + l_0), degree 0, one
-// suffices: q (l + l_0) = l', d(ln xi)/dt = n q. A constant slope, degree 1, needs none: the motion is linear.
+// So 1.5 and 4 convolutions are needed (a square counts as a half). All of them are short, since z starts at order one.
+// For g = n / (l + l_0), which is called degree 0, one convolution suffices: with q (l + l_0) = l', d(ln xi)/dt = n q.
+// A constant slope, degree 1, needs none, since the motion is linear.
 
 #pragma once
 
@@ -22,12 +23,12 @@ namespace {
 constexpr int ORDER = 16;
 constexpr int LARGEST_DEGREE = 12;
 
-// A loop with a compile-time counter, so that the indexed values can be kept in registers:
+// The counter of a loop that is unrolled at compile time, so that the indexed values can be kept in registers.
 template <int I> struct Place {
     static constexpr int value = I;
 };
 
-// body(Place<FROM>), ..., body(Place<TO - 1>)
+// Call body(Place<FROM>{}), ..., body(Place<TO - 1>{}).
 template <int FROM, int TO, class Body> __attribute__((always_inline)) inline void unrolled(Body body) {
     if constexpr (FROM < TO) {
         body(Place<FROM>{});
@@ -40,6 +41,7 @@ template <class V> struct Point {
     V value, slope, bend;
 };
 
+// Evaluate the polynomial with coefficients c at s.
 template <int DEGREE = ORDER, class V> __attribute__((always_inline)) inline Point<V> look_at(const V *c, V s) {
     V value = c[DEGREE], slope{}, bend{};
     unrolled<0, DEGREE>([&](auto place) __attribute__((always_inline)) {
@@ -55,8 +57,9 @@ template <int FIRST> struct Series {
     Lanes at[ORDER + 1];
 };
 
-// Number of products in coefficient n of a product of two series, and the order of the left factor of each. The newest
-// factors come last, since they are available last.
+// products: the number of terms in coefficient n of the product of two series with the first orders `left` and `right`.
+// left_factor: the order of the left factor in one of these terms. Terms with the newest coefficients come last, since
+// these are available last.
 constexpr int products(int n, int left, int right) { return n - left - right + 1; }
 constexpr int left_factor(int n, int left, int right, int which) {
     for (int newest = (n + 1) / 2; newest <= n; newest++) {
@@ -67,6 +70,7 @@ constexpr int left_factor(int n, int left, int right, int which) {
     return -1;
 }
 
+// Coefficient N of the product of two series.
 template <int N, int A, int B>
 __attribute__((always_inline)) inline Lanes convolve(const Series<A> &left, const Series<B> &right) {
     constexpr int first = left_factor(N, A, B, 0);
@@ -78,7 +82,7 @@ __attribute__((always_inline)) inline Lanes convolve(const Series<A> &left, cons
     return total;
 }
 
-// The same for a square; twice: the older half of the series, doubled.
+// Coefficient N of the square of a series. twice: the lower half of its coefficients, doubled.
 template <int N, int A>
 __attribute__((always_inline)) inline Lanes square(const Series<A> &z, const Series<A> &twice) {
     constexpr int last = (N - 1) / 2, odd = N % 2;
@@ -91,12 +95,14 @@ __attribute__((always_inline)) inline Lanes square(const Series<A> &z, const Ser
     });
     return total;
 }
+// Store coefficient N of a series, and its double if it belongs to the lower half.
 template <int N, int A> __attribute__((always_inline)) inline void set(Series<A> &z, Series<A> &twice, Lanes value) {
     z.at[N] = value;
     if constexpr (2 * N < ORDER) twice.at[N] = value + value;
 }
 
-// The coefficients of ln xi about a distance, Horner's scheme once for each derivative; a[0] is not needed.
+// Compute the coefficients a of ln xi about a distance, by repeated Horner schemes (one for each derivative). a[0] is
+// not needed and not set.
 template <int DEGREE>
 __attribute__((always_inline)) inline void shift(const Lanes *terms, Lanes by, Lanes (&a)[DEGREE + 1]) {
     unrolled<1, DEGREE + 1>([&](auto j) __attribute__((always_inline)) {
@@ -111,8 +117,9 @@ __attribute__((always_inline)) inline void shift(const Lanes *terms, Lanes by, L
     });
 }
 
-// A polynomial sum_j a_j z^j about the present l, from z^2 on, along the motion. The chain from one coefficient to the
-// next determines the time of a step, so it is kept short: sums end with the newest terms.
+// The Taylor series of a polynomial sum_{j >= 2} a_j z^j along the motion, with z = l(t) - l(0). Each coefficient
+// depends on the one before, and this chain of operations determines the computing time of a step. Therefore the newest
+// terms are added last.
 template <int DEGREE> struct Composed {
     Lanes a[DEGREE + 1];
     Series<1> z, twice, inner, outer;
@@ -120,7 +127,7 @@ template <int DEGREE> struct Composed {
     Series<3> z3;
     Series<4> z4;
 
-    // Coefficient N, after all lower ones; l: coefficient N of z.
+    // Coefficient N of the series. All lower ones must have been computed before. l: coefficient N of z.
     template <int N> __attribute__((always_inline)) Lanes next(Lanes l) {
         set<N>(z, twice, l);
         if constexpr (N >= 2) set<N>(z2, twice2, square<N>(z, twice));
@@ -139,6 +146,7 @@ template <int DEGREE> struct Composed {
     }
 
   private:
+    // Coefficients N of the powers of z, and of the inner polynomials of the scheme for degree 12.
     template <int N> __attribute__((always_inline)) void powers(Lanes l) {
         if constexpr (N >= 3) z3.at[N] = convolve<N>(z, z2);
         if constexpr (N >= 4) z4.at[N] = square<N>(z2, twice2);
@@ -152,7 +160,7 @@ template <int DEGREE> struct Composed {
     }
 };
 
-// ln xi along the motion: its slope at the start, and its other contribution to the acceleration.
+// ln xi along the motion. slope: g at the start; beyond: the latest coefficient of ln xi - g z.
 template <int DEGREE> struct LogCurve {
     Composed<DEGREE> curve;
     Lanes slope, weight, beyond;
@@ -163,8 +171,8 @@ template <int DEGREE> struct LogCurve {
         weight = -gain;
     }
 
-    // rest and -gain times coefficient K of d(ln xi)/dt over K + 1, without the part of v_K, which is the slope; l:
-    // coefficient K + 1 of l.
+    // Return rest - gain * r / (K + 1), where r is coefficient K of d(ln xi)/dt without the part g v_K. l: coefficient
+    // K + 1 of l.
     template <int K> __attribute__((always_inline)) Lanes pulled(Lanes rest, Lanes l, Lanes) {
         beyond = curve.template next<K + 1>(l);
         if constexpr (K == 0) return rest;
@@ -172,6 +180,7 @@ template <int DEGREE> struct LogCurve {
     }
 };
 
+// The same for g = n / (l + l_0), by the quotient q = l' / (l + l_0).
 template <> struct LogCurve<0> {
     Lanes inverse, slope, weight;
     Series<1> c;
@@ -196,6 +205,7 @@ template <> struct LogCurve<0> {
     }
 };
 
+// The same for a constant slope: d(ln xi)/dt has no other part than g v_K.
 template <> struct LogCurve<1> {
     Lanes slope;
 
@@ -204,7 +214,8 @@ template <> struct LogCurve<1> {
     template <int K> __attribute__((always_inline)) Lanes pulled(Lanes rest, Lanes, Lanes) { return rest; }
 };
 
-// The series of the slope of a curve along a computed motion, from the coefficients of ln xi.
+// Compute the series of the slope g along a computed motion l, from the coefficients of ln xi. from_middle: the initial
+// l relative to the middle of the window.
 template <int DEGREE>
 __attribute__((always_inline)) inline void find_slope(const Lanes *terms, Lanes from_middle, const Lanes *l,
                                                       Series<0> &g) {

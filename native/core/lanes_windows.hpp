@@ -1,4 +1,5 @@
-// Operations on one lane at a time: find, enter and read the windows of its curve, and take steps on which l may rise.
+// Operations on a single vector lane: find, enter and evaluate the windows of its curve, and take steps on which l may
+// rise.
 
 #pragma once
 
@@ -12,7 +13,7 @@ namespace PRETOUCH_VARIANT {
 namespace {
 
 constexpr int EDGE = 0, LOW = 1, TOP = 2, LEAVE = 3, MIDDLE = 4, TERMS = 5;  // columns of a window
-constexpr double TURN = 24;  // a turn counts as so many steps; long oscillations are left to solve_series
+constexpr double TURN = 24;  // a step on which l may rise counts as this many; solve_series solves long oscillations
 
 // Windows of all curves, from l = 0 upward.
 struct Windows {
@@ -22,7 +23,7 @@ struct Windows {
     const double *operator[](int64_t index) const { return rows + index * width; }
 };
 
-// g inside a window
+// g at a distance l inside a window.
 inline double window_slope(const double *window, int64_t width, double l) {
     const double z = l - window[MIDDLE];
     const int64_t last = width - 1;
@@ -32,8 +33,8 @@ inline double window_slope(const double *window, int64_t width, double l) {
     return value;
 }
 
-// The lowest window from first to before last whose top is not below l, -1 if there is none. A correct hint makes it
-// faster; a wrong one does no harm.
+// The lowest window whose top is not below l, among the rows from `first` to last - 1; -1 if there is none. A correct
+// hint makes the search faster; a wrong one does not change the result.
 inline int64_t find_window(const Windows &windows, int64_t first, int64_t last, double l, int64_t hint) {
     if (!(l <= windows[last - 1][TOP])) return -1;
     const bool hinted = first <= hint && hint < last;
@@ -49,7 +50,7 @@ template <int DEGREE> void enter_window(const double *window, bool is_lowest, Mo
     for (int j = 0; j <= DEGREE; j++) m.terms[j][lane] = window[TERMS + j];
 }
 
-// The series of one lane.
+// The coefficients of l in one lane.
 struct LaneSeries {
     double b[ORDER + 1];
 
@@ -58,8 +59,9 @@ struct LaneSeries {
     }
 };
 
-// Move a lane over a step on which l may rise, if its coefficients prove that l stays between two levels. Returns
-// whether that is proved, the step ends within the horizon, and the number of steps is not exceeded.
+// Accept a step of a lane on which l may rise, if its coefficients prove that l stays between two levels. Return false,
+// without a change, if this is not proved, the step ends after the horizon or is too short, or too many steps were
+// taken.
 inline bool pass_turn(Motion &m, int lane, double low, double top, double horizon) {
     if (!(m.steps[lane] < MOST_STEPS)) return false;
     const LaneSeries series(m, lane);
@@ -83,7 +85,7 @@ inline bool pass_turn(Motion &m, int lane, double low, double top, double horizo
     return true;
 }
 
-// End steps at the contacts inside them.
+// Shorten the last step of each lane so that it ends at a time inside it: rescale its coefficients and its length.
 inline void cut_steps(Motion &m, Lanes end) {
     const Lanes s = (end - m.state.time) / m.length;
     Lanes power = all(1.0);

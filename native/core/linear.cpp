@@ -1,9 +1,10 @@
-// First contact and extremes of the linear motion L(8) of a curve with constant slope.
+// First contact and extrema of the linear motion L(8), for a sensor curve with constant slope.
 //
 // With x~ = x - x_d, the motion is M x~'' + (D + c D_p) x~' + K x~ = c D_p (v_o + a_o t), and x~''' is a free response
-// whose zeros have a closed form. Between two of them x~'' is monotone, so every line a + b t crosses x~' there at most
-// once on each side of the only zero of x~'' + b. This chain brackets every zero of l'', l' and l separately. No contact
-// can be missed, for any damping and acceleration. The rules of pieces.hpp apply to distances within rounding of zero.
+// whose zeros have a closed form. Between two of them x~'' is monotone, so x~'' + b has at most one zero there. On each
+// side of this zero, x~' + a + b t is monotone and has at most one zero, too. This chain brackets every zero of l'', l'
+// and l separately, so no contact can be missed, for any damping and acceleration. The rules of pieces.hpp decide which
+// distances count as zero within rounding errors.
 
 #include <string.h>
 
@@ -18,11 +19,11 @@ enum Status : int64_t { CONTACT, NEVER, HORIZON, LEFT_RANGE, UNRESOLVED };
 
 constexpr double PI = 3.141592653589793;
 constexpr int MAX_INTERVALS = 10000;  // half periods of an oscillation; a motion that needs more is unresolved
-constexpr double VANISHED = 600.0;  // time constants after which a motion about l = 0 is below 1e-260 of its start:
-                                    // it has come to rest
+constexpr double VANISHED = 600.0;  // time constants after which a motion about l = 0 counts as at rest, because it has
+                                    // decayed to less than 1e-260 of its start
 
 struct Limits {
-    double horizon, low, high;  // time [s] and the valid distances [m]
+    double horizon, low, high;  // longest time [s], smallest and largest valid distance [m]
 };
 
 // One encounter of L(7).
@@ -32,12 +33,13 @@ struct Encounter {
     Motion motion;    // x~
 };
 
-// x~ with its derivatives, and l and l' by L(10): the obstacle of L(9) less x~.
+// x~ and its derivatives at one time by L(10), and l and l': position and velocity of the obstacle, L(9), minus those
+// of x~.
 struct Instant {
     double time;
     Response x;
     double l, speed;
-    bool turns;  // whether l' was found to change its sign
+    bool turns;  // whether this may be a zero of l'
 };
 
 Instant instant(const Encounter &e, double t) {
@@ -45,7 +47,8 @@ Instant instant(const Encounter &e, double t) {
     return {t, x, e.m.p + (e.m.v + e.m.a * t / 2) * t - x.y[0], e.m.v + e.m.a * t - x.y[1], false};
 }
 
-// A derivative of x~ and a parabola: x~^(order)(t) + a + (b + c t) t, and how close to its zero one has to come.
+// The function x~^(order)(t) + a + b t + c t^2: a derivative of x~ plus a parabola. close: relative tolerance of the
+// time of its zero.
 struct Line {
     int order;
     double a, b, c, close;
@@ -54,8 +57,8 @@ struct Line {
     double slope(const Instant &i) const { return i.x.y[order + 1] + b + 2 * c * i.time; }
 };
 
-// Finds the zero of a function that changes its sign once between two instants, by Newton's method with bisection;
-// returns the right instant if it does not change its sign.
+// Returns the zero of a function that changes its sign at most once between two instants, by Newton's method with
+// bisection. If it does not change its sign, the result is `last`; if it is zero at `first`, the result is `first`.
 Instant zero(const Encounter &e, const Line &line, const Instant &first, const Instant &last) {
     const double start = line.at(first), end = line.at(last);
     if (start == 0) return first;
@@ -67,7 +70,9 @@ Instant zero(const Encounter &e, const Line &line, const Instant &first, const I
         ((value < 0) == (start < 0) ? left : right) = t;
         if (value == 0 || fabs(step - t) <= line.close * t || right - left <= line.close * right) break;
         bool slow = false;
-        if (k % 4 == 3) {  // a step on an exponential is its time constant, however far the end: bisection is faster
+        // On an exponential, a Newton step has the length of its time constant, even if the zero is far away. If four
+        // iterations have not halved the interval, one bisection is faster.
+        if (k % 4 == 3) {
             slow = right - left > 0.5 * width;
             width = right - left;
         }
@@ -76,7 +81,7 @@ Instant zero(const Encounter &e, const Line &line, const Instant &first, const I
     return here;
 }
 
-// The k-th positive zero of x~''', infinite if there is none.
+// The positive zero of x~''' with index k, from 0; infinite if there is none.
 double next_break(const Motion &m, int k) {
     if (m.disc < 0) {
         const double root = sqrt(-m.disc), period = PI / root;
@@ -94,9 +99,11 @@ double next_break(const Motion &m, int k) {
     return scaled / quotient;
 }
 
-// The instants in (left, right] at which l, x~ or x turns, or x~' beside the line of its own: all is monotone between.
+// The turning points of l, x~ and the plant's position x in (left, right], the extrema of their velocities, and the
+// right end, in ascending order. Between neighboring instants all these quantities are monotone. x~''' must have no
+// zero inside.
 struct Moments {
-    Instant of[10];  // three for each line, and the right end
+    Instant of[10];  // one extremum and two zeros of each of the three velocities, and the right end
     int count;
 
     Moments(const Encounter &e, const Instant &left, const Instant &right) : of{right}, count(1) {
@@ -123,7 +130,9 @@ struct Moments {
     }
 };
 
-// Bounds l from below from an instant on: a particular motion that recedes less a free rest that decays; else -inf.
+// Returns a lower bound of l from an instant on [m], -infinity if none is known. l is the sum of a particular motion
+// and a free motion. If the particular motion recedes, it stays above its present value. The free motion decays if the
+// damping is not negative, so its amplitude stays below the one that follows from its present energy.
 double floor_after(const Encounter &e, const Instant &i) {
     const Values &m = e.m;
     const Motion &x = e.motion;
@@ -137,13 +146,13 @@ double floor_after(const Encounter &e, const Instant &i) {
     return particular - sqrt(rest * rest + rest_slope * rest_slope / x.square);
 }
 
-// The distance at which the motion comes to rest, infinite if it does not.
+// The distance at which the motion comes to rest [m]; infinite if it does not come to rest.
 double settling(const Values &m, double damping) {
     if (!is_left_alone(m) || damping <= 0) return INFINITY;
     return m.stiffness > 0 ? m.p : m.p - m.x0 + (m.v - m.u0) * m.mass / damping;
 }
 
-// Updates the largest and smallest quantities of a row with those of an instant.
+// Updates the maxima and the minimum of a row with the values at an instant.
 void keep_extremes(const Encounter &e, const Instant &i, Course &row) {
     const Values &m = e.m;
     const double t = i.time, *x = i.x.y;
@@ -155,14 +164,18 @@ void keep_extremes(const Encounter &e, const Instant &i, Course &row) {
     row.closest_distance = smaller(row.closest_distance, i.l);
 }
 
-// Whether l is proved to stay above 0 and within the range for all later times, at its end or near its minimum.
+// Returns whether l is proved to stay above 0 and within the valid range at all later times. Before the horizon (`last`
+// is false), the result is true only if the closest distance is final, too: the lower bound of the later l is not
+// smaller, except for rounding. never: whether l is known never to reach the level of a contact. If the result is true,
+// the closest distance includes the resting place, and rounding errors below 0 of the distances in the row are removed.
 bool is_over(const Encounter &e, const Instant &i, bool last, double high, bool never, Course &row) {
     const bool settles = row.settling_distance < INFINITY;
     const double floor = e.m.stiffness == 0 && settles ? row.settling_distance : floor_after(e, i);
-    // what recedes leaves a range that ends; what swings about its resting place may
+    // A receding motion leaves any bounded range. An oscillation about a resting place stays inside if its amplitude is
+    // small enough.
     bool stays = high == INFINITY || (settles && 2 * row.settling_distance - floor <= high);
     if (never) {
-        stays = stays || i.speed <= 0;  // then l falls from here on
+        stays = stays || i.speed <= 0;  // since l falls from here on
     } else if (!(floor > 0)) {
         return false;
     }
@@ -176,7 +189,7 @@ bool is_over(const Encounter &e, const Instant &i, bool last, double high, bool 
     return true;
 }
 
-// Writes the state of an instant; of one at which l has come to a level, exactly that.
+// Writes the state at an instant to the row.
 void finish(const Encounter &e, const Instant &i, Course &row) {
     row.time = i.time;
     row.distance = i.l;
@@ -186,17 +199,18 @@ void finish(const Encounter &e, const Instant &i, Course &row) {
     row.displacement_integral = i.x.integral;
 }
 
-// Goes from one instant to the next, between which l is monotone, and keeps extremes; whether l left (low, high). The
-// second instant is then where it did, at a distance of just that level; a touch has l' = 0.
+// Advances from one instant to the next, between which l is monotone, and updates the extrema. Returns whether l has
+// left (low, high). If so, `i` becomes the instant at which it did, and the row gets its state with exactly the
+// distance of the level. At a touch, which is a minimum within rounding errors of the level, l' is set to 0.
 bool leaves(const Encounter &e, double low, double high, const Instant &before, Instant &i, Course &row) {
     const Values &m = e.m;
     const bool turned = (i.turns || i.speed >= 0) && before.speed < 0;
     const bool touches = turned && fabs(i.l - low) <= resolution(m, i.time), passes = !touches && i.l <= low;
-    const bool left = touches || passes || i.l > high;
+    const bool outside = touches || passes || i.l > high;
     const double level = touches || passes ? low : high;
-    if (left && !touches) i = zero(e, {0, level - m.p, -m.v, -m.a / 2, 4e-16}, before, i);
+    if (outside && !touches) i = zero(e, {0, level - m.p, -m.v, -m.a / 2, 4e-16}, before, i);
     keep_extremes(e, i, row);
-    if (!left) return false;
+    if (!outside) return false;
     finish(e, i, row);
     row.distance = level;
     row.closest_distance = level < high ? level : smaller(row.closest_distance, level);
@@ -207,12 +221,13 @@ bool leaves(const Encounter &e, double low, double high, const Instant &before, 
     return true;
 }
 
-// Solves one encounter of L(7), in the distance L(8), up to its first l = 0.
+// Solves one encounter of L(7) for the distance l of L(8), up to the first contact, l = 0, or to another end of the
+// motion.
 Status solve(const Encounter &e, const Limits &limits, Course &row) {
     const Values &m = e.m;
     const double sigma = e.motion.sigma, damping = m.damping + e.coupling, level = larger(limits.low, 0.0);
     double horizon = limits.horizon, vanished = INFINITY;
-    // a motion that grows has shown its sign long before its numbers overflow
+    // The sign of l of a growing motion is decided long before its numbers overflow.
     if (sigma < 0) horizon = smaller(horizon, 300.0 / -sigma);
     const bool alone = is_left_alone(m);
     if (alone && m.p == 0 && m.stiffness > 0 && sigma > 0) {
@@ -243,7 +258,7 @@ Status solve(const Encounter &e, const Limits &limits, Course &row) {
     return UNRESOLVED;
 }
 
-// What a negative damping has made of the rounding of the start until t [m]; 0 without one.
+// Rounding error of l at the time t [m], which a negative damping amplifies from the start on; 0 for other dampings.
 double rounding(const Values &m, double coupling, double t) {
     const double damping = m.damping + coupling;
     if (damping >= 0) return 0.0;
@@ -266,7 +281,7 @@ void pretouch_solve_linear(const double *values, int64_t n, double slope, const 
         const Encounter one = {m, c, Motion({m.mass, m.damping + c, m.stiffness, m.x0, m.u0, c * m.v, c * m.a})};
         Course &row = reinterpret_cast<Course *>(rows)[i] = {};
         status[i] = solve(one, {horizon, low, high}, row);
-        if (rounding(m, c, row.time) > 1e-6 * (m.p - m.x0)) row.time = NAN;  // the number is not reliable
+        if (rounding(m, c, row.time) > 1e-6 * (m.p - m.x0)) row.time = NAN;  // the result is not reliable
     }
 }
 

@@ -1,13 +1,17 @@
 // Rates and basis functions of over-damped motions with constant slope, vectorized.
 //
-// With e_1, e_2 the exponentials of -mu_1 t, -mu_2 t and * the convolution over [0, t], h = e_1 * e_2 and f = 1 * h,
-// the sensitivity S of x~ to a coefficient is again a forced motion from rest, M S'' + (D + c) S' + K S = -x~'' (to
-// M), -x~' (to D), -x~ (to K), v - x~' (to c = g D_p): a convolution of h / M with the right-hand side. x~ is a
-// combination of 1, h, h' and f, so only these convolutions are needed:
+// Let e_1 and e_2 be the exponentials of -mu_1 t and -mu_2 t, and * the convolution over [0, t]. With h = e_1 * e_2 and
+// f = 1 * h, the sensitivity S of x~ to a coefficient is again a forced motion from rest,
+//
+//     M S'' + (D + c) S' + K S = -x~'' (to M),   -x~' (to D),   -x~ (to K),   v - x~' (to c = g D_p),
+//
+// so it is the convolution of h / M with the right-hand side. x~ is a combination of 1, h, h' and f. Only these
+// convolutions are needed:
 //
 //     j = h * h,      h * h' = j' = e_2 * h - mu_1 j,      h * f = (f * e_1 - j) / mu_2,      1 * f,
 //
-// They are quotients by mu_2 - mu_1 and mu_1 away from zero, and the functions phi_m of the exponential near zero.
+// If (mu_2 - mu_1) t and mu_1 t are not small, they are quotients by mu_2 - mu_1 and mu_1. Near zero, where these lose
+// digits, the functions phi_m of the exponential replace them.
 
 #pragma once
 
@@ -16,23 +20,26 @@
 
 namespace PRETOUCH_VARIANT {
 
-// The inputs: M, D, K, x~(0), x~'(0), p, v, a, D_p; for the largest demands velocity and acceleration of the reference.
+// The inputs: M, D, K, x~(0), x~'(0), p, v, a, D_p. The largest demands also need velocity and acceleration of the
+// reference.
 enum { MASS, DAMPING, STIFFNESS, X0, U0, P, V, A, GAIN, LINEAR_INPUTS, DRIFT = LINEAR_INPUTS, PULL, ALL_INPUTS };
 
-// The rates mu_1 <= mu_2 of M mu^2 - (D + c) mu + K with their inverses, mu_2 - mu_1 with its own.
+// The roots mu_1 <= mu_2 of M mu^2 - (D + c) mu + K, their inverses, and mu_2 - mu_1 and its inverse.
 struct Rates {
     Lanes mu1, mu2, by1, by2, width, by_width;
 };
 
 struct Decays {
     Rates rates;
-    Lanes by_mass, by_extra;
-    Masks real;  // whether the rates are: over-damped or critical, and damped at all
+    Lanes by_mass, by_extra;  // 1 / M and 1 / extra
+    Masks real;  // whether the rates are real (over-damped or critically damped) and the damping is positive
 };
 
-// One division makes all inverses, and that of a number besides. mu_2 - mu_1 and mu_1 are kept 1e-9 and 1e-60 of the
-// others from zero, which changes nothing that can be seen in a float and leaves no 0 / 0. The discriminant is put
-// together so that neither a small c beside a critical D loses its digits, nor a small rest of D and a negative c.
+// Computes the rates. A single division yields all inverses, and also that of `extra`, which the caller needs.
+//
+// mu_2 - mu_1 is at least 1e-9 of mu_1 + mu_2, and mu_1 at least 1e-60 of it. This avoids 0 / 0 and changes results by
+// less than their rounding errors. The discriminant has two forms, so that no digits are lost: one for a small c if D
+// alone is critical, and one for a small D + c if c is negative.
 static inline Decays decay_rates(Lanes mass, Lanes damping, Lanes stiffness, Lanes coupling, Lanes extra) {
     const Lanes total = damping + coupling, scale = total * total;
     const Lanes held = 4.0 * mass * stiffness;
@@ -54,7 +61,7 @@ static inline Decays decay_rates(Lanes mass, Lanes damping, Lanes stiffness, Lan
 // Some encounters and the results at their contacts.
 struct Encounters {
     Rates rates;
-    Lanes gap, force, by_mass;  // l(0), F = (c v - K x~(0)) / M, 1 / M
+    Lanes gap, force, by_mass;  // l(0), F = (c v - K x~(0)) / M and 1 / M
     Lanes x0, u0, v;
     Lanes time;
     Masks found;
@@ -75,7 +82,8 @@ struct Early {
     Masks holds;
 };
 
-// f and 1 * f by their series in z = -(mu_1 + mu_2) t and w = mu_1 mu_2 t^2, for short t.
+// f and 1 * f for short t, by their series in z = -(mu_1 + mu_2) t and w = mu_1 mu_2 t^2. holds: whether t is short
+// enough.
 static inline Early early_functions(Lanes t, const Rates &rates) {
     const Lanes z = -(rates.mu1 + rates.mu2) * t, w = rates.mu1 * rates.mu2 * t * t;
     const Lanes s2 = z * z - w, s3 = z * s2 - w * z, s4 = z * s3 - w * s2, s5 = z * s4 - w * s3, s6 = z * s5 - w * s4;
@@ -88,7 +96,7 @@ static inline Early early_functions(Lanes t, const Rates &rates) {
 
 struct Functions {
     Lanes h, slope, f, f3;     // h, h', f, 1 * f
-    Lanes fast, twice, third;  // e_2 * h, h * h, h * f, which the derivatives need
+    Lanes fast, twice, third;  // e_2 * h, h * h and h * f, for the derivatives
 };
 
 static inline Functions functions(Lanes t, const Rates &rates) {
@@ -110,7 +118,7 @@ static inline Functions functions(Lanes t, const Rates &rates) {
             fast, twice, ((ramp - slow) * by2 - twice) * by2};
 }
 
-// Output rows of the encounters from the i-th on; null if not needed.
+// Output rows of the encounters from index i on. Lanes without a contact get NaN.
 struct Rows {
     pretouch_rows to;
     int64_t i, left;
@@ -121,14 +129,15 @@ struct Rows {
     }
 };
 
-// States at the contacts of lanes_linear.cpp, and their exact derivatives.
+// States at the contacts that lanes_linear.cpp finds, and their exact derivatives.
 //
-// At the contact l(t, q) = 0, so dt/dq = -(dl/dq) / l', and any quantity y there changes by dy/dq + y' dt/dq.
+// At the contact l(t, q) = 0 for any input q. Therefore dt/dq = -(dl/dq) / l', and the derivative of any quantity y at
+// the contact is dy/dq + y' dt/dq.
 
-// derivatives to the inputs up to D_p and to the slope
+// the derivatives: by the inputs up to D_p, and by the slope
 enum { OF_SLOPE = LINEAR_INPUTS, DERIVATIVES };
 
-// Writes x~, x~', x~'', l' and the integral of x~.
+// Writes x~, x~', x~'', l' and the integral of x~ at the contacts.
 [[gnu::noinline]] static void write_states(const Encounters &q, const Rows &rows) {
     const auto &[mu1, mu2, by1, by2, width, by_width] = q.rates;
     const auto [h, slope, f, f3, fast, twice, third] = functions(q.time, q.rates);
@@ -140,12 +149,13 @@ enum { OF_SLOPE = LINEAR_INPUTS, DERIVATIVES };
     rows.keep(4, q.x0 * q.time + q.u0 * f + q.force * f3);
 }
 
-// The motion at contact, and the output of its derivatives.
+// The motion at contact, and the rows to which its derivatives are written.
 struct Contact {
     Lanes velocity, acceleration, by_approach;  // x~', x~'' and 1 / l'
     const Rows &rows;
 
-    // Writes the derivatives of t, x~ and l' to one input, from those of -l, -l' at a fixed time and those of x_o.
+    // Writes the derivatives of t, x~ and l' at the contact by one input. Arguments: the derivatives of -l, of -l' and
+    // of the obstacle's position at a fixed time.
     void keep(int input, Lanes of_distance, Lanes of_speed, Lanes fixed) const {
         const Lanes of_time = of_distance * by_approach;
         rows.keep(input, of_time);
@@ -177,22 +187,23 @@ struct Contact {
     at.keep(OF_SLOPE, gain * couple, gain * couple1, zero);
 }
 
-// The largest demands on the robot until the contacts of lanes_linear.cpp: the closed form on vectors.
+// The largest demands on the robot until the contact, in closed form for vectors of encounters.
 //
-// Every derivative of x~ is a free response, with B = F - mu_1 u_0 and the functions of linear_motion.hpp
+// Every derivative of x~ is a free response. With B = F - mu_1 u_0 and the functions above,
 //
 //     x~' = u_0 e_2 + B h,      x~'' = A e_2 - mu_1 B h,      x~''' = J e_2 + mu_1^2 B h,
 //
-// A and J being x~'' and x~''' at the start. As h / e_2 = (e^((mu_2 - mu_1) t) - 1) / (mu_2 - mu_1) only grows, a
-// response y e_2 + b h has at most one zero, where h / e_2 = r = -y / b is positive, at
+// where A and J are x~'' and x~''' at the start. Because h / e_2 = (e^((mu_2 - mu_1) t) - 1) / (mu_2 - mu_1) grows
+// monotonically from 0, a response y e_2 + b h has at most one zero. It exists if r = -y / b is positive, and is at
 //
 //     t = ln(1 + (mu_2 - mu_1) r) / (mu_2 - mu_1),
 //
-// which is never singular. So x~, x~' and x~'' have at most one peak each inside the motion, and the largest
-// magnitude is that at the start, at the peak or at the end. A peak is flat: an error of 1e-9 in its time causes
-// 1e-18 in its height. The reported value is always one that the motion reaches.
+// which is never singular. So x~, x~' and x~'' have at most one extremum each inside the motion, and the largest
+// magnitude occurs at the start, at the extremum or at the end. An extremum is flat: an error of 1e-9 in its time
+// causes an error of about 1e-18 in its value. The reported value is always one that the motion reaches.
 //
-// A moving reference adds a line to x~, which then has two peaks; these cases are left to the Taylor lanes.
+// A moving reference adds a function of time to x~, and the sum can have two extrema. Such values are NaN here, and the
+// Taylor lanes compute them.
 
 struct Free {
     Lanes e2, h, f;
@@ -204,7 +215,7 @@ static inline Free free_at(Lanes t, const Rates &rates) {
     return {e2, h, where(early.holds, early.f, (rest * rates.by1 - h) * rates.by2)};
 }
 
-// When h / e_2 is a ratio; 0 where that is not between the start and the end.
+// The time at which h / e_2 equals `ratio`; 0 if that is not between the start and `end`.
 static inline Lanes moment(Lanes ratio, const Rates &rates, Lanes end) {
     const Lanes t = rates.by_width * rough_logarithm(rates.width * ratio);
     return where((ratio > 0.0) & (t < end), t, Lanes{});
@@ -214,7 +225,7 @@ static inline Lanes largest(Lanes at_start, Lanes at_peak, Lanes at_end) {
     return most(absolute(at_start), most(absolute(at_peak), absolute(at_end)));
 }
 
-// Writes the largest demands; drift, pull: velocity and acceleration of the reference.
+// Writes the largest demands. drift and pull: velocity and acceleration of the reference.
 [[gnu::noinline]] static void write_peaks(const Encounters &q, Lanes coupling, Lanes drift, Lanes pull, const Rows &rows) {
     const auto [rates, gap, force, by_mass, x0, u0, v, end, found] = q;  // a copy, so that no store can alias it
     const Lanes mu1 = rates.mu1, by1 = rates.by1, total = mu1 + rates.mu2, product = mu1 * rates.mu2;

@@ -1,4 +1,4 @@
-// One encounter of the sampled loop.
+// Run of one encounter of the sampled loop.
 
 #include "loop.hpp"
 
@@ -8,9 +8,9 @@ namespace pretouch {
 
 namespace {
 
-// How a run ended: the values of ContactStatus.
+// How a run can end: values of ContactStatus.
 constexpr double CONTACT = 0.0, HORIZON = 2.0, UNRESOLVED = 4.0;
-constexpr double FINEST = 1e-8;  // of a period: the shortest step
+constexpr double FINEST = 1e-8;  // shortest step in a contact, relative to the controller's period
 
 Cubic distance_along(const Body &from, const Body &to, double h) {
     return {from.xo - from.x, (from.vo - from.v) * h, to.xo - to.x, (to.vo - to.v) * h};
@@ -46,16 +46,17 @@ void Encounter::run(int64_t period) {
     finish();
 }
 
-// Follows the rest of a period; returns whether the encounter goes on. before: the bodies at its start.
+// Simulates the rest of a period; returns whether the encounter goes on. before: the bodies at the start of the period,
+// which are restored if the motion does not stay finite.
 bool Encounter::end_period(const Body &before) {
-    const Body known = before;
+    const Body last_finite = before;  // a copy, because `before` may refer to `body`
     follow_period();
     end.end_time = now();
     xv = output.position;
     vv = output.velocity;
     if (isfinite(body.x) && isfinite(body.v)) return !(count && (ideal || end.end_time - first >= loop.follow_time));
     end.status = UNRESOLVED;
-    body = known;
+    body = last_finite;
     return false;
 }
 
@@ -83,7 +84,7 @@ void Encounter::restore(const Approach &a) {
 
 void Encounter::resume(const Approach &a) {
     restore(a);
-    if (!a.asked) return run(a.period);
+    if (!a.law_called) return run(a.period);
     set_target();
     if (end_period({a.last_x, a.last_v, 0.0, a.last_xo, a.last_vo, 0.0}))
         run(a.period + 1);
@@ -110,7 +111,7 @@ bool Encounter::visit(Approach &a, void *sensor_after) {
     return true;
 }
 
-// Passes the available reading to the law, which moves the virtual object over the period.
+// Passes the newest reading to the law, which returns the motion of the virtual object over the period.
 void Encounter::ask_law() {
     const int32_t fresh = sensor.deliver(t);
     const double force = force_now();
@@ -126,7 +127,7 @@ void Encounter::ask_law() {
     set_target();
 }
 
-// The motion of the virtual object over the period, as the law has answered.
+// Sets the motion of the virtual object over the period from the law's output.
 void Encounter::set_target() {
     target = {loop.period, output.acceleration, {xv, vv * loop.period, output.position, output.velocity * loop.period}};
 }
@@ -141,7 +142,7 @@ void Encounter::follow_period() {
     while (at < loop.period - INSTANT) {
         while (now() >= leg.until - INSTANT) begin_leg();
         Step step = next_step();
-        if (count == 0) {  // the mean over a step: of the motion as it is, whatever the law reports
+        if (count == 0) {  // mean over a step, from the change of velocity instead of the law's output
             rate = ideal ? (output.velocity - vv) / loop.period : (step.moved.v - body.v) / step.h;
             end.largest_acceleration = larger(end.largest_acceleration, fabs(rate));
         }
@@ -162,19 +163,19 @@ void Encounter::follow_period() {
     }
 }
 
-// Makes the end of a step the state of the bodies.
+// Sets the bodies to their state at the end of a step.
 void Encounter::take(const Step &step) {
     body = step.moved;
     for (int64_t k = 0; k < loop.linear.hidden; k++) hidden[k] = step.hidden[k];
 }
 
 Encounter::Step Encounter::next_step() const {
-    Step step;  // all of it is set here; setting it to 0 first would take a twentieth of a run
-    const double left = loop.period - at;
-    step.h = smaller(left, leg.until - now());
+    Step step;  // all used fields are set below; initializing it with 0 would take 5 % of a run's time
+    const double remaining = loop.period - at;
+    step.h = smaller(remaining, leg.until - now());
     if (ideal) {
         const double later = now() + step.h;
-        const bool whole = step.h == left;  // what a law has answered is taken as it is
+        const bool whole = step.h == remaining;  // then the law's output is used without rounding errors
         step.moved = {whole ? output.position : target.position(at + step.h),
                       whole ? output.velocity : target.velocity(at + step.h), 0.0,
                       pretouch::position(leg, later), pretouch::velocity(leg, later), 0.0};
@@ -189,7 +190,8 @@ Encounter::Step Encounter::next_step() const {
     return step;
 }
 
-// Before a touch there is no force: a stiff contact must not turn a step around before it is found.
+// Computes the end of a step of length h. Before a touch is detected, no contact force acts, because a stiff contact
+// could reverse the motion within the step, so that the touch would be missed.
 void Encounter::move_along(Step &step) const {
     const pretouch_contact *contact = touching ? &loop.contact : nullptr;
     step.moved = loop.linear.rows
@@ -197,7 +199,8 @@ void Encounter::move_along(Step &step) const {
                      : advance(body, at, step.h, target, loop.plant, contact, leg.ao);
 }
 
-// Ends a step at a touch of the bodies; an ideal plant reaches it at once.
+// Shortens a step so that it ends at the touch. For an ideal plant, sets the bodies to their state at the touch
+// instead.
 void Encounter::shorten(Step &step) {
     const double part = step.touch.part, h = step.h;
     const Body &to = step.moved;
@@ -219,7 +222,7 @@ void Encounter::shorten(Step &step) {
     step.touch.least = step.gap.end;
 }
 
-// Evaluates the sensor at all of its sampling instants within a step.
+// Passes the distance to the sensor at each of its sampling instants within a step.
 void Encounter::sense(const Step &step) {
     while (sensor.next() <= t + at + step.h + INSTANT) {
         const double part =
@@ -228,7 +231,7 @@ void Encounter::sense(const Step &step) {
     }
 }
 
-// The largest values until the first contact.
+// Updates the largest values until the first contact.
 void Encounter::note_largest() {
     end.largest_excursion = larger(end.largest_excursion, fabs(body.x - reference_at(now())));
     end.largest_travel = larger(end.largest_travel, fabs(body.x - scene.x));
@@ -258,9 +261,9 @@ void Encounter::begin_contact() {
     }
 }
 
-// The first instant of a contact: onto the surface, from some 1e-11 m beside it, where a damper acts already, with a
-// force that no later one need reach. Says whether the contact can be followed: a loop that runs away may strike too
-// hard.
+// Processes the first instant of a contact. The plant is set onto the surface, since the distance can be about 1e-11 m.
+// The contact's damper acts there already, and its force may be the largest of the contact. Returns whether the contact
+// can be resolved; if not, x becomes NaN. An unstable loop may strike so fast that the steps would be too short.
 bool Encounter::strike() {
     body.x = body.xo;
     touch_peak = contact_force(loop.contact, 0.0, body.v - body.vo);
@@ -280,7 +283,7 @@ void Encounter::follow_contact() {
     const bool parted = distance() > 0.0 && body.vo > body.v;
     touch_peak = larger(touch_peak, force);
     end.peak_force = larger(end.peak_force, force);
-    if (now() <= impact_end) end.impact_force = larger(end.impact_force, force);  // what comes later is a push
+    if (now() <= impact_end) end.impact_force = larger(end.impact_force, force);  // later forces belong to a push
     record_moment(distance(), force);
     if (count <= loop.most_touches) {
         pretouch_touch &touch = touches[count - 1];
@@ -303,7 +306,7 @@ void Encounter::finish() {
     end.contacts = static_cast<double>(count);
     end.flags = static_cast<double>(flags);
     if (count) return;
-    // the state in which it ended; a motion beyond all numbers is left where it was known last
+    // The state at the end. If the motion did not stay finite, it is the state at the start of the last period.
     const double ended = end.status == HORIZON ? end.end_time : larger(end.end_time - loop.period, 0.0);
     end.time = ended;
     end.position = body.x;
@@ -317,7 +320,7 @@ void Encounter::finish() {
 
 }  // namespace pretouch
 
-// ---- the plain interface ----
+// ---- the C interface ----
 
 using namespace pretouch;
 

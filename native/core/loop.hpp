@@ -1,9 +1,10 @@
-// One encounter of the sampled loop: contact forces and steps of plant and obstacle (loop_mechanics.cpp), the sensor
-// chain from a distance to the reading of the controller (loop_sensing.cpp), and the run (loop.cpp).
+// Simulation of one encounter of the sampled loop. loop_mechanics.cpp computes contact forces and integration steps of
+// plant and obstacle. loop_sensing.cpp simulates the sensor chain, from the distance to the controller's reading.
+// loop.cpp runs the encounter.
 //
-// Random numbers depend only on their index: the k-th draw of a run is the same on any thread and for any earlier draws.
-// Two runs with one seed therefore have the same noise, reading by reading, even if one ends earlier (common random
-// numbers). The mixing is that of SplitMix64 (G. L. Steele, D. Lea, C. H. Flood, OOPSLA 2014).
+// A random number depends only on the seed, the run and its index in the run, not on the thread or on earlier draws.
+// Two runs with the same seed therefore have the same noise, reading by reading, even if one ends earlier (common
+// random numbers). The mixing function is that of SplitMix64 (G. L. Steele, D. Lea, C. H. Flood, OOPSLA 2014).
 
 #pragma once
 
@@ -17,12 +18,14 @@ namespace pretouch {
 inline double larger(double a, double b) { return b > a ? b : a; }
 inline double smaller(double a, double b) { return b < a ? b : a; }
 
-// Plant, servo and obstacle; impulse: of the contact force so far [N s].
+// Position and velocity of the plant, force of its servo, position and velocity of the obstacle, and the impulse of the
+// contact force so far [N s].
 struct Body {
     double x, v, servo, xo, vo, impulse;
 };
 
-// The cubic through both ends of a step, by its slopes over the whole step.
+// The cubic Hermite polynomial over a step, as a function of the part s of the step, 0 to 1. The slopes at both ends
+// are derivatives by s.
 struct Cubic {
     double start, start_slope, end, end_slope;
 
@@ -32,7 +35,7 @@ struct Cubic {
     double slope(double s) const { return start_slope + s * (2.0 * second() + s * 3.0 * third()); }
 };
 
-// The virtual object over a period of the controller: a cubic through both ends, and its mean acceleration.
+// Motion of the virtual object over a period of the controller: a cubic between both ends, and the mean acceleration.
 struct Target {
     double period, acceleration;
     Cubic course;
@@ -41,7 +44,8 @@ struct Target {
     double velocity(double at) const { return course.slope(at / period) / period; }
 };
 
-// The force between the bodies [N], never below 0: they do not stick. At the touch itself damping acts.
+// The contact force between the bodies [N]. It is never negative, because they do not stick. Damping acts from the
+// depth 0 on.
 inline double contact_force(const pretouch_contact &c, double depth, double rate) {
     if (depth < 0.0) return 0.0;
     const double grown = c.exponent == 1.0   ? depth
@@ -58,47 +62,51 @@ inline double way_until(const Leg &leg, double t) {
     return leg.way + (fabs(leg.vo) + 0.5 * fabs(leg.ao) * (t - leg.since)) * (t - leg.since);
 }
 
-// The distance [m] at a time that is not told from zero: of the terms that l is the difference of, as in motion.
+// Distances [m] up to this one count as zero. It is a rounding error relative to the terms whose difference is l, as in
+// pieces.hpp. x: position of the plant; way: distance that the obstacle has travelled.
 inline double resolution(const pretouch_scene &scene, double x, double way) {
     constexpr double rounding = 1e-12;
     return rounding * (fabs(scene.x) + fabs(x) + fabs(scene.xo) + way);
 }
 
-// Where a distance first comes to zero within a step, 2 where it does not, and the least that it comes to.
+// The part of a step at which the distance first reaches zero, 2 if it does not, and the smallest distance in the step
+// [m].
 struct Touch {
     double part, least;
 };
 
-// Between its turning points the cubic rises or falls, so that none of its zeros is missed, however short the dip. A
-// smallest distance closer to zero than `doubt`, on either side, is a touch, there; one that the cubic only rises from,
-// as after a contact, is none.
+// Returns the first touch of a cubic distance. Between its turning points the cubic is monotone, so no zero is missed,
+// even in a very short dip. A minimum that differs from zero by at most `doubt` [m], to either side, is a touch at the
+// minimum. A distance that only rises from the start of the step, as after a contact, is no touch.
 Touch find_touch(const Cubic &gap, double doubt);
 
 inline Touch first_touch(const Cubic &gap, double doubt) {
-    const double lowest = smaller(gap.start, gap.end);  // Bernstein: the cubic does not go below its ends
+    const double lowest = smaller(gap.start, gap.end);  // the Bernstein coefficients show that the ends are lowest
     if (gap.end > doubt && smaller(gap.start + gap.start_slope / 3.0, gap.end - gap.end_slope / 3.0) >= lowest)
         return {2.0, lowest};
     return find_touch(gap, doubt);
 }
 
-// A step [s] that resolves a contact that starts with a relative speed: 1/50 of its time scale.
+// Step size [s] that resolves a contact that starts with a relative speed [m/s]: 1/50 of the contact's time constant.
 double contact_step(const pretouch_contact &contact, double inverse_mass, double speed);
 
-// How long the bodies would touch [s], from a relative speed on, without loss and drive: m d'' = -k d^n.
+// Duration of a contact [s] that starts with a relative speed [m/s], without damping and external forces: m d'' = -k
+// d^n.
 double elastic_duration(const pretouch_contact &contact, double inverse_mass, double speed);
 
-// Plant and obstacle h [s] later within a period of the controller, from the time `at` in it, by the classical
-// Runge-Kutta method of order 4; contact: null where the bodies are apart; push: acceleration of the obstacle.
+// Returns plant and obstacle after a step of h [s] by the classical Runge-Kutta method of order 4. The step starts at
+// the time `at` within a period of the controller. contact: null if the bodies are apart; push: acceleration of the
+// obstacle without contact [m/s^2].
 Body advance(const Body &body, double at, double h, const Target &target, const pretouch_plant &plant,
              const pretouch_contact *contact, double push);
 
-// The same for a linear plant; `hidden` are its other states, and `after` those h later.
+// The same for a linear plant. hidden: its states other than x and x'; after: output, the hidden states after the step.
 Body advance_linear(const Body &body, const double *hidden, double at, double h, const Target &target,
                     const pretouch_state_space &plant, const pretouch_contact *contact, double push, double *after);
 
-constexpr double INSTANT = 1e-12;  // s: instants that are closer are one
+constexpr double INSTANT = 1e-12;  // s; instants that are closer count as simultaneous
 
-// 64 random bits for an index.
+// Returns 64 random bits for a key and an index.
 inline uint64_t mix(uint64_t key, uint64_t index) {
     uint64_t z = key + (index + 1) * 0x9E3779B97F4A7C15u;
     z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
@@ -106,19 +114,20 @@ inline uint64_t mix(uint64_t key, uint64_t index) {
     return z ^ (z >> 31);
 }
 
-// One cosine of the error that a curve has in a run: amplitude, wave number [1/m], phase.
+// One cosine of the misfit of the sensor curve in a run: amplitude, wave number [1/m] and phase.
 struct Wave {
     double amplitude, number, phase;
 };
 
-// The sensor in one run: exposures that become readings, and readings in transit to the controller.
+// The sensor in one run. It averages the distance over exposures, makes a reading of each, and stores the readings that
+// are in transit to the controller.
 class Sensor {
 public:
-    // A run with a key of random numbers, and with the distance at the start.
+    // key: key of the run's random numbers; waiting: memory for `room` readings; distance: at the start [m].
     Sensor(const pretouch_chain &chain, const pretouch_curve &curve, uint64_t key, pretouch_reading *waiting,
            int64_t room, double distance);
 
-    // The run of a loop with an index.
+    // The sensor of the encounter of a loop with this index.
     Sensor(const pretouch_loop &loop, int64_t index, pretouch_reading *waiting, int64_t room);
 
     static void *operator new(size_t, void *place) { return place; }
@@ -126,13 +135,13 @@ public:
     // Time of the next sample of the distance [s].
     double next() const { return instant; }
 
-    // Samples the distance, and makes a reading of a completed exposure.
+    // Samples the distance. If this completes an exposure, adds its reading to those in transit.
     void look(double distance);
 
-    // Delivers the reading available at a time; returns whether there was one.
+    // Delivers the newest reading that is available at a time; returns whether there was a new one.
     bool deliver(double t);
 
-    double reading = 0.0, measured = 0.0;  // what was handed over last, and when it was measured [s]
+    double reading = 0.0, measured = 0.0;  // the last delivered reading, and when it was measured [s]
 
 private:
     const pretouch_chain &chain;
@@ -141,7 +150,7 @@ private:
     pretouch_reading *const waiting;
     const uint64_t mask;
     uint64_t head = 0, tail = 0;
-    uint64_t k = 0;  // the exposure, which is looked at `nodes` times
+    uint64_t k = 0;  // number of the exposure, in which `nodes` samples are taken
     const int nodes;
     int node = 0;
     double total = 0.0, start = 0.0, instant = 0.0;
@@ -157,37 +166,39 @@ private:
     void look_at_start(double distance);
 };
 
-// The law in one run: its parameters, its state, and what it answered last.
+// The law in one run: its step function, parameters and state.
 struct Law {
     pretouch_law_step *step;
     const void *parameters;
     void *state;
 };
 
-// An encounter as it goes on. Within a period of the controller the robot is followed in steps; a distance that comes
-// to zero ends the step there, and from the touch on, steps resolve the contact.
+// Simulation of one encounter. Within a period of the controller, the robot is integrated in steps. A step ends where
+// the distance reaches zero. During a contact, the steps are short enough to resolve it.
 class Encounter {
 public:
     Encounter(const pretouch_loop &loop, int64_t index, const Law &law, const Sensor &sensor);
 
-    // Runs periods, from the one with a number on, and then notes how the encounter ended.
+    // Runs the encounter from the period with this number to its end, and writes how it ended.
     void run(int64_t period);
 
-    // Continues an encounter that another code has brought so far.
+    // Continues an encounter that the vectorized loop started, and runs it to its end.
     void resume(const Approach &approach);
 
-    // Continues it for one period, and then stores the approach and the sensor; returns whether it goes on.
+    // Continues such an encounter for one period. If there was no contact and it goes on, stores its state in
+    // `approach` and its sensor in `sensor_after` and returns true. Otherwise runs it to its end and returns false.
     bool visit(Approach &approach, void *sensor_after);
 
 private:
-    // A step of the robot: how long, where it begins and where it would end, and the distance meanwhile.
+    // A step of the robot: its length h, the bodies at its end, the distance during the step, the first touch in it,
+    // and whether there is one.
     struct Step {
         double h;
         Body moved;
         Cubic gap;
         Touch touch;
         bool hit;
-        double hidden[PRETOUCH_MOST_HIDDEN];  // of a linear plant, where it would end
+        double hidden[PRETOUCH_MOST_HIDDEN];  // hidden states of a linear plant at the end
     };
 
     const pretouch_loop &loop;
@@ -197,30 +208,30 @@ private:
     pretouch_end &end;
     pretouch_touch *const touches;
 
-    const bool ideal;                // the plant is the virtual object
+    const bool ideal;                // whether the plant follows the virtual object exactly
     const double inverse_mass;       // 1 / the reduced mass of both bodies
     double t = 0.0, at = 0.0;        // start of the period, and time since then
     Body body;
-    double hidden[PRETOUCH_MOST_HIDDEN];  // states of a linear plant
+    double hidden[PRETOUCH_MOST_HIDDEN];  // hidden states of a linear plant
     const int64_t index;
-    int64_t stretch = 0;             // the number of stretches of the obstacle's course that have begun
+    int64_t stretch = 0;             // how many stretches of the obstacle's course have begun
     Leg leg;
-    double xv, vv;                   // of the virtual object at the start of the period
+    double xv, vv;                   // virtual object at the start of the period
     Target target{};
     pretouch_output output{};
-    double rate = 0.0, acting = 0.0; // acceleration over the last step, force of the law in the last period
+    double rate = 0.0, acting = 0.0; // acceleration over the last step, virtual force at the last law call
     int32_t flags = 0;
 
-    int64_t count = 0;               // contacts so far
+    int64_t count = 0;               // number of contacts so far
     bool touching = false;
-    double resolved;                 // step in contact [s]
+    double resolved;                 // step size during a contact [s]
     double touch_time = 0.0, touch_impulse = 0.0, touch_peak = 0.0;
-    double first = NAN, impact_end = NAN;  // the first contact, and until when its forces are an impact
+    double first = NAN, impact_end = NAN;  // first contact; end of its impact [s]
     int64_t trace_rows = 0, course_rows = 0;
 
     double now() const { return t + at; }
     double distance() const { return body.xo - body.x; }
-    double closing() const { return body.vo - body.v; }  // l': negative on approach
+    double closing() const { return body.vo - body.v; }  // l', negative during an approach
     double force_now() const { return contact_force(loop.contact, body.x - body.xo, body.v - body.vo); }
     double reference_at(double time) const { return scene.xd + time * (scene.vd + 0.5 * scene.ad * time); }
 

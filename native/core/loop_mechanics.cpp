@@ -1,4 +1,4 @@
-// Contact forces, and one step of plant and obstacle, for the sampled loop.
+// Contact mechanics of the sampled loop: touches, time scales of contacts, and integration steps of plant and obstacle.
 
 #include "loop.hpp"
 
@@ -6,7 +6,7 @@ namespace pretouch {
 
 namespace {
 
-// The zero of a cubic that falls from low to high, by bisection.
+// Returns the zero of a cubic that falls between low and high, by bisection.
 double zero_between(const Cubic &gap, double low, double high) {
     for (int i = 0; i < 60; i++) {
         const double middle = 0.5 * (low + high);
@@ -15,21 +15,22 @@ double zero_between(const Cubic &gap, double low, double high) {
     return high;
 }
 
-// Most speeds are far above that of the friction, and tanh(x) is exactly 1 for x >= 20.
+// Coulomb friction [N], smoothed by tanh. Most speeds are far above friction_speed; for x >= 20, tanh(x) rounds to 1
+// and need not be computed.
 inline double friction(const pretouch_plant &p, double v) {
     if (fabs(v) > 20.0 * p.friction_speed) return copysign(p.coulomb_friction, v);
     return p.coulomb_friction * tanh(v / p.friction_speed);
 }
 
-// The robot in one step: what it is to follow at an instant, and how fast everything changes then. Where the bodies are
-// apart, what only a contact asks for is left to the compiler to drop: a third of the time.
+// Equations of motion of robot and obstacle during one step. If the bodies are apart (touching is false), the compiler
+// omits the contact force, which saves a third of the time.
 template <bool touching>
 struct Robot {
     const pretouch_plant &plant;
     const pretouch_contact *contact;
     double inverse_mass, push, feedforward;
 
-    // The virtual object's position, and the part of the command that only it makes.
+    // Position of the virtual object, and the part of the command that depends only on the virtual object.
     struct Wanted {
         double position, command;
     };
@@ -117,8 +118,9 @@ double contact_step(const pretouch_contact &c, double inverse_mass, double speed
 
 double elastic_duration(const pretouch_contact &c, double inverse_mass, double speed) {
     const double n = c.exponent, part = 1.0 / (n + 1.0);
-    const double scale = pow(0.5 * (n + 1.0) / (c.stiffness * inverse_mass), part);  // depth / speed, at the speed 1
-    // to the deepest point and back: the integral of (1 - s^(n + 1))^(-1/2) from 0 to 1, which is pi / 2 for n = 1
+    const double scale = pow(0.5 * (n + 1.0) / (c.stiffness * inverse_mass), part);  // depth / speed for a speed of 1
+    // Scaled time to the deepest point, half of the contact: the integral of (1 - s^(n + 1))^(-1/2) from 0 to 1, which
+    // is pi / 2 for n = 1.
     const double course = sqrt(3.14159265358979323846) * tgamma(1.0 + part) / tgamma(0.5 + part);
     return 2.0 * course * scale * pow(larger(speed, 1e-9), (1.0 - n) * part);
 }
@@ -132,7 +134,7 @@ Body advance(const Body &b, double at, double h, const Target &target, const pre
 
 namespace {
 
-// How fast a linear plant, its hidden states and the obstacle change.
+// Equations of motion of a linear plant with its hidden states, and of the obstacle.
 struct Linear {
     const pretouch_state_space &plant;
     const pretouch_contact *contact;

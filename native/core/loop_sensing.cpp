@@ -7,24 +7,25 @@ namespace pretouch {
 namespace {
 
 constexpr double PI = 3.14159265358979323846;
-constexpr uint64_t MISFIT = 1ull << 63;   // index of the random draw for the misfit of a run, beyond those of all readings
+constexpr uint64_t MISFIT = 1ull << 63;   // index of the draw for a run's misfit, above those of all readings
 constexpr double INNER = 0.1127016653792583;  // first node of the three-point Gauss rule on [0, 1]
 
-// Draws of a reading: two each for the numbers of the normal distribution, and the phase of the run, by the first one.
+// Indices of the random draws of a reading. A normally distributed number needs two of them. The phase of the run uses
+// the index of the first reading.
 enum Draw : uint64_t { NOISE = 0, JITTER = 2, DROPOUT = 4, DISTANCE = 5, PHASE = 7, DRAWS = 8 };
 
 double uniform_of(uint64_t key, uint64_t index) {  // in (0, 1)
     return (static_cast<double>(mix(key, index) >> 11) + 0.5) * 1.1102230246251565e-16;
 }
 
-double normal_of(uint64_t key, uint64_t index) {  // from the draws of an index and the next (Box, Muller)
+double normal_of(uint64_t key, uint64_t index) {  // from the draws index and index + 1 (Box, Muller)
     const double radius = sqrt(-2.0 * log(uniform_of(key, index)));
     return radius * cos(2.0 * PI * uniform_of(key, index + 1));
 }
 
 double rounded(double value, double step) { return step > 0.0 ? step * floor(value / step + 0.5) : value; }
 
-// ln xi from its values and slopes at equal distances; beyond the ends that of the end.
+// ln xi by cubic interpolation between values and slopes at equally spaced distances; constant beyond both ends.
 double log_output(const pretouch_curve &curve, double distance) {
     const double place = (distance - curve.low) / curve.step;
     if (!(place > 0.0)) return curve.table[0];  // also for NaN
@@ -51,8 +52,8 @@ Sensor::Sensor(const pretouch_loop &loop, int64_t index, pretouch_reading *waiti
              mix(loop.seed, static_cast<uint64_t>(loop.draws[index])), waiting_, room,
              loop.scenes[index].xo - loop.scenes[index].x) {}
 
-// Wave numbers of the normal distribution and phases of the uniform one make a random function with the covariance
-// misfit^2 exp(-d^2 / (2 misfit_length^2)) (A. Rahimi, B. Recht, NIPS 2007).
+// Draws a random function with the covariance misfit^2 exp(-d^2 / (2 misfit_length^2)): a sum of cosines with normally
+// distributed wave numbers and uniformly distributed phases (A. Rahimi, B. Recht, NIPS 2007).
 void Sensor::draw_misfit() {
     const uint64_t own = mix(key, MISFIT);
     for (uint64_t j = 0; j < WAVES; j++)
@@ -60,7 +61,7 @@ void Sensor::draw_misfit() {
                     2.0 * PI * uniform_of(own, 3 * j + 2)};
 }
 
-// By how much the ln xi of this run exceeds that of the curve.
+// The misfit of this run: by how much its ln xi exceeds that of the sensor curve at a distance.
 double Sensor::misfit_at(double distance) const {
     if (!(chain.misfit > 0.0)) return 0.0;
     double sum = 0.0;
@@ -68,7 +69,7 @@ double Sensor::misfit_at(double distance) const {
     return sum;
 }
 
-// When an exposure starts [s].
+// Time at which an exposure starts [s].
 double Sensor::start_of(uint64_t exposure) const {
     const double phase = chain.random_phase != 0.0 ? uniform_of(key, PHASE) / chain.rate : chain.phase;
     const double shift = chain.jitter > 0.0 ? chain.jitter * normal_of(key, DRAWS * exposure + JITTER) : 0.0;
@@ -80,12 +81,12 @@ double Sensor::output(double distance) const {
     return exp(log_output(curve, distance) + misfit_at(larger(distance, curve.low)));
 }
 
-// What an exposure averages: the output xi, or the distance of a part that reports one.
+// The quantity that an exposure averages: the output xi, or the distance if the sensor measures a distance.
 double Sensor::exposed_to(double distance) const {
     return chain.measures_distance != 0.0 ? distance : output(distance);
 }
 
-// The reading of an exposure from its mean; NaN where it drops out.
+// The reading of an exposure, from its mean; NaN if the reading is lost by a dropout.
 double Sensor::raw_reading(double mean, double time) const {
     const uint64_t draw = DRAWS * k;
     if (chain.dropout > 0.0 && uniform_of(key, draw + DROPOUT) < chain.dropout) return NAN;
@@ -102,7 +103,7 @@ double Sensor::raw_reading(double mean, double time) const {
     return rounded(smaller(larger(value, chain.lowest), chain.highest), chain.resolution);
 }
 
-// A reading at the start, before anything has moved.
+// Makes the first reading at t = 0 from the initial distance.
 void Sensor::look_at_start(double distance) {
     waiting[0] = {raw_reading(exposed_to(distance), 0.0), chain.delay, 0.0};
     tail = k = 1;
@@ -159,7 +160,7 @@ int32_t deliver_reading(void *sensor, double t, double *reading, double *measure
 
 }  // namespace pretouch
 
-// ---- the plain interface ----
+// ---- the C interface ----
 
 using namespace pretouch;
 

@@ -1,74 +1,84 @@
-/* C interface of the kernels. Python calls them through ctypes (pretouch/_core/native.py), which checks every argument,
- * so no function here reports errors. All arrays are contiguous, and float64 unless stated otherwise. Output arrays are
- * not const. */
+/* C interface of the kernels. Python calls them through ctypes (pretouch/_core/native.py) and checks every argument
+ * before, so no function here reports errors. All arrays are contiguous, and float64 unless stated otherwise. Output
+ * arrays are those that are not const. */
 
 #ifndef PRETOUCH_H
 #define PRETOUCH_H
 
 #include <stdint.h>
 
-#include "../law/pretouch_law.h" /* PRETOUCH_API, and the sampled law */
+#include "../law/pretouch_law.h" /* declares PRETOUCH_API and the sampled law */
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-/* Numbers of many encounters: stride 1, or one number for all of them: stride 0. */
+/* One quantity of many encounters: one number each (stride 1), or one number for all (stride 0). */
 typedef struct {
     const double *at;
     int64_t stride;
 } pretouch_column;
 
-/* Which kernels run: 0 base, 1 AVX2 and FMA, 2 AVX-512. Choosing returns the variant that runs from then
- * on: the requested one, or the best that the processor and the library support. */
+/* Variants of the vectorized kernels: 0 base, 1 AVX2 and FMA, 2 AVX-512. pretouch_best_variant returns the best one
+ * that the processor and the library support. pretouch_choose_variant selects a variant, or the best one if `wanted` is
+ * negative or not supported, and returns the variant that runs from then on. */
 PRETOUCH_API int pretouch_best_variant(void);
 PRETOUCH_API int pretouch_choose_variant(int wanted);
 
-/* ---- one encounter at a time; every contact is found or excluded (linear.cpp, lanes_guaranteed.cpp) ----
- * values: M, D, K, x~(0), x~'(0), p, v, a, velocity and acceleration of the reference; SI, shape (n, 10).
- * rows: filled with COLUMNS of motion/layout.py, shape (n, 15); status: filled with the values of ContactStatus. */
+/* ---- guaranteed solvers: one encounter at a time, no contact is missed (linear.cpp, lanes_guaranteed.cpp) ----
+ * values: M, D, K, x~(0), x~'(0), p, v, a, velocity and acceleration of the reference; in SI units, shape (n, 10).
+ * rows: output, COLUMNS of motion/layout.py, shape (n, 15). status: output, values of ContactStatus. */
 PRETOUCH_API void pretouch_solve_linear(const double *values, int64_t n, double slope, const double *gains,
                                         double horizon, double low, double high, double *rows, int64_t *status);
 
-/* The first `count` of y, y', y'', y''' and the integral of y, for M y'' + D y' + K y = f0 + f1 t, for each row (M, D,
- * K, y0, v0, f0, f1) at times, shape (n, m). In out, encounters are `stride` numbers apart, times `step` numbers. */
+/* The response of M y'' + D y' + K y = f0 + f1 t: the first `count` of y, y', y'', y''' and the integral of y. Each row
+ * has M, D, K, y0, v0, f0 and f1; times has the shape (n, m). In `out`, encounters are `stride` numbers apart, and
+ * times `step` numbers. */
 PRETOUCH_API void pretouch_respond(const double *rows, int64_t n, const double *times, int64_t m, double *out,
                                    int64_t stride, int64_t step, int64_t count);
 
-/* A curve on pieces: middle, half width and coefficients of g of each, ascending, shape (count, width); whether its lowest
- * border is the contact, and whether the curve continues beyond the highest. */
+/* The slope g of a sensor curve, by polynomials on pieces. pieces: middle, half width and coefficients of g for each
+ * piece, in ascending order, shape (count, width). ends_in_contact: whether the lowest border is the contact.
+ * open_ended: whether the curve continues beyond the highest border. */
 typedef struct {
     const double *pieces;
     int64_t count, width, ends_in_contact, open_ended;
 } pretouch_pieces;
 
-/* If times, shape (n, m), is not null, trace is filled with TRACE_COLUMNS of motion/layout.py, shape (n, m, 4). An
- * obstacle whose acceleration changes has further sections of its path, shape (n, section_count, 4): the time at which
- * a section starts, and p, v and a of p + v t + a t^2 / 2 from there on, with t from the start of the encounter. */
+/* Solves encounters with a curve in pieces. If `times`, shape (n, m), is not null, `trace` is filled with TRACE_COLUMNS
+ * of motion/layout.py, shape (n, m, 4). An obstacle whose acceleration changes has further sections of its path in
+ * `sections`, shape (n, section_count, 4). Each has the time at which it starts, and p, v and a of p + v t + a t^2 / 2
+ * from then on, where t starts with the encounter. */
 PRETOUCH_API void pretouch_solve_series(const double *values, int64_t n, const double *gains,
                                         const pretouch_pieces *curve, double horizon, double *rows, int64_t *status,
                                         const double *times, int64_t m, double *trace, const double *sections,
                                         int64_t section_count);
 
-/* The tables of stiff_step.cpp, for tests: points (10), then four matrices (10, 10) of radau_tables.hpp. */
+/* For tests: copies RadauTables of radau_tables.hpp, the 10 points and four matrices of shape (10, 10). */
 PRETOUCH_API void pretouch_radau_points(double *tables);
 
-/* Derivatives of time and l' at contact by nine inputs: found, shape (n, 2, 9); or, where shape is not null, by a parameter
- * of the curve as well, (n, 2, 10), whose change of g has the coefficients shape, (count, width - 2), on the pieces. */
+/* Derivatives of time and l' at contact by the nine inputs M to D_p: `found`, shape (n, 2, 9). status: 0 for a contact,
+ * 1 if l left the curve, else 2; the derivatives are then NaN. If `shape` is not null, derivatives by a parameter of
+ * the curve are added, and `found` has the shape (n, 2, 10). `shape` has the coefficients of dg/d(parameter) on the
+ * pieces, shape (count, width - 2). */
 PRETOUCH_API void pretouch_follow_gradients(const double *values, int64_t n, const double *gains,
                                             const pretouch_pieces *curve, const double *shape, double horizon,
                                             double *found, int8_t *status);
 
 /* ---- many encounters with a constant slope, vectorized (lanes_linear.cpp) ---- */
-/* Rows with one number per encounter: the first row, and the distance between rows. */
+/* Output rows with one number per encounter: the first row, and the distance between rows, in numbers. */
 typedef struct {
     double *at;
     int64_t stride;
 } pretouch_rows;
 
-/* Outputs at contacts. time and status (0, or -1 if open) are computed, or `given` by an earlier call. The others are
- * filled if not null, with NaN if open: l'; x~, x~', x~'', l' and the integral of x~; the derivatives of time, x~ and
- * l', ten rows each, by the inputs up to D_p and by the slope; the largest demands, five rows. */
+/* Outputs at contacts. time and status (0 for a contact, -1 if open, which means that another solver must decide) are
+ * computed, or are inputs from an earlier call if `given` is not 0. The other outputs are computed if they are not
+ * null; they are NaN if the encounter is open.
+ * approach: l'.
+ * states: five rows, x~, x~', x~'', l' and the integral of x~.
+ * gradients: the derivatives of time, x~ and l', ten rows each, by the inputs up to D_p and by the slope.
+ * peaks: five rows, the largest demands, PEAKS of motion/layout.py. */
 typedef struct {
     double *time;
     int8_t *status;
@@ -77,45 +87,52 @@ typedef struct {
     pretouch_rows states, gradients, peaks;
 } pretouch_linear;
 
-/* inputs: M, D, K, x~(0), x~'(0), p, v, a, D_p, and for the demands velocity and acceleration of the reference. */
+/* inputs: M, D, K, x~(0), x~'(0), p, v, a, D_p; for peaks also velocity and acceleration of the reference. */
 PRETOUCH_API void pretouch_linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon,
                                            const pretouch_linear *wanted);
 
-/* For tests: for x <= 0 the rows e^x and 1 - e^x; the same two with phi_2, phi_3 and their validity, 1 or 0; e^x and
- * 1 - e^x with low accuracy; ln(1 - x) with low accuracy. out, shape (10, n). */
+/* For tests: the functions of lanes_exponential.hpp for x <= 0, in the rows of out, shape (10, n): e^x and 1 - e^x; the
+ * same two with phi_2, phi_3 and their validity, 1 or 0; e^x and 1 - e^x with low accuracy; ln(1 - x) with low
+ * accuracy. */
 PRETOUCH_API void pretouch_exponentials(const double *x, int64_t n, double *out);
 
 /* ---- many encounters with any curve, vectorized (lanes_series.cpp) ----
- * The curves: windows of all, shape (rows, width); first row of each curve, and the number of rows; curve of each
- * encounter. */
+ * Tables of one or several sensor curves. windows: rows of all curves, shape (rows, width). starts: index of the first
+ * row of each curve, followed by the number of rows. curve_of: index of the curve of each encounter. */
 typedef struct {
     const double *windows;
     int64_t rows, width;
     const int64_t *starts;
     const int64_t *curve_of;
-    int64_t stride; /* of curve_of: 0 if all encounters share one curve */
+    int64_t stride; /* stride of curve_of: 0 if all encounters share one curve, else 1 */
 } pretouch_curves;
 
-/* out: time, x~, x~', x~'', l' and the integral of x~, shape (6, n); gradients, if not null: of time, x~ and l' by
- * the inputs, shape (3, 9, n); or peaks, if not null: the largest demands, shape (5, n), for a reference as above. */
+/* out: time, x~, x~', x~'', l' and the integral of x~ at the contact, shape (6, n). gradients, if not null: the
+ * derivatives of time, x~ and l' by the nine inputs, shape (3, 9, n). peaks, if not null and without gradients: the
+ * largest demands, shape (5, n). reference: for peaks, velocity and acceleration of the reference. */
 PRETOUCH_API void pretouch_series_contacts(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
                                            const pretouch_curves *curves, double horizon, double *out,
                                            double *gradients, double *peaks, int8_t *status);
 
 /* ---- approaches under the virtual drag (lanes_drag.cpp) ----
- * inputs: k = phi / M, a_o, l, l'^2 and t at the start, k, l and l'^2 not negative; for peaks, the position
- * relative to the robot's start, the velocity and the acceleration of the obstacle at t = 0; shape (n) each.
+ * inputs: k = phi / M, a_o, l, l'^2 and t at the start, where k, l and l'^2 are not negative. For peaks also the
+ * obstacle's position relative to the robot's start, its velocity and its acceleration at t = 0. Shape (n) each.
  *
- * Outputs: rows, shape (n, 6): t, l, l'^2, g at the end, 2 k int g^2 dl, and the estimated relative error of the
- * duration; status: the values of ContactStatus; cells: how many intervals an approach has. The others are filled if not
- * null, and only at ends that are not unresolved: peaks, shape (n, 7): the largest k g^2 l'^2 and its distance, the
- * smallest, the largest and the smallest velocity, the largest and the smallest travel of the robot; gradients, shape (n,
- * 2, 5): derivatives of l'^2 and t at the end by k, a_o, l and l'^2 at the start, and the parameter of `changes`; nodes:
- * distances of the 16 quadrature points of each interval; balance, shape (n, 2): k int s' ds and its moment; trace, shape
- * (n, m, 2): l and |l'| at ascending times, shape (n, m), that lie in the approach.
+ * Outputs that are always computed:
+ * rows, shape (n, 6): t, l, l'^2 and g at the end, 2 k int g^2 dl, and the estimated relative error of the duration.
+ * status: values of ContactStatus. cells: the number of intervals of each approach.
  *
- * first: index of the first interval of each approach, for nodes and for values at nodes: changes (dg/d(parameter)) for
- * gradients, and log_outputs (ln xi) for balance; null without any of them. */
+ * Outputs that are computed if they are not null and the approach is not unresolved:
+ * peaks, shape (n, 7): the largest k g^2 l'^2 and its distance, the smallest one; the largest and the smallest velocity
+ * and the largest and the smallest travel of the robot.
+ * gradients, shape (n, 2, 5): derivatives of l'^2 and t at the end by k, a_o, l and l'^2 at the start, and by the
+ * parameter of `changes`.
+ * nodes: distances of the 16 quadrature points of each interval.
+ * balance, shape (n, 2): k int s' ds and its moment.
+ * trace, shape (n, m, 2): l and |l'| at ascending times, shape (n, m), that lie in the approach.
+ *
+ * first: index of the first interval of each approach, for the arrays with values at the nodes. These are nodes,
+ * changes (dg/d(parameter), for gradients) and log_outputs (ln xi, for balance). It is null if none of them is used. */
 typedef struct {
     double *rows;
     int64_t *status, *cells;
@@ -131,60 +148,69 @@ PRETOUCH_API void pretouch_drag_approaches(const pretouch_column *inputs, int64_
                                            double horizon, const pretouch_approaches *wanted);
 
 /* ---- designs (lanes_design.cpp) ---- */
-/* inputs: as values above, shape (10, n). slope: g at l = 0. curves and pieces: the curve, both null if that is g
- * everywhere; then the distances from `nearest` to `farthest` are valid. falling: whether
- * g < 0 at all distances that an encounter may reach. terms: rows of factor * |quantity|^exponent, shape (k, 4): quantity
- * (0 time, 1 displacement, 2 velocity, 3 acceleration, 4 relative velocity, 5 virtual force, at contact; the largest 6
- * excursion, 7 travel, 8 speed, 9 acceleration, 10 virtual force), factor in SI, exponent, and 1 if the term is divided by
- * the obstacle's squared speed, else 0. limits: rows of quantity, factor and exponent, at most 16, for
- * factor * |quantity|^exponent <= 1. Gains are scale * sinh(u), u from
- * weak to strong, within [low, high]. out: the optimal gains, their objective, and 1 if both are certain, 2 if no gain
- * meets the limits, else 0; shape (3, n). */
+/* Finds the optimal gain of each encounter.
+ * inputs: the columns of `values` above, shape (10, n).
+ * slope: g at l = 0. curves and pieces: the sensor curve; both are null if g is constant, and then the distances from
+ * `nearest` to `farthest` are valid. falling: whether g < 0 at all distances that an encounter may reach.
+ * terms: terms factor * |quantity|^exponent of the objective, shape (k, 4): quantity, factor in SI units, exponent, and
+ * 1 if the term is divided by the obstacle's squared speed, else 0. Quantities at contact: 0 time, 1 displacement, 2
+ * velocity, 3 acceleration, 4 relative velocity, 5 virtual force. Largest values: 6 excursion, 7 travel, 8 speed, 9
+ * acceleration, 10 virtual force.
+ * limits: at most 16 rows of quantity, factor and exponent, for factor * |quantity|^exponent <= 1.
+ * Searched gains are scale * sinh(u), with u from weak to strong, within [low, high].
+ * out, shape (3, n): optimal gain, its objective, and 1 if both are certain, 2 if no gain meets the limits, else 0. */
 PRETOUCH_API void pretouch_find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves,
                                       const pretouch_pieces *pieces, double nearest, double farthest, int falling,
                                       double horizon, const double *terms, int64_t k, const double *limits,
                                       int64_t limit_count, double scale, double strong, double weak, double low,
                                       double high, double *out);
-/* Two Chebyshev series at n places in [low, high]: coefficients of both, shape (2, m); out, shape (2, n). */
+/* Evaluates two Chebyshev series at n places in [low, high]. coefficients: those of both, shape (2, m);
+ * out, shape (2, n). */
 PRETOUCH_API void pretouch_interpolate(const double *place, int64_t n, double low, double high,
                                        const double *coefficients, int64_t m, double *out);
 
 /* ---- the sampled loop (loop*.cpp) ---- */
-/* m x'' = f - friction(x') - F_contact; f follows k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the servo's rate. A
- * mass of 0 stands for the ideal plant, a servo rate of 0 for no lag. */
+/* The plant m x'' = f - friction(x') - F_contact. The drive force f follows the command k (x_v - x) + d_v x_v' - d_x x'
+ * + m_f x_v'' as a first-order lag with the servo's rate [1/s]. A mass of 0 means an ideal plant, a servo rate of 0 no
+ * lag. */
 typedef struct {
     double mass, stiffness, reference_damping, own_damping, feedforward_mass, servo_rate, coulomb_friction;
     double friction_speed;
 } pretouch_plant;
 
-/* A linear plant with the states x, x' and so many hidden ones z, which replaces the coefficients but the mass. rows:
- * x'' and z' by (x, x', z, x_v, x_v', x_v'', force on the plant), shape (1 + hidden, 6 + hidden); null without such a
- * plant. starts: z at the start by (x, x') there, shape (hidden, 2). */
+/* A linear plant with the states x, x' and z, where `hidden` is the number of states z. It replaces all coefficients of
+ * pretouch_plant except for the mass. rows: x'' and z' as linear functions of (x, x', z, x_v, x_v', x_v'', force on the
+ * plant), shape (1 + hidden, 6 + hidden); null if there is no such plant. starts: initial z as linear functions of
+ * initial (x, x'), shape (hidden, 2). */
 enum { PRETOUCH_MOST_HIDDEN = 30 };
 typedef struct {
     const double *rows, *starts;
     int64_t hidden;
 } pretouch_state_space;
 
-/* k d^n + c d', c times d^n where damping grows with depth (other than 0); 1 / mass of the obstacle, 0: driven. */
+/* The contact force k d^n + c d' at the depth d, or k d^n + c d^n d' if `grows` is not 0. inverse_mass: 1 / mass of the
+ * obstacle, 0 if its motion is prescribed. */
 typedef struct {
     double stiffness, damping, exponent, grows, inverse_mass;
 } pretouch_contact;
 
-/* See SensorChain in simulation/chain.py, where `offset` is that and the crosstalk; truth values are 0 or not. */
+/* The fields of SensorChain in simulation/chain.py; `offset` is the sum of its offset and crosstalk. Flags are true if
+ * they are not 0. */
 typedef struct {
     double rate, phase, exposure, delay, jitter, noise, relative_noise, offset, drift, lowest, highest, resolution;
     double dropout, measures_distance, distance_noise, distance_resolution, random_phase, misfit, misfit_length;
 } pretouch_chain;
 
-/* ln xi and its slope times the step at equal distances, shape (rows, 2), from `low` on; beyond `high` xi is 0. */
+/* table, shape (rows, 2): ln xi and its slope times `step`, at distances from `low` on, `step` apart. Beyond `high`, xi
+ * is 0. */
 typedef struct {
     const double *table;
     int64_t rows;
     double low, step, high;
 } pretouch_curve;
 
-/* A law's step; its parameters and first states, each so many octets long, a multiple of 8; whose is which. */
+/* A law: its step function, and arrays of parameters and initial states. Their sizes are in bytes, multiples of 8.
+ * law_of and start_of: index of the parameters and of the initial state of each encounter. */
 typedef struct {
     pretouch_law_step *step;
     const char *parameters;
@@ -193,22 +219,23 @@ typedef struct {
     const int64_t *law_of, *start_of;
 } pretouch_laws;
 
-/* Position and velocity of the plant; position, velocity, acceleration of obstacle and reference. */
+/* Start of an encounter: position and velocity of the plant; position, velocity and acceleration of obstacle and
+ * reference. */
 typedef struct {
     double x, v, xo, vo, ao, xd, vd, ad;
 } pretouch_scene;
 
-/* The obstacle's acceleration until a time, which is not that of the scene before. */
+/* Acceleration of the obstacle until a time, in place of the acceleration in pretouch_scene. */
 typedef struct {
     double until, acceleration;
 } pretouch_stretch;
 
-/* A reading on its way: the number, when it can be had, when it was measured. */
+/* A reading in transit: its value, when it becomes available, and when it was measured [s]. */
 typedef struct {
     double value, ready, taken;
 } pretouch_reading;
 
-/* Filled by RESULT_COLUMNS, CONTACT_COLUMNS, TRACE_COLUMNS and COURSE_COLUMNS of simulation/native_loop.py. */
+/* Output rows: RESULT_COLUMNS, CONTACT_COLUMNS, TRACE_COLUMNS and COURSE_COLUMNS of simulation/native_loop.py. */
 typedef struct {
     double status, time, position, velocity, displacement, relative_velocity, closest_distance, largest_excursion;
     double largest_travel, largest_speed, largest_virtual_force, peak_force, impulse, rebound_velocity, contacts;
@@ -225,7 +252,8 @@ typedef struct {
     double time, distance, relative_velocity, contact_force;
 } pretouch_moment;
 
-/* All encounters of a loop. trace and course, as far as they have rows, are those of the last encounter that is run. */
+/* All encounters of a loop. trace and course may have 0 rows. Each encounter that is run overwrites them, so they are
+ * useful for a single one. */
 typedef struct {
     pretouch_laws laws;
     pretouch_plant plant;
@@ -233,40 +261,44 @@ typedef struct {
     pretouch_chain chain;
     const pretouch_curve *curves;
     const int64_t *curve_of;
-    double period, plant_step, horizon, follow_time; /* of the controller, of the plant, to wait for contact, to follow it */
+    /* controller's period, longest step of the plant, longest wait for a contact, time simulated after a contact [s] */
+    double period, plant_step, horizon, follow_time;
     uint64_t seed;
     const pretouch_scene *scenes;
-    const int64_t *draws; /* which run's noise each meets */
+    const int64_t *draws; /* number of the noise realization of each encounter */
     pretouch_end *ends;
-    pretouch_touch *touches; /* so many a run */
+    pretouch_touch *touches; /* most_touches rows for each encounter */
     int64_t most_touches;
     pretouch_instant *trace;
     int64_t trace_rows;
     pretouch_moment *course;
     int64_t course_rows;
-    const pretouch_stretch *stretches; /* so many a scene, by their time, before its acceleration holds */
+    const pretouch_stretch *stretches; /* stretches_each rows per scene, by time; then its acceleration holds */
     int64_t stretches_each;
     pretouch_state_space linear;
 } pretouch_loop;
 
-/* Runs those encounters that `which` names, several of them side by side where the law is the damper. state: room for
- * eight states of the law; waiting: for eight times `room` readings, a power of two, more than can be on their way at
- * once. */
+/* Runs the encounters with the indices `which`, several at once in vector lanes if the law is the virtual damper.
+ * state: memory for eight states of the law. waiting: memory for 8 `room` readings, where `room` is a power of two that
+ * exceeds the number of readings in transit. */
 PRETOUCH_API void pretouch_run_encounters(const pretouch_loop *loop, const int64_t *which, int64_t n, void *state,
                                           pretouch_reading *waiting, int64_t room);
 
-/* Steps a law over n samples in a row. */
+/* Calls the step of a law for n successive samples. */
 PRETOUCH_API void pretouch_run_law(pretouch_law_step *step, const void *parameters, void *state,
                                    const pretouch_sample *samples, int64_t n, pretouch_output *out);
 
-/* A step that resolves a contact that starts with a relative speed, and how long it would last without loss and
- * drive [s]. inverse_mass: 1 / the reduced mass of both bodies. */
+/* For a contact that starts with a relative speed [m/s]: a step size that resolves it, and its duration without damping
+ * and external forces [s]. inverse_mass: 1 / the reduced mass of both bodies [1/kg]. */
 PRETOUCH_API double pretouch_contact_step(const pretouch_contact *contact, double inverse_mass, double speed);
 PRETOUCH_API double pretouch_elastic_duration(const pretouch_contact *contact, double inverse_mass, double speed);
-/* The sensor chain of one run by itself, for robots that are simulated elsewhere. `sensor`: this many bytes of the caller,
- * aligned to 8; chain, curve and waiting (a power of two of rows) must live as long. A sensor starts at a distance [m] at
- * t = 0, is shown the distance at each instant that it asks for, and delivers the newest reading until a time: 1 if
- * there is a new one; reading and measured (when it was taken [s]) keep the last one otherwise. */
+/* The sensor chain of one run, for robots that are simulated elsewhere. `sensor`: memory of the caller with
+ * pretouch_sensor_size() bytes, aligned to 8. chain, curve and waiting (`room` rows, a power of two) must live as long.
+ *
+ * pretouch_sensor_start starts a sensor at a distance [m] at t = 0. pretouch_sensor_next returns the time at which the
+ * sensor samples the distance next [s], and pretouch_sensor_look passes that distance to it. pretouch_sensor_deliver
+ * writes the newest reading that is available at t, and when it was measured [s]. It returns 1 if the reading is new;
+ * otherwise it writes the previous one and returns 0. */
 PRETOUCH_API int64_t pretouch_sensor_size(void);
 PRETOUCH_API void pretouch_sensor_start(void *sensor, const pretouch_chain *chain, const pretouch_curve *curve,
                                         uint64_t seed, int64_t run, pretouch_reading *waiting, int64_t room,
@@ -274,10 +306,12 @@ PRETOUCH_API void pretouch_sensor_start(void *sensor, const pretouch_chain *chai
 PRETOUCH_API double pretouch_sensor_next(const void *sensor);
 PRETOUCH_API void pretouch_sensor_look(void *sensor, double distance);
 PRETOUCH_API int64_t pretouch_sensor_deliver(void *sensor, double t, double *reading, double *measured);
-/* The cubic through both ends of a step, by slopes over the whole step: its value and, into `slope`, its slope at s. */
+/* The cubic Hermite polynomial over a step, with derivatives by s as slopes: returns its value at s, 0 to 1, and writes
+ * its slope there. */
 PRETOUCH_API double pretouch_cubic(double start, double start_slope, double end, double end_slope, double s,
                                    double *slope);
-/* The part of a step at which that cubic first touches zero, 2 where it does not; `least`: what it comes to. */
+/* Returns the part of a step at which this cubic first touches zero, 2 if it does not. A minimum of at most `doubt`
+ * counts as a touch. least: output, its smallest value. */
 PRETOUCH_API double pretouch_first_touch(double start, double start_slope, double end, double end_slope, double doubt,
                                          double *least);
 

@@ -1,11 +1,18 @@
-// The ten Radau points in (0, 1] and their matrices, for stiff_step.cpp.
+// The ten Radau points in (0, 1] and matrices for polynomials through values at these points. stiff_step.cpp uses them.
 //
-// They were computed in Python: the points are the zeros of P_10 - P_9, from numpy.polynomial.legendre.legroots and
-// three steps of Newton's method on legval, the last one set to 1, brought from [-1, 1] to [0, 1]. TO_LEGENDRE is the
-// inverse of legvander at them, and INTEGRALS are legint of each P_n from -1 to each point, halved, times TO_LEGENDRE. Each
-// was printed with 17 digits; tests/equations/test_radau_points.py recomputes them. TWICE is the square of INTEGRALS, and
-// TO_POWERS has the whole numbers (-1)^(n + k) binom(n, k) binom(n + k, k), the coefficients of the shifted Legendre
-// polynomials; the compiler computes these.
+// Python computed the first three tables with numpy.polynomial.legendre and printed them with 17 digits.
+// tests/equations/test_radau_points.py recomputes them.
+//
+// - nodes: the zeros of P_10 - P_9, by legroots and three steps of Newton's method on legval. The largest zero is set
+//   to exactly 1, and all are mapped from [-1, 1] to [0, 1].
+// - to_legendre: the inverse of legvander at the points.
+// - integrals: the integral of each P_n from -1 to each point by legint, halved, times to_legendre.
+//
+// The compiler computes the other two tables.
+//
+// - twice: the square of `integrals`.
+// - to_powers: the integers (-1)^(n + k) binom(n, k) binom(n + k, k), the coefficients of the shifted Legendre
+//   polynomials.
 
 #pragma once
 
@@ -15,10 +22,10 @@ constexpr int POINTS = 10;
 
 struct RadauTables {
     double nodes[POINTS];
-    double integrals[POINTS][POINTS];  // to point i, of the polynomial that is one at point j and zero at the others
+    double integrals[POINTS][POINTS];  // from 0 to point i, of the polynomial that is 1 at point j and 0 at the others
     double to_legendre[POINTS][POINTS];  // from values at the points to coefficients of shifted Legendre polynomials
     double twice[POINTS][POINTS];
-    double to_powers[POINTS][POINTS];  // from those of Legendre polynomials to coefficients of powers
+    double to_powers[POINTS][POINTS];  // from coefficients of shifted Legendre polynomials to coefficients of powers
 };
 
 // clang-format off
@@ -82,11 +89,11 @@ constexpr RadauTables PRINTED = {
 
 constexpr RadauTables completed(RadauTables tables) {
     for (int i = 0; i < POINTS; i++) {
-        double power = i % 2 ? -1 : 1;  // (-1)^(n + k) binom(n, k) binom(n + k, k) of n = i, from k = 0 on
+        double power = i % 2 ? -1 : 1;  // (-1)^(n + k) binom(n, k) binom(n + k, k) for n = i, starting with k = 0
         for (int k = 0; k < POINTS; k++) {
             for (int j = 0; j < POINTS; j++) tables.twice[i][j] += tables.integrals[i][k] * tables.integrals[k][j];
             tables.to_powers[k][i] = k <= i ? power : 0;
-            power = -power * double((i + k + 1) * (i - k)) / double((k + 1) * (k + 1));  // exact: whole numbers
+            power = -power * double((i + k + 1) * (i - k)) / double((k + 1) * (k + 1));  // exact: integers
         }
     }
     return tables;

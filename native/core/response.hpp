@@ -1,12 +1,14 @@
-// The response of M y'' + D y' + K y, accurate to rounding for every damping, including critical damping and K -> 0.
+// The response of M y'' + D y' + K y = f0 + f1 t, accurate to rounding errors for every damping, including critical
+// damping and K -> 0.
 //
-// The printed form of L(10) divides by lambda_2 - lambda_1 and by K_a and loses digits if either is near zero. It can be
-// expressed by the divided differences G_m = exp[0^m, z1, z2] at the points z = lambda t and m zeros:
+// The form in which L(10) is printed divides by lambda_2 - lambda_1 and by K_a, and loses digits if either is near
+// zero. The response can also be expressed by the divided differences G_m = exp[0^m, z1, z2] of the exponential, at the
+// points z = lambda t and m zeros:
 //
-//     t^(m+1) G_m  is the response, from rest, to the force t^(m-1) / (m-1)!   (m = 0: to an impulse),
+//     t^(m+1) G_m  is the response, from rest, to the force t^(m-1) / (m-1)!   (m = 0: to an impulse).
 //
-// which are entire functions of (z1, z2). They are computed by a series near the origin, and elsewhere by recursion over
-// the point farthest from zero, so that no digits are lost.
+// They are entire functions of (z1, z2). Near the origin they are computed by a series, elsewhere by a recursion that
+// divides by the point farthest from zero, so that no digits are lost.
 
 #pragma once
 
@@ -24,7 +26,7 @@ struct Response {
 };
 
 struct DividedDifferences {
-    double derivative;  // of t G_0: G_-1
+    double derivative;  // G_-1, the derivative of t G_0 by t
     double h0;          // the free response to a unit displacement
     double g0, g1, g2, g3;
 };
@@ -44,7 +46,7 @@ struct InverseFactorials {
 };
 constexpr InverseFactorials INVERSE_FACTORIALS;
 
-// exp[0^k, z] = sum z^j / (j + k)! = 1 / k! + z exp[0^(k+1), z] for k = 1 to LAST, the first of them in phi[0].
+// Computes exp[0^k, z] = sum_j z^j / (j + k)! = 1 / k! + z exp[0^(k+1), z] for k = 1 to LAST. phi[0] has k = 1.
 template <int LAST> inline void find_phi(double z, double *phi) {
     const double *inverse = INVERSE_FACTORIALS.of;
     if (fabs(z) < 1.0) {
@@ -58,7 +60,8 @@ template <int LAST> inline void find_phi(double z, double *phi) {
     for (int k = 1; k < LAST; k++) phi[k] = (phi[k - 1] - inverse[k]) / z;
 }
 
-// z1 + z2 = p, z1 z2 = q >= 0: sums of (z1^k + z1^(k-1) z2 + ... + z2^k) / (k + m + 1)!.
+// G_m near the origin by its series, the sum over k of (z1^k + z1^(k-1) z2 + ... + z2^k) / (k + m + 1)!,
+// with z1 + z2 = p and z1 z2 = q >= 0.
 inline DividedDifferences near_the_origin(double p, double q) {
     const double *inverse = INVERSE_FACTORIALS.of;
     double symmetric = 1.0, before = 0.0, derivative = 0.0, g0 = 0.0, g1 = 0.0, g2 = 0.0, g3 = 0.0;
@@ -75,7 +78,7 @@ inline DividedDifferences near_the_origin(double p, double q) {
     return {derivative, 1.0 - q * g1, g0, g1, g2, g3};
 }
 
-// At z = lambda t, L(13): z1 + z2 = p, z1 z2 = q >= 0, (z1 - z2)^2 / 4 = d.
+// The divided differences at z = lambda t, L(13), with z1 + z2 = p, z1 z2 = q >= 0 and (z1 - z2)^2 / 4 = d.
 inline DividedDifferences divided_differences(double p, double q, double d) {
     if ((d > 0 ? fabs(p) / 2 + sqrt(d) : sqrt(q)) < SERIES_RADIUS) return near_the_origin(p, q);
     DividedDifferences g;
@@ -98,10 +101,10 @@ inline DividedDifferences divided_differences(double p, double q, double d) {
     return g;
 }
 
-// The response of a system by L(10)-(13) without their quotients.
+// The response of a system by L(10)-(13), in the form without divisions by small numbers.
 struct Motion {
     double y0, v0, a0, j0;  // y and its derivatives at the start
-    double sigma, square;   // of y'' + 2 sigma y' + square y = c0 + c1 t
+    double sigma, square;   // coefficients of y'' + 2 sigma y' + square y = c0 + c1 t
     double c0, c1, disc;    // disc: sigma^2 - square
 
     explicit Motion(const System &m)

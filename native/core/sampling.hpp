@@ -1,4 +1,4 @@
-// Decide from samples of a function whether they resolve it, and find its minimum.
+// Functions that decide whether samples resolve a function, and that find its minimum between the samples.
 
 #pragma once
 
@@ -16,10 +16,11 @@ constexpr double AT[NODES] = {  // cos((i + 1/2) pi / 8)
 namespace sampling {
 
 constexpr double RESOLVED = 1e-3, STEEP = 0.03;
-constexpr double VANISHED = 1e-7;  // of the curvature: an error of 1e-8 in z at most, since coefficients go on to fall
+constexpr double VANISHED = 1e-7;  // largest last coefficients, relative to that of the curvature. The omitted ones are
+                                   // smaller, so that the error of the minimum's place z is at most 1e-8.
 
 struct Quintic {
-    double weight[5][6];  // of the values at 0 to 5, for the values at 0.5 to 4.5
+    double weight[5][6];  // weights of the values at 0 to 5, for interpolated values at 0.5 to 4.5
 };
 
 constexpr Quintic quintic() {
@@ -35,6 +36,7 @@ constexpr Quintic quintic() {
 
 constexpr Quintic MIDDLE = quintic();
 
+// The value of a Chebyshev series at z, by Clenshaw's recursion.
 static inline double series(const double *c, double z) {
     double first = 0.0, before = 0.0;
     for (int k = NODES - 1; k > 0; k--) {
@@ -45,7 +47,7 @@ static inline double series(const double *c, double z) {
     return c[0] + z * first - before;
 }
 
-// The Chebyshev coefficients of a derivative.
+// Computes the Chebyshev coefficients of the derivative of a series.
 static inline void differentiate(const double *c, double *slope) {
     slope[NODES - 1] = 0.0;
     for (int k = NODES - 1; k > 0; k--) slope[k - 1] = (k + 1 < NODES ? slope[k + 1] : 0.0) + 2.0 * k * c[k];
@@ -54,8 +56,9 @@ static inline void differentiate(const double *c, double *slope) {
 
 }  // namespace sampling
 
-// Whether an odd node is predicted by the quintic through the six even nodes nearest to it. An error is compared with the
-// objective, or with its rise over the gap, since a steep part hides no minimum.
+// Whether the quintic through the six even nodes nearest to an odd node predicts its value. The allowed error is
+// relative to the objective, plus a share of its change between the neighboring nodes, because a steep part hides no
+// minimum.
 static inline bool is_predicted(const double *f, int used, int i) {
     int first = i - 5 > 0 ? i - 5 : 0;
     if (first > used - 11) first = used - 11;
@@ -65,7 +68,8 @@ static inline bool is_predicted(const double *f, int used, int i) {
     return fabs(guess - f[i]) <= allowed;
 }
 
-// The minimum of the quartic through five nodes around the best, in steps from node 0.
+// The minimum of the quartic through five nodes around the best one, in node spacings from node 0. If Newton's method
+// leaves the neighborhood of the best node, the result is that node.
 static inline double guess_minimum(const double *f, int best, int used) {
     int c = best > 2 ? best : 2;
     if (c > used - 3) c = used - 3;
@@ -84,14 +88,14 @@ static inline double guess_minimum(const double *f, int best, int used) {
 
 struct Bottom {
     double z, value;
-    bool fits;  // the last coefficients are negligible compared with the curvature: no corner, no noise
+    bool fits;  // whether the last coefficients are negligible (VANISHED), so that there is no corner and no noise
 };
 
-// The Chebyshev coefficients of the polynomial through the values at the nodes.
+// Computes the Chebyshev coefficients of the polynomial through the values at the nodes.
 static inline void chebyshev_of(const double *values, double *c) {
     for (int k = 0; k < NODES; k++) c[k] = 0.0;
     for (int j = 0; j < NODES; j++) {
-        double before = AT[j], now = 1.0;  // T_k of the node, from T_-1 = T_1 on
+        double before = AT[j], now = 1.0;  // T_k at the node, starting from T_-1 = T_1 and T_0
         for (int k = 0; k < NODES; k++) {
             c[k] += (k == 0 ? 1.0 : 2.0) / NODES * now * values[j];
             const double next = 2.0 * AT[j] * now - before;

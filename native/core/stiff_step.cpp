@@ -1,14 +1,14 @@
-// One long step of a stiff motion by the Radau IIA method: a polynomial that satisfies L(1) with L(2) at ten points.
+// One long step of a stiff motion by the Radau IIA method: a polynomial that satisfies L(1) and L(2) at ten points.
 //
-// If D + D_p g is large compared with M, the initial transient decays within M / (D + D_p g), and a slow motion follows.
-// A Taylor step covers only a few of these times, even if the slow motion is smooth. Here l' is a polynomial over the
-// whole step, with l'' from the equation of motion at the Radau points, found by Newton's method. The method is
-// L-stable: rounding errors of the fast part decay, too.
+// If D + D_p g is large compared with M, the initial transient decays within M / (D + D_p g), and a slow motion
+// follows. A Taylor step covers only a few of these times, even if the slow motion is smooth. Here l' is a polynomial
+// over the whole step, with l'' from the equation of motion at the Radau points, found by Newton's method. The method
+// is L-stable, so rounding errors of the fast part decay, too.
 //
 // A step is accepted only if its coefficients show that it is resolved: the last Legendre coefficients of l'' must be
-// negligible compared with l', or with its rounding error. A fast part of a motion, such as an oscillation or the
-// transient, is therefore never skipped, since its coefficients do not decay. The damping must be positive at all
-// points, since errors of an unstable motion do not decay.
+// negligible compared with l', or as small as its rounding error allows. A fast part of a motion, such as an
+// oscillation or the transient, is therefore never skipped, because its coefficients do not decay. The damping must be
+// positive at all points, because errors of an unstable motion do not decay.
 
 #include "stiff_step.hpp"
 
@@ -21,28 +21,28 @@ namespace pretouch {
 
 namespace {
 
-constexpr double LONG = 8;         // times a Taylor step: what a long one begins with
-constexpr double WORTH = 2;        // times a Taylor step: what is shorter is not worth its ten points
-constexpr double FAR = 64;         // times a Taylor step: where the next border is farther, long steps are tried
-constexpr double EAGER = 4;        // times as soon
-constexpr double FORGOTTEN = 0.1;  // of a wrong l': what is left of it after a long step, at most
-constexpr double UNRESOLVED = 1e-12;  // of l': the last coefficients of l''; those left out are smaller by tens, and l'
-                                      // by another ten
-constexpr double NOISE = 300;  // what rounding is multiplied by in the last Legendre coefficient: about POINTS^2, twice
+constexpr double LONG = 8;         // length of the first attempt, in Taylor steps
+constexpr double WORTH = 2;        // shortest attempt, in Taylor steps; a shorter one does not pay for its ten points
+constexpr double FAR = 64;         // if the longest useful step has more Taylor steps than this, the wait is shorter
+constexpr double EAGER = 4;        // factor by which it is shorter
+constexpr double FORGOTTEN = 0.1;  // largest share of an error of l' that remains after a long step
+constexpr double UNRESOLVED = 1e-12;  // largest last coefficients of l'', relative to l'. The omitted ones are about
+                                      // ten times smaller, and those of l' are ten times smaller again.
+constexpr double NOISE = 300;  // amplification of rounding errors in the last two coefficients: about POINTS^2 each
 constexpr double ROUNDING = 1.1e-16;
 constexpr int ITERATIONS = 10;
-constexpr double CLOSE = 1e-8;  // of l': Newton's method has converged with one more step
+constexpr double CLOSE = 1e-8;  // change of l', relative to l', after which one more step of Newton's method converges
 
-// At the points: h l'', l', l and d ln xi / dt.
+// Values at the points: h l'', l', l and d ln xi / dt.
 struct AtPoints {
     double rise[POINTS], v[POINTS], l[POINTS], force[POINTS];
 };
 
-typedef double Pair __attribute__((vector_size(2 * sizeof(double))));  // what the simplest processor has in a register
+typedef double Pair __attribute__((vector_size(2 * sizeof(double))));  // fits the vector registers of any processor
 
 constexpr int PAIRS = POINTS / 2;
 
-// A row of equations in pairs; the last pair is the right-hand side and nothing.
+// One equation of a linear system, in pairs of coefficients; the last pair is the right-hand side and an unused 0.
 struct Row {
     Pair pairs[PAIRS + 1];
     double operator[](int j) const { return pairs[j / 2][j % 2]; }
@@ -51,15 +51,15 @@ struct Row {
 
 Pair load(const double *from) { return Pair{from[0], from[1]}; }
 
-// The product of two rows of numbers.
+// Scalar product of two vectors of length POINTS.
 double product(const double *x, const double *y) {
     Pair sum = load(x) * load(y);
     for (int j = 1; j < PAIRS; j++) sum += load(x + 2 * j) * load(y + 2 * j);
     return sum[0] + sum[1];
 }
 
-// Solve a linear system by elimination.
-bool solve(Row *rows, double *found) {
+// Solves a linear system by Gaussian elimination with pivoting; returns false if the system is singular.
+bool solve(Row *rows, double *solution) {
     Row *order[POINTS];
     for (int i = 0; i < POINTS; i++) order[i] = rows + i;
     for (int k = 0; k < POINTS; k++) {
@@ -79,20 +79,21 @@ bool solve(Row *rows, double *found) {
     }
     for (int k = POINTS - 1; k >= 0; k--) {
         double total = order[k]->right();
-        for (int j = k + 1; j < POINTS; j++) total -= (*order[k])[j] * found[j];
-        found[k] = total / (*order[k])[k];
+        for (int j = k + 1; j < POINTS; j++) total -= (*order[k])[j] * solution[j];
+        solution[k] = total / (*order[k])[k];
     }
     return true;
 }
 
-// How far a step of Newton's method moved l', and what rounding makes of l'; whether there is one.
+// Result of a step of Newton's method: whether it could be computed, the largest change of l' and the rounding error of
+// l' [m/s].
 struct Moved {
-    bool found;
+    bool valid;
     double change, noise;
 };
 
-// Set up the equations of a step of Newton's method; returns what rounding makes of l', negative where D + D_p g is not
-// positive.
+// Sets up the equations of a step of Newton's method. Returns the rounding error of l' [m/s], or -1 if D + D_p g is not
+// positive at all points.
 double linearize(const Values &m, double gain, const Piece &piece, const Start &state, double h, AtPoints &at,
                  Row *rows) {
     const double inertia = m.mass / h;
@@ -107,7 +108,7 @@ double linearize(const Values &m, double gain, const Piece &piece, const Start &
         const double own = m.stiffness * obstacle_at(m, t), brought = m.damping * obstacle_speed(m, t);
         const double drive = own + brought + m.mass * m.a;
         const double residual = inertia * at.rise[i] + held * at.v[i] + m.stiffness * at.l[i] - drive;
-        const double steep = terms + fabs(slope.bend * at.l[i]);  // what g is a sum of, and what a rounding of l is in it
+        const double steep = terms + fabs(slope.bend * at.l[i]);  // g's rounding error: of its terms, and through l
         const double size = fabs(own) + fabs(brought) + fabs(m.mass * m.a) + fabs(m.stiffness * at.l[i]) +
                             fabs(gain * at.v[i]) * steep;
         noise = larger(noise, ROUNDING * size / (held + inertia));
@@ -124,11 +125,11 @@ double linearize(const Values &m, double gain, const Piece &piece, const Start &
 
 Moved iterate(const Values &m, double gain, const Piece &piece, const Start &state, double h, AtPoints &at) {
     Row rows[POINTS];
-    double found[POINTS];
+    double correction[POINTS];
     const double noise = linearize(m, gain, piece, state, h, at, rows);
-    if (noise < 0 || !solve(rows, found)) return {false, 0, 0};
+    if (noise < 0 || !solve(rows, correction)) return {false, 0, 0};
     double change = 0;
-    for (int j = 0; j < POINTS; j++) at.rise[j] += found[j];
+    for (int j = 0; j < POINTS; j++) at.rise[j] += correction[j];
     for (int i = 0; i < POINTS; i++) {
         const double v = state.speed + product(RADAU.integrals[i], at.rise);
         change = larger(change, fabs(v - at.v[i]));
@@ -138,25 +139,28 @@ Moved iterate(const Values &m, double gain, const Piece &piece, const Start &sta
     return {isfinite(change) != 0, change, noise};
 }
 
-// The largest l' at the points and at the start.
+// Returns the largest |l'| at the points and at the start; NaN if all points have NaN.
 double fastest(const Start &state, const AtPoints &at) {
-    double found = fabs(state.speed);
+    double largest = fabs(state.speed);
     for (int i = 0; i < POINTS; i++) {
-        if (!(fabs(at.v[i]) <= found)) found = fabs(at.v[i]);  // and what is no number, where one is none
+        if (!(fabs(at.v[i]) <= largest)) largest = fabs(at.v[i]);  // also true for NaN
     }
-    return found;
+    return largest;
 }
 
-// Write the powers of the polynomial through the points.
+// Writes the power coefficients of the polynomial through the values at the points.
 void to_series(const double *at_points, double *series) {
     double parts[POINTS];
     for (int k = 0; k < POINTS; k++) parts[k] = product(RADAU.to_legendre[k], at_points);
     for (int k = 0; k < POINTS; k++) series[k] = product(RADAU.to_powers[k], parts);
 }
 
-// Try one step of any length. Returns the last coefficients of l'' over what they may be: at most 1 where the step is
-// resolved, infinite where the equation has no solution that can be trusted. doubt: how well l' is known [m/s]: what is
-// wrong with it is forgotten in the step. The series are filled where it is resolved.
+// Tries one step of length h. Returns the ratio of the last coefficients of l'' to their limit. A ratio of at most 1
+// means that the step is resolved; `l` and `force` are then filled with the series. The ratio is infinite if Newton's
+// method does not converge, or if the damping is not positive.
+//
+// doubt: error of l' at the start [m/s]. It raises the limit, because the step damps this error: the decay of the error
+// is a fast transient that need not be resolved.
 double collocate(const Values &m, double gain, const Piece &piece, const Start &state, double h, double doubt,
                  double *l, double *force) {
     AtPoints at;
@@ -170,7 +174,7 @@ double collocate(const Values &m, double gain, const Piece &piece, const Start &
     for (int i = 0; i < ITERATIONS; i++) {
         const Moved moved = iterate(m, gain, piece, state, h, at);
         noise = moved.noise;
-        if (!moved.found) return INFINITY;
+        if (!moved.valid) return INFINITY;
         if (close) break;
         double most = 0;
         for (int j = 0; j < POINTS; j++) most = larger(most, fabs(at.v[j]));
@@ -199,7 +203,7 @@ double long_step(const Values &m, double gain, const Piece &piece, const Start &
         return 0;
     }
     double h = smaller(larger(pace.next, LONG * taylor), longest);
-    if (h < WORTH * taylor) return 0;  // a border is near
+    if (h < WORTH * taylor) return 0;  // the border is too near for a long step
     while (h >= WORTH * taylor) {
         const double missed = collocate(m, gain, piece, state, h, pace.doubt, l, force);
         const double factor = missed > 0 ? 0.9 * pow(missed, -0.1) : 4.0;

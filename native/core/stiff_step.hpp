@@ -6,23 +6,25 @@
 
 namespace pretouch {
 
-constexpr double PATIENCE = 64;  // Taylor steps before long ones are tried; fewer if the next border is far
+constexpr double PATIENCE = 64;  // Taylor steps before the first long step is tried; fewer if the next border is far
 constexpr int LONG_TERMS = 12;
-constexpr double AHEAD = 1.5;    // largest length of a long step relative to the way to a border
+constexpr double AHEAD = 1.5;    // longest useful step, relative to the time to the next border at the present speed
 
 // State at the start of a step.
 struct Start {
     double time, l, speed;
 };
 
-// Length of the next attempt [s], Taylor steps until then, Taylor steps after another failure, and the error of l' [m/s].
+// When and how the next long step is tried: its length [s], how many Taylor steps to wait until then, how many to wait
+// after a failure, and the error of l' [m/s].
 struct Pace {
     double next, wait, patience, doubt;
 };
 
-// Try a step that is longer than those of Taylor's series, of the length `taylor`, but not longer than `longest` [s],
-// the longest of use. Returns its length, 0 where there is none; fills the first LONG_TERMS coefficients of l and of
-// d ln xi / dt in parts of it.
+// Tries a step that is longer than the Taylor step of length `taylor`, and at most `longest`, the longest useful step
+// [s]. Returns its length [s], or 0 if no long step was tried or none was accepted. For an accepted step, it fills `l`
+// with LONG_TERMS power coefficients of l, and `force` with the first POINTS ones of d ln xi / dt, in time / length of
+// the step.
 double long_step(const Values &m, double gain, const Piece &piece, const Start &state, double taylor, double longest,
                  Pace &pace, double *l, double *force);
 

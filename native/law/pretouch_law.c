@@ -22,16 +22,16 @@
 
 typedef pretouch_real real;
 
-static const real ANY_CHANGE = R(1500.0); /* of ln xi: larger than the difference of any two numbers */
-static const real ANY_FORCE = R(1e9);     /* N, beyond which a contact force is a fault */
-static const real ANY_REFERENCE = R(1e6); /* SI, beyond which a reference is a fault */
+static const real ANY_CHANGE = R(1500.0); /* upper bound of |change of ln xi| between any two numbers */
+static const real ANY_FORCE = R(1e9);     /* N; a larger contact force is a fault */
+static const real ANY_REFERENCE = R(1e6); /* SI; a larger reference is a fault */
 
-/* Return the first number unless the second is larger (smaller), also for NaN and for zeros of both signs. */
+/* Return the second number if it is larger (smaller), else the first: also for NaN and for zeros of both signs. */
 static inline real larger(real a, real b) { return b > a ? b : a; }
 static inline real smaller(real a, real b) { return b < a ? b : a; }
 static inline real within(real value, real limit) { return larger(smaller(value, limit), -limit); }
 
-/* ---- running median: keeps outliers from the low-pass ---- */
+/* ---- running median: removes outliers before the low-pass ---- */
 
 static void fill_median(int32_t length, real value, pretouch_median_state *s) {
     for (int32_t i = 0; i < PRETOUCH_MEDIAN; i++) s->arrived[i] = value;
@@ -39,7 +39,7 @@ static void fill_median(int32_t length, real value, pretouch_median_state *s) {
     s->oldest = 0;
 }
 
-/* Adds a reading and returns the median of the last `length` readings; for an even number the mean of the middle two.
+/* Adds a reading and returns the median of the last `length` readings; for an even length the mean of the middle two.
  * One pass removes the oldest reading from the sorted array by shifting the values above it, and inserts the new one.
  * The loop always visits all elements, so a step takes the same time for every reading. */
 static real advance_median(int32_t length, pretouch_median_state *s, real value) {
@@ -58,7 +58,7 @@ static real advance_median(int32_t length, pretouch_median_state *s, real value)
 
 /* ---- Butterworth low-pass: second-order sections in transposed direct form II ---- */
 
-/* Starts in the steady state for the constant input `value`, without a transient. */
+/* Sets the filter to its steady state for the constant input `value`, so that it starts without a transient. */
 static void fill_low_pass(const pretouch_sensing_numbers *p, real value, pretouch_sensing_state *s) {
     for (int32_t i = 0; i < p->sections; i++) {
         const pretouch_section *n = &p->low_pass[i];
@@ -92,8 +92,8 @@ void pretouch_start_sensing(const pretouch_sensing_numbers *p, pretouch_sensing_
     s->running = 0;
 }
 
-/* Returns why a new reading is rejected; 0 if it is usable or if there is none. measured: time since the last one was
- * measured [s]. */
+/* Returns the status flag that says why a new reading is rejected; 0 if it is usable or if there is none. measured:
+ * time since the last usable reading was measured [s]. */
 static int32_t fault_of(const pretouch_sensing_numbers *p, const pretouch_sensing_state *s,
                         const pretouch_sample *sample, real level, real measured) {
     const real elapsed = measured - sample->age;
@@ -107,7 +107,7 @@ static int32_t fault_of(const pretouch_sensing_numbers *p, const pretouch_sensin
     return 0;
 }
 
-/* Filters a usable reading and takes its logarithm. measured: time since the previous one was measured [s]. */
+/* Filters a usable reading and computes its logarithm. measured: time since the previous one was measured [s]. */
 static void take_in(const pretouch_sensing_numbers *p, pretouch_sensing_state *s, real age, real level,
                     real measured, pretouch_observation *seen) {
     const int32_t restarted = !s->running;
@@ -140,7 +140,7 @@ void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state 
                       pretouch_observation *seen) {
     const real quiet = s->quiet + p->period, measured = s->measured + p->period;
     const real above = sample->reading - p->offset;
-    const real level = p->floor < above && above < (real)INFINITY ? above : p->floor; /* NaN becomes the floor, too */
+    const real level = p->floor < above && above < (real)INFINITY ? above : p->floor; /* the floor also for NaN */
     const int32_t fault = fault_of(p, s, sample, level, measured);
     if (sample->fresh && fault == 0) {
         take_in(p, s, sample->age, level, measured, seen);
@@ -163,14 +163,15 @@ void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state 
                    (seen->lost ? PRETOUCH_LOST : 0) + fault;
 }
 
-/* ---- L(2): the impulse is D_p times the change of ln xi, exact at any sampling rate ---- */
+/* ---- L(2): the impulse is D_p times the change of ln xi; this is exact at any sampling rate ---- */
 
 void pretouch_damp(const pretouch_damper_numbers *p, pretouch_damper_state *s, const pretouch_observation *seen,
                    pretouch_push *push) {
     const real ramp = seen->detecting ? smaller(s->ramp + p->ramp_step, 1) : larger(s->ramp - p->ramp_step, 0);
     const real share = seen->detecting ? ramp : s->ramp; /* the change down to the floor still counts */
     const real before = seen->restarted ? seen->log_level : s->mark;
-    /* for approach_only, a mark follows ln xi up at once and down with a lag of `release`; only its rises count */
+    /* For approach_only, a mark follows a rise of ln xi immediately, and a fall at the distance `release` above ln xi.
+     * Only rises of the mark count. */
     const real mark =
         seen->usable ? smaller(larger(before, seen->log_level), seen->log_level + p->release) : before;
     const real change = p->approach_only ? larger(mark - before, 0) : seen->change;
@@ -180,12 +181,13 @@ void pretouch_damp(const pretouch_damper_numbers *p, pretouch_damper_state *s, c
     push->force = 0;
 }
 
-/* ---- the virtual drag: phi times the rate of ln xi times its rise ---- */
+/* ---- the virtual drag: the impulse is -phi times the rate of ln xi times its rise ---- */
 
-/* Returns by how much this reading raises the smoothed ln xi beyond its dead zone; *fast: rate beyond noise [1/s].
- * The prediction error of each reading corrects level and rate, so they follow a steady approach without lag for any
- * time between readings. The dead zone is as wide as the noise at this xi: a mark follows the level upward at once and
- * downward with a lag of that width, and only rises of the mark count. */
+/* Returns by how much this reading raises the smoothed ln xi beyond its dead zone. *fast: output, rate of ln xi above
+ * its noise [1/s]. The prediction error of each reading corrects level and rate, so both follow a steady approach
+ * without lag, for any time between readings. The width of the dead zone is proportional to the noise at this xi. A
+ * mark follows a rise of the level immediately, and a fall at a distance of that width above it; only rises of the mark
+ * count. */
 static real advance_rise(const pretouch_drag_numbers *p, pretouch_drag_state *s, const pretouch_observation *seen,
                          real *fast) {
     const real xi = seen->level, sigma = SQRT(p->variance + p->relative_variance * xi * xi) / xi;
@@ -207,10 +209,11 @@ void pretouch_drag(const pretouch_drag_numbers *p, pretouch_drag_state *s, const
     const real x = driven->motion.position, v = driven->motion.velocity, ahead = p->period / 2;
     real fast = 0;
     const real rise = seen->usable ? advance_rise(p, s, seen, &fast) : 0;
-    const real own = v > 0 ? larger(p->own_advance * rise, -p->mass * v) : 0; /* brakes to rest at most */
+    const real own = v > 0 ? larger(p->own_advance * rise, -p->mass * v) : 0; /* stops the plant at most */
     const real left = rise > 0 ? p->hold : s->hold;
     const int approaching = seen->detecting && left > 0;
-    /* pull of the admittance in the middle of the period; it is cancelled while the plant retreats */
+    /* Force that balances spring and damper of the admittance in the middle of the period. While the plant retreats, it
+     * is applied if spring and damper would brake the retreat. */
     const real pull = p->stiffness * (x + ahead * v) + p->damping * (v + ahead * driven->delivery.steady / p->mass);
     const real held = v <= 0 ? smaller(pull, 0) : 0;
     s->hold = approaching ? larger(left - p->period, 0) : 0;
@@ -220,9 +223,9 @@ void pretouch_drag(const pretouch_drag_numbers *p, pretouch_drag_state *s, const
 
 /* ---- delivery: an impulse as a constant force over one sensor period ---- */
 
-/* Returns the force of this period [N]. If the next reading is late, the force continues and fades. The impulse that
- * was delivered ahead is subtracted from that of the next reading, so the sum stays exact; it causes no force by
- * itself. The part of an impulse above the force limit is dropped, since it would act too late. */
+/* Returns the force of this period [N]. If the next reading is late, the force continues and fades. The impulse that is
+ * delivered meanwhile is subtracted from that of the next reading, so that the sum stays exact. The subtraction by
+ * itself causes no force. The part of an impulse above the force limit is dropped, since it would act too late. */
 static real deliver(const pretouch_drive_numbers *p, pretouch_delivery *s, const pretouch_observation *seen,
                     real impulse) {
     const real period = p->limits.period;
@@ -248,7 +251,7 @@ static real deliver(const pretouch_drive_numbers *p, pretouch_delivery *s, const
     return force;
 }
 
-/* ---- L(1), and limits that hold together for any force ---- */
+/* ---- L(1), and limits of the motion that are all met for any force ---- */
 
 static pretouch_motion advance_admittance(const pretouch_admittance_numbers *p, pretouch_motion m, real force) {
     const real x = m.position, v = m.velocity;
@@ -258,13 +261,13 @@ static pretouch_motion advance_admittance(const pretouch_admittance_numbers *p, 
     };
 }
 
-/* Stopping distance [m] from a speed >= 0: full periods of the largest deceleration, and one for the rest. */
+/* Stopping distance [m] from a speed >= 0: whole periods of the largest deceleration, and a last one for the rest. */
 static real stopping_distance(const pretouch_motion_limits *p, real speed) {
     const real step = p->acceleration * p->period, whole = FLOOR(speed / step), rest = speed - whole * step;
     return p->period * (step / 2 * whole * whole + rest * (whole + R(0.5)));
 }
 
-/* The largest speed v with T v/2 + (stopping distance from v) <= room. */
+/* Returns the largest speed v [m/s] with T v/2 + (stopping distance from v) <= room [m]. */
 static real fastest(const pretouch_motion_limits *p, real room) {
     const real step = p->acceleration * p->period, left = larger(room, 0);
     const real whole = FLOOR((SQRT(1 + 8 * left / (step * p->period)) - 1) / 2);

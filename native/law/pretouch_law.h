@@ -1,6 +1,6 @@
-/* The sampled controller of the letter's Fig. 1. Once per period T it turns the readings of a proximity sensor into a
- * reference of the robot's own controller. Simulations and tests run this source, and a robot can run it unchanged:
- * C99, no allocation, no globals, no libm functions except log, sqrt, fabs and floor.
+/* The sampled controller of the letter's Fig. 1. Once per period T, it computes a reference for the robot's motion
+ * controller from the readings of a proximity sensor. Simulations and tests run this source, and a robot can run it
+ * unchanged: C99, no allocation, no globals, no libm functions except log, sqrt, fabs and floor.
  * docs/explanation/control.md explains each block; its table lists the blocks in the same order.
  *
  *            reading                             contact force, reference
@@ -14,7 +14,7 @@
  * Quantities are in SI units, xi in the unit of the readings. Signs are as in the letter: x points away from the
  * sensor, and mitigating gains are negative. Numbers are double, or float if PRETOUCH_FLOAT is defined. The parameters
  * come from pretouch.control.Controller, which designs the filter, discretizes the admittance and checks all values;
- * this source does not check them. Samples may have any value, also NaN. */
+ * this source does not check them. Samples may have any values, including NaN. */
 
 #ifndef PRETOUCH_LAW_H
 #define PRETOUCH_LAW_H
@@ -68,7 +68,7 @@ typedef struct {
     int32_t fresh;                        /* whether the reading arrived since the last step */
 } pretouch_sample;
 
-/* Reference of the robot's own controller for the period from t_k to t_k + T. */
+/* Reference for the robot's motion controller in the period from t_k to t_k + T. */
 typedef struct {
     pretouch_real position;      /* x_v at t_k + T [m] */
     pretouch_real velocity;      /* x_v' at t_k + T [m/s] */
@@ -98,7 +98,8 @@ typedef struct {
     pretouch_section low_pass[PRETOUCH_SECTIONS]; /* coefficients b0, b1, b2, a1, a2 of each section */
 } pretouch_sensing_numbers;
 
-/* The last readings in order of arrival (`oldest` is the index of the next one), and sorted, padded with infinity. */
+/* The last readings: `arrived` in order of arrival, a ring buffer in which the next reading replaces the one at the
+ * index `oldest`; `ordered` in ascending order, followed by infinity. */
 typedef struct {
     pretouch_real arrived[PRETOUCH_MEDIAN], ordered[PRETOUCH_MEDIAN + 1];
     int32_t oldest;
@@ -150,7 +151,7 @@ typedef struct {
     pretouch_real variance;             /* variance of the noise of a reading that is independent of xi [its unit^2] */
     pretouch_real relative_variance;    /* variance of the noise in proportion to xi */
     pretouch_real level_share;          /* share of the prediction error of ln xi that corrects the level */
-    pretouch_real rate_share;           /* share that corrects the rate */
+    pretouch_real rate_share;           /* share that corrects the rate, over the time between two readings */
     pretouch_real width;                /* width of the dead zone, in standard deviations of ln xi of a reading */
     pretouch_real still;                /* rate that counts as zero, per standard deviation of ln xi [1/s] */
     pretouch_real sensor_period;        /* nominal time between two readings [s] */
@@ -166,18 +167,19 @@ typedef struct {
 typedef struct {
     pretouch_real level, rate; /* smoothed ln(xi / floor) and its rate, without lag in a steady approach [1, 1/s] */
     pretouch_real mark;        /* value that the level has to exceed */
-    pretouch_real hold;        /* rest of the hold time [s] */
+    pretouch_real hold;        /* remaining hold time [s] */
 } pretouch_drag_state;
 
-/* Push of a law: impulse of a new reading [N s], delivered over one sensor period, and force of this period [N]. */
+/* Output of a law: the impulse of a new reading [N s], which is delivered over one sensor period, and an additional
+ * force in this period [N]. */
 typedef struct {
     pretouch_real impulse, force;
 } pretouch_push;
 
 /* ---- from the impulse to the motion ---- */
 
-/* Exact discretization of L(1) with a constant force per period: how x~ and x~' after a period depend on x~, x~' and
- * the force at its start. */
+/* Exact discretization of L(1) for a force that is constant during a period: coefficients of x~ and x~' at the end of
+ * the period, as linear functions of x~ and x~' at its start and of the force. */
 typedef struct {
     pretouch_real position_from_position; /* [1] */
     pretouch_real position_from_velocity; /* [s] */
@@ -204,7 +206,8 @@ typedef struct {
     pretouch_motion_limits limits;
 } pretouch_drive_numbers;
 
-/* Impulse in delivery: constant force [N], remaining impulse [N s], impulse delivered ahead [N s], fading. */
+/* Delivery of an impulse: the constant force [N], the remaining impulse [N s], the impulse that was delivered before
+ * its reading [N s], and the factor by which a late force has faded. */
 typedef struct {
     pretouch_real steady, rest, ahead, fading;
 } pretouch_delivery;
@@ -234,7 +237,7 @@ typedef struct {
     pretouch_damper_state law;
 } pretouch_state;
 
-/* The same with the virtual drag. */
+/* Parameters and state of the controller with the virtual drag instead of the damper. */
 typedef struct {
     pretouch_sensing_numbers sensing;
     pretouch_drive_numbers drive;
@@ -247,17 +250,18 @@ typedef struct {
     pretouch_drag_state law;
 } pretouch_state_drag;
 
-/* The state before the first step: nothing detected, no force; x~ [m] and x~' [m/s] of the plant. */
+/* Sets the state before the first step: nothing detected, no force. position, velocity: x~ [m], x~' [m/s] of the
+ * plant. */
 PRETOUCH_API void pretouch_start(const pretouch_parameters *p, pretouch_real position, pretouch_real velocity,
                                  pretouch_state *s);
 PRETOUCH_API void pretouch_start_drag(const pretouch_parameters_drag *p, pretouch_real position,
                                       pretouch_real velocity, pretouch_state_drag *s);
 
-/* One period. */
+/* Computes one period of the controller. */
 PRETOUCH_API void pretouch_step(const pretouch_parameters *p, pretouch_state *s, const pretouch_sample *sample,
                                 pretouch_output *out);
 
-/* The blocks of a step. A custom law calls its own block between pretouch_observe and pretouch_drive. */
+/* The blocks of a step. A custom law calls its block between pretouch_observe and pretouch_drive. */
 PRETOUCH_API void pretouch_start_sensing(const pretouch_sensing_numbers *p, pretouch_sensing_state *s);
 PRETOUCH_API void pretouch_start_drive(pretouch_real position, pretouch_real velocity, pretouch_drive_state *s);
 PRETOUCH_API void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state *s,
@@ -271,7 +275,7 @@ PRETOUCH_API void pretouch_drive(const pretouch_drive_numbers *p, pretouch_drive
                                  const pretouch_observation *seen, const pretouch_push *push,
                                  const pretouch_sample *sample, pretouch_output *out);
 
-/* Generic signature of the step of any law, and the steps of damper and drag with this signature. */
+/* Signature of the step of any law, and the steps with damper and drag in this form. */
 typedef void pretouch_law_step(const void *parameters, void *state, const pretouch_sample *sample,
                                pretouch_output *out);
 PRETOUCH_API void pretouch_step_damper(const void *parameters, void *state, const pretouch_sample *sample,

@@ -172,6 +172,14 @@ def test_pareto_robust_and_simulate_say_that_the_object_moves_away(tmp_path: Pat
     assert "because the object moves away from the robot. Give the obstacle a negative velocity" in answer.stderr
 
 
+def test_a_robot_that_recedes_faster_than_the_object_is_named(tmp_path: Path) -> None:
+    text = (EXAMPLES / "approach.toml").read_text(encoding="utf-8")
+    away = '[plant]\nvelocity = "-0.4 m/s"\n[reference]\nvelocity = "-0.4 m/s"\n'
+    (tmp_path / "away.toml").write_text(text + away, encoding="utf-8")
+    lines = printed("design away.toml --no-report", tmp_path)
+    assert "Next: let the robot recede more slowly: it recedes faster than the object approaches." in lines
+
+
 @pytest.mark.parametrize("verb", ["design", "verify", "simulate --gain -0.7"])
 def test_the_next_step_for_a_receding_object_is_its_sign(verb: str, tmp_path: Path) -> None:
     text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")

@@ -204,6 +204,27 @@ def test_the_model_that_made_the_readings_ranks_first_or_beside_the_first(model)
     assert [f.aicc for f in report.fits if f.aicc is not None] == sorted(scores.values())
 
 
+@pytest.mark.parametrize("model", ["inverse-power", "exponential-2"])
+def test_with_four_distances_the_model_that_predicts_the_left_out_reading_is_best(model):
+    """AICc exists only for the model with two parameters then, so it cannot compare the models."""
+    distance = np.array([0.005, 0.02, 0.035, 0.05])
+    outputs = SENSORS[model].output(distance) * 1e5 + 60.0
+    report = rank_models(Calibration(distances=distance, outputs=outputs, no_object=[59.9, 60.0, 60.1]))
+    assert report.best.model == model
+    assert report.best.aicc is None
+    assert report.verdict == "usable with reservations"
+    errors = [fit.cross_validation for fit in report.fits if fit.model != "table"]
+    assert errors == sorted(errors)
+
+
+def test_a_saturated_sensor_is_not_called_broken():
+    outputs, distance = np.full(6, 300.0), np.linspace(0.01, 0.06, 6)
+    saturated = rank_models(Calibration(distances=distance, outputs=outputs, no_object=[59.0, 60.0, 61.0]))
+    assert "300 at every distance, but 60 without an object: the sensor is saturated" in " ".join(saturated.reasons)
+    broken = rank_models(Calibration(distances=distance, outputs=outputs, no_object=[300.0, 300.0, 300.0]))
+    assert "300 at every distance: check power and wiring" in " ".join(broken.reasons)
+
+
 def test_all_models_of_a_ranking_share_window_offset_and_noise():
     report = rank_models(noisy("inverse-power", 30))
     assert len({fit.window for fit in report.fits}) == 1

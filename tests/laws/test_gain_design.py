@@ -208,8 +208,17 @@ def test_sensitivities_are_those_of_designing_again(
             values.append(again.objective)
         derivative = (gains[0] - gains[1]) / (2 * step)
         assert found[f"{part}.{field}"].gain_derivative == pytest.approx(derivative, rel=2e-4, abs=1e-6)
+        change = found[f"{part}.{field}"].gain_change_per_percent  # the magnitude grows, also that of a velocity < 0
+        assert change == pytest.approx(derivative * 0.01 * value, rel=2e-4, abs=1e-8)
         slope = (values[0] - values[1]) / (2 * step)
         assert found[f"{part}.{field}"].objective_derivative == pytest.approx(slope, rel=2e-4, abs=1e-6)
+
+
+def test_an_admittance_without_stiffness_has_sensitivities(letter_encounter: Scenario) -> None:
+    free = replace(letter_encounter, admittance=replace(letter_encounter.admittance, stiffness=0.0))
+    names = {s.name for s in design_gain(Task(free, CURVES["inverse-power"], F1, bounds=BOUNDS)).sensitivities}
+    assert {"obstacle.velocity", "admittance.damping"} <= names
+    assert not {"admittance.stiffness", "admittance.damping_ratio"} & names
 
 
 def test_the_sensor_scale_has_no_influence(letter_encounter: Scenario, letter_power: InversePower) -> None:

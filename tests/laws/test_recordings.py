@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pretouch as pt
+from pretouch._core.blocks import page_of
 from pretouch.calibration import fit_sensor, read_calibration
 from pretouch.errors import InvalidInputError
 from pretouch.recording import Recording, replay
@@ -264,6 +266,18 @@ def test_a_replay_finds_every_contact_and_nothing_else() -> None:
     # the floor of 100 counts is at 165 mm, 0.41 to 0.66 s before contact; noise may detect a little earlier
     assert 0.35 < min(leads) < max(leads) < 0.9
     assert result.counts["replaced"] == 0
+
+
+def test_a_detection_that_never_ends_is_a_warning() -> None:
+    """With the wrong sign, readings are large without an object, so that one detection precedes every contact."""
+    task = pt.load_scenario(LOOP).replace(gain=-0.86)
+    readings, _, contact = visits()
+    good, inverted = (
+        replay(task, replace(readings, values=values), truth=contact)
+        for values in (readings.values, 30_000.0 - readings.values)
+    )
+    assert not any(text.startswith("PT609") for text in page_of(good).warnings)
+    assert page_of(inverted).warnings[0].startswith("PT609: An object is detected in 100 % of the recording: check")
 
 
 def test_contacts_without_a_detection_are_missed_and_others_are_false() -> None:

@@ -269,6 +269,44 @@ def test_a_gain_is_praised_for_a_contact_that_it_avoids_and_not_for_one_that_nev
     assert headline in found.headline
 
 
+@pytest.mark.parametrize(("excursion", "status"), [(0.2, HOLDS), (0.01, DOES_NOT)])
+def test_a_gain_that_avoids_the_contact_keeps_limits_of_the_contact_but_not_of_the_motion(
+    excursion: float, status: pt.VerdictStatus
+) -> None:
+    scenario = replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, acceleration=1.0))
+    limits = pt.Constraint(name="relative_velocity", limit=1e-3), pt.Constraint(name="excursion", limit=excursion)
+    verify = pt.VerifyOptions(runs=10)
+    task = pt.Task(scenario, SENSOR, OBJECTIVE, loop=NOISY, bounds=(-10.0, -0.01), gain=-0.5, verify=verify)
+    found = pt.verify_gain(task.replace(constraints=limits))
+    assert not found.mitigated.touched.any()
+    assert found.status is status
+    assert [check.held for check in found.limits] == [1.0, 1.0 if status is HOLDS else 0.0]
+    assert found.mitigated.largest_excursion.max() < 0.2
+    assert "instead of" not in page_of(found).next_step  # another gain leads to a contact
+
+
+def test_readings_that_are_older_than_the_timeout_are_named() -> None:
+    """Ten periods of a sensor that is read every millisecond are 10 ms."""
+    late = loop_of(rate=1000.0, delay=12e-3)
+    found = verdict(late, gain=-0.5, runs=5, changes=False)
+    assert found.status is DOES_NOT
+    step = page_of(found).next_step
+    assert step.startswith("set timeout of the controller well above 12 ms, because it ignores readings older than 10")
+    assert any(text.startswith("PT405") and "set timeout" in text for text in found.warnings)
+    alone = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=late, gain=-0.5))
+    assert any(text.startswith("PT405") and "set timeout" in text for text in alone.warnings)
+    patient = loop_of(rate=1000.0, delay=12e-3, conditioning={"timeout": 0.05})
+    assert not any(text.startswith("PT405: The object was never") for text in verdict(patient, runs=5).warnings)
+
+
+def test_the_next_step_for_an_unstable_loop_is_a_stable_gain() -> None:
+    found = verdict(NOISY, gain=-10.0, bounds=(-100.0, -5.0), runs=10, changes=False)
+    assert found.stability is not None
+    assert found.stability.margin < 1
+    strongest = found.stability.strongest / 2
+    assert page_of(found).next_step == f"use a weaker gain: D_p = {strongest:.4g} N s has a gain margin of 2"
+
+
 def test_runs_without_the_contact_that_is_predicted_are_counted() -> None:
     """The slower the object, the later it comes: some come after the loop has stopped waiting."""
     known = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
@@ -282,6 +320,9 @@ def test_runs_without_the_contact_that_is_predicted_are_counted() -> None:
     assert found.reached.simulated == pytest.approx(1 - missing / 100)
     assert found.status is DOES_NOT
     assert f"{missing} of 100 runs end without contact, although contact was predicted" in found.headline
+    assert found.reached.late == missing
+    assert "only near or after the horizon of 0.5 s" in found.headline
+    assert page_of(found).next_step.startswith("set a longer horizon of the loop")
     speed = found.comparison("relative_velocity")
     assert speed is not None
     assert speed.simulated is not None

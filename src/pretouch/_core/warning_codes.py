@@ -372,7 +372,7 @@ _TABLE: Final = (
         "The first reading above the floor comes late, or no reading is above it.",
         "The law cannot act before detection, so the excursion is shorter and the contact harder.",
         "Lower the floor, reduce the noise, or use a faster sensor. See [a slow sensor](../how-to/slow-sensor.md).",
-        "The object was never detected in 4 % of the runs.",
+        "The object was never detected in 4 % of the runs: check floor, offset and sensor range.",
     ),
     (
         "PT406",
@@ -600,6 +600,15 @@ _TABLE: Final = (
         "The difference acts like a signal, and the virtual force becomes too weak or too strong.",
         "Set `offset` in `[controller]` to the median.",
         "Without an object, the median reading is 152, but the controller subtracts the offset 120",
+    ),
+    (
+        "PT609",
+        "An object is detected nearly all the time",
+        "The recording has hardly any time without a detection.",
+        "A detection that never ends shows nothing about contacts: offset, floor or sign of the readings may be wrong.",
+        "Check that the reading rises when the object comes near, and set offset and floor above the readings without "
+        "an object.",
+        "An object is detected in 100 % of the recording",
     ),
     # --- the letter
     (

@@ -95,10 +95,14 @@ def prepare(
         )
         return replace(_without_signal(calibration, curve, near, offset_estimate, few), too_few=not near.flat)
     if not np.ptp(curve.output[near.index :]) > 0:
-        stuck = f"The output is {curve.output[near.index]:g} {calibration.unit}".rstrip()
-        return _without_signal(
-            calibration, curve, near, offset_estimate, f"{stuck} at every distance: check power and wiring."
-        )
+        level = curve.output[near.index]
+        stuck = f"The output is {level:g} {calibration.unit}".rstrip() + " at every distance"
+        if offset_estimate is not None and level > offset_estimate.high:
+            stuck += f", but {offset_estimate.value:.4g} without an object"
+            remedy = "the sensor is saturated; measure at larger distances, or lower the gain of the sensor"
+        else:
+            remedy = "check power and wiring"
+        return _without_signal(calibration, curve, near, offset_estimate, f"{stuck}: {remedy}.")
     end = near.index + end_of_falling(curve.part(slice(near.index, None)), noise)
     if end - near.index < needed:
         end = len(curve.distance)

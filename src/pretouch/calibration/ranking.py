@@ -59,7 +59,7 @@ def rank_models(
     if not prepared.no_signal:
         attempts = {model: attempt_fit(model, prepared) for model in models}
         not_fitted = {model: reason for model, reason in attempts.items() if isinstance(reason, str)}
-        fits = sorted((fit for fit in attempts.values() if isinstance(fit, SensorFit)), key=_rank)
+        fits = _ranked([fit for fit in attempts.values() if isinstance(fit, SensorFit)])
     slope = estimate_slope(prepared)
     reading_count = len(calibration.outputs) + len(calibration.no_object)
     reasons = prepared.no_signal or tuple(find_reservations(prepared, fits, slope, reading_count=reading_count))
@@ -80,10 +80,16 @@ def rank_models(
     )
 
 
-def _rank(fit: SensorFit) -> tuple[bool, bool, float, float]:
-    """Return the sort key for ranking sensor models.
+def _ranked(fits: list[SensorFit]) -> list[SensorFit]:
+    """Return the fitted models from best to worst.
 
-    Models are ranked by AICc, then by cross-validation error. Tables come last.
+    The order is that of AICc. With so few distances that a model has no AICc, it is that of the cross-validation error,
+    which every model has. Tables come last.
     """
-    error = math.inf if fit.cross_validation is None else fit.cross_validation
-    return fit.model == "table", fit.aicc is None, fit.aicc or 0.0, error
+    comparable = all(fit.aicc is not None for fit in fits if fit.model != "table")
+
+    def key(fit: SensorFit) -> tuple[bool, float, float]:
+        error = math.inf if fit.cross_validation is None else fit.cross_validation
+        return fit.model == "table", fit.aicc if comparable and fit.aicc is not None else 0.0, error
+
+    return sorted(fits, key=key)

@@ -17,6 +17,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import caution
 from pretouch.motion import DAMPER, ContactResult, ContactStatus
 from pretouch.motion.evaluator import NoisyEvaluator
+from pretouch.motion.page_sections import outruns
 
 from .certificate import DesignStatus
 from .drag.design import chosen_drag
@@ -280,7 +281,10 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
         share = "every gain" if count == status.size else f"{count} of {status.size} scanned gains"
         low, outcome = design.sensor.valid_range[0], f"for {share}, the encounter ended without contact"
         if np.all(np.asarray(design.scenario.relative_velocity) > 0):
-            outcome = f"{outcome}, because the object recedes: an approach has a negative velocity"
+            why = "the object recedes: an approach has a negative velocity"
+            if outruns(design.scenario):
+                why = "the robot recedes faster than the object approaches: let the robot recede more slowly"
+            outcome = f"{outcome}, because {why}"
         elif kind is ContactStatus.LEFT_RANGE and low > 0:
             outcome = (
                 f"{outcome}, because the sensor curve starts at {format_quantity(low, 'm')}: mount the sensor this far "

@@ -184,7 +184,7 @@ def _rank(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sens
             unit=unit,
             gain_derivative=derivative,
             objective_derivative=total,
-            gain_change_per_percent=derivative * 0.01 * abs(value),
+            gain_change_per_percent=derivative * 0.01 * value,
         )
         for (name, (value, unit, _)), (derivative, total) in zip(inputs.items(), derivatives, strict=True)
         if np.isfinite(derivative) and np.isfinite(total)
@@ -235,8 +235,10 @@ def _inputs(problem: GainProblem) -> _Inputs:
     inputs = {}
     for name, unit in SCENARIO_INPUTS.items():
         part, _, attribute = name.partition(".")
+        if part == "admittance" and attribute in {"natural_frequency", "damping_ratio"}:
+            continue  # they follow from damping and stiffness
         value = getattr(getattr(scenario, part), attribute)
-        if part != "admittance" or (attribute not in {"natural_frequency", "damping_ratio"} and value > 0):
+        if part != "admittance" or value > 0:
             inputs[name] = (value, unit, typical.get(unit, value))
     for name, unit in sensor_inputs(sensor).items():
         place = name == "sensor.recess" and isinstance(sensor, Recessed)

@@ -97,7 +97,14 @@ def approach_step(scenario: Scenario) -> str:
     The text is empty for other objects.
     """
     speed = np.max(scenario.relative_velocity)
+    if speed > 0 and outruns(scenario):
+        return "let the robot recede more slowly: it recedes faster than the object approaches"
     return RECEDING if speed > 0 else RESTING if speed == 0 and not scenario.obstacle.course else ""
+
+
+def outruns(scenario: Scenario) -> bool:
+    """Return True if the robot recedes faster than an approaching object."""
+    return bool(np.min(scenario.relative_velocity) > 0 and np.max(scenario.obstacle.velocity) < 0)
 
 
 def mitigating_step(number: LawNumber, gain: float) -> str:

@@ -25,6 +25,7 @@ Row = tuple[Cell, ...]
 _HOUR: Final = 3600.0  # s
 _SLOWER: Final = 0.95  # of the rate of the scenario, below which the difference is a warning
 _NOISIER: Final = 1.5  # times the noise of the scenario
+_ALWAYS: Final = 0.9  # share of the recording: longer detections are suspicious
 _LISTED: Final = 50  # detections in a table
 _FEW: Final = 1e-3  # share of readings below which a fault is a remark, and not a warning
 _OPEN_LOOP: Final = (
@@ -114,6 +115,14 @@ def _findings(replay: Replay) -> Iterator[str]:
 def _warnings(replay: Replay) -> Iterator[str]:
     """Yield the warnings about a replay, the most important warnings first."""
     timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
+    detected = sum(d.end - d.start for d in replay.detections) / max(float(np.ptp(replay.recording.time)), 1e-9)
+    if detected > _ALWAYS:
+        yield caution(
+            "PT609",
+            f"An object is detected in {100 * min(detected, 1.0):.0f} % of the recording: check offset, floor and sign "
+            "of the readings, unless an object was near all the time. A detection that never ends shows nothing about "
+            "contacts.",
+        )
     if timing.rate > 0 and timing.mean_rate / timing.held < _SLOWER * chain.rate:
         yield caution(
             "PT606",

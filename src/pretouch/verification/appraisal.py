@@ -18,6 +18,7 @@ from pretouch.design.quantities import quantity_of, size_of
 from pretouch.design.robust import Required
 from pretouch.design.robust.required import least_probability, limits_of
 from pretouch.motion import ContactResult, ContactState, Scenario
+from pretouch.motion.layout import PEAKS
 from pretouch.motion.scenario import map_fields
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
@@ -34,6 +35,8 @@ _COMPARED: Final = 200  # runs on which changes are compared
 _COMPARED_SENSORS: Final = 100  # the same if each run has its own sensor curve, which is tabulated first
 _FIRST: Final = 0.16  # share of these runs after which gains that certainly miss a requirement are given up
 _LEAST_FIRST: Final = 16  # fewer runs than that are not worth a separate call
+_AT_CONTACT: Final = frozenset({"relative_velocity", "impact_force", "peak_force"})
+_WHOLE_MOTION: Final = frozenset({*PEAKS, "drive_force", "gain"})
 _IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # quantities that arise after the first touch
 
 
@@ -98,14 +101,14 @@ class Draws:
             return later.run(several, self.task.sensor, gain)
         return later.run_each(several, self.sensors[which], gain)
 
-    def predicted(self, gain: float) -> FloatArray:
-        """Predict the contact speed of each encounter [m/s].
+    def predicted(self, gain: float) -> tuple[FloatArray, FloatArray]:
+        """Return the predicted speed [m/s] and time [s] of each contact.
 
-        Returns:
-            The speeds in continuous time; NaN without contact.
+        The prediction is in continuous time. Both are NaN without contact.
         """
         result = predicted_contact(self.task, gain) if self.ensemble is None else self.ensemble.contacts(gain)
-        return self._each(np.where(result.reached, np.abs(result.end.relative_velocity), np.nan))
+        speed, time = np.abs(result.end.relative_velocity), result.end.time
+        return self._each(np.where(result.reached, speed, np.nan)), self._each(np.where(result.reached, time, np.nan))
 
     def _each(self, value: Any) -> FloatArray:
         return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.task.verify.runs,))
@@ -165,7 +168,7 @@ class LoopOutcomes:
 
     result: SimulationResult
     objective: FloatArray  # objective of each run; infinite without contact
-    ratios: tuple[FloatArray, ...]  # |quantity| / limit of each limit and run; infinite without contact
+    ratios: tuple[FloatArray, ...]  # |quantity| / limit of each limit and run; infinite without a predicted contact
     requirements: tuple[Requirement, ...]  # contact in the encounters for which it is predicted, and every limit
     effect: Effect | None  # change of the speed at contact by the gain; None if no run ends in contact
     margin: float | None = None  # gain margin, at least 1 if stable; None if it is not known
@@ -321,9 +324,11 @@ class LoopProblem:
     def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
         quantity = limit.constraint.quantity
         magnitude = simulated_quantity(quantity, result, gain, loop, self.draws.task.impact)
-        return np.where(
-            result.touched & np.isfinite(magnitude), size_of(quantity, magnitude) / limit.constraint.limit, np.inf
-        )
+        ratio = np.where(np.isfinite(magnitude), size_of(quantity, magnitude) / limit.constraint.limit, np.inf)
+        # A gain that avoids a contact also avoids its speed and force, but not the motion before it.
+        avoided = 0.0 if quantity in _AT_CONTACT else ratio if quantity in _WHOLE_MOTION else np.inf
+        without = np.where(self.predicted[: len(ratio)], np.inf, avoided)
+        return np.where(result.touched, ratio, without)
 
     def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
         objective, impact = self.draws.task.goal, self.draws.task.impact

@@ -26,6 +26,7 @@ from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 from .appraisal import Draws, LoopOutcomes, foreseen_impact
 from .at_rest import RestMotion, rest_in_words
 from .effect import SIGNIFICANT, mean_and_error
+from .encounter_parts import detection_step
 from .result import Comparison, LimitCheck, Reached, RunSpread
 
 _COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
@@ -33,6 +34,7 @@ _SHARE: Final = 0.1  # a cause is named if it explains at least this share of th
 _LATE: Final = 0.95  # a first detection below this share of the start distance is late
 _FORCE_APART: Final = 1.25  # smallest ratio of simulated to predicted impact force that causes a warning
 _ROUNDING: Final = 1e-9  # relative rounding error of a force
+_NEAR_END: Final = 0.9  # share of the horizon after which a predicted contact may come too late for the runs
 _TRACED: Final = 8  # runs that are examined step by step
 _FLAGS: Final = {
     Status.SATURATED: "the sensor was saturated",
@@ -117,13 +119,15 @@ def _source_of(name: str, loop: ClosedLoop) -> str:
     return "robot mass times largest simulated acceleration" if name == "drive_force" else "simulated"
 
 
-def check_reached(result: SimulationResult, predicted: BoolArray, confidence: float) -> Reached:
+def check_reached(result: SimulationResult, times: FloatArray, horizon: float, confidence: float) -> Reached:
     """Count the simulated and the predicted encounters with contact."""
+    predicted = np.isfinite(times)
     expected, came = int(predicted.sum()), int(result.touched[predicted].sum())
     return Reached(
         predicted=float(predicted.mean()),
         simulated=float(result.touched.mean()),
         missing=expected - came,
+        late=int((~result.touched[predicted] & (times[predicted] > _NEAR_END * horizon)).sum()),
         low=least_probability(came, expected, confidence) if expected else None,
     )
 
@@ -244,7 +248,8 @@ def _recession(loop: ClosedLoop, largest_rate: float) -> Iterator[str]:
 def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iterator[str]:
     seen, s = np.isfinite(result.detection_time), draws.scenarios
     if not seen.all():
-        yield caution("PT405", f"The object was never detected in {_percent(1 - float(seen.mean()))} of the runs.")
+        share = _percent(1 - float(seen.mean()))
+        yield caution("PT405", f"The object was never detected in {share} of the runs: {detection_step(loop)}.")
     free = np.all(s.plant.position == s.reference.position) and np.all(s.plant.velocity == s.reference.velocity)
     if not (seen.any() and free):
         return

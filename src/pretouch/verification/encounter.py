@@ -225,12 +225,12 @@ class SimulatedEncounter(Described, Value):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about the simulated encounter, most important first."""
-        parts = self.detection, self.flags, self.contacts, self.grows_after_impact
+        parts = self.detection, self.flags, self.contacts
         both = self.law.number, self.gain, self.run, self.unmitigated
         return (
             *harm_in_words(*both),
             *self._instability(),
-            *cautions_in_words(self.run, *parts),
+            *cautions_in_words(self.loop, self.run, *parts, grows=self.grows_after_impact),
             *force_in_words(self.comparison("largest_virtual_force")),
             *idleness_in_words(*both),
         )

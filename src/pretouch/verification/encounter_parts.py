@@ -14,11 +14,11 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch._core.warning_codes import caution
-from pretouch.control import Status
+from pretouch.control import Controller, Status
 from pretouch.design.impact import ImpactModel
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
-from pretouch.simulation import LoopTrace, SimulationResult
+from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
 
 _SAME: Final = 5e-5  # relative: a smaller difference does not show in four digits
 _LATE: Final = 0.1  # a detection is late if more than this share of the change of ln xi until contact has happened
@@ -358,11 +358,26 @@ def _force_sentence(run: SimulationResult, free: SimulationResult, grows: bool) 
     return text + (f", {run.contacts} contacts." if run.contacts > 1 else ".")
 
 
+def detection_step(loop: ClosedLoop) -> str:
+    """Recommend what to change if the controller never detects the object."""
+    law, latency = loop.law, loop.chain.latency
+    timeout = law.conditioning.numbers(law.period).timeout if isinstance(law, Controller) else math.inf
+    if latency <= timeout:
+        return "check floor, offset and sensor range"
+    late, limit = format_quantity(latency, "s"), format_quantity(timeout, "s")
+    return (
+        f"set timeout of the controller well above {late}, because it ignores readings older than {limit}, and each "
+        f"reading arrives {late} after its measurement"
+    )
+
+
 def cautions_in_words(
+    loop: ClosedLoop,
     run: SimulationResult,
     detection: Detection | None,
     flags: tuple[ReportedFlag, ...],
     contacts: tuple[LoopContact, ...],
+    *,
     grows: bool,
 ) -> Iterator[str]:
     """Yield the warnings about a simulated run.
@@ -372,7 +387,7 @@ def cautions_in_words(
     if detection is None:
         yield caution(
             "PT405",
-            "The object was never detected, so there was no virtual force: check floor, offset and sensor range.",
+            f"The object was never detected, so there was no virtual force: {detection_step(loop)}.",
         )
     elif detection.missed_share is not None and detection.missed_share > _LATE:
         distance, start = (format_quantity(d, "m") for d in (detection.distance, detection.start_distance))

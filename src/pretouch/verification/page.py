@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from pretouch._core.blocks import Cell, Listing, Measured, Page, PageSection, PageTable, Paragraph, Picture, named
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
@@ -15,7 +17,9 @@ from pretouch.motion.page_sections import approach_step, inputs_section, method_
 from pretouch.simulation.closed_loop import loop_section
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
+from .appraisal import USUAL_MARGIN
 from .effect import VerdictStatus
+from .encounter_parts import detection_step
 from .improvement_page import best_change_section, changes_section, gain_section
 from .reasons import runs_advised
 from .result import Comparison, LimitCheck, RunSpread, Verdict
@@ -155,6 +159,13 @@ def _next_steps(v: Verdict) -> Iterator[str]:
         return
     if v.law.number.sign * v.gain < 0:
         yield mitigating_step(v.law.number, v.gain)
+    if v.mitigated is not None and np.isnan(v.mitigated.detection_time).all():
+        yield detection_step(v.loop)
+    if v.stability is not None and v.stability.margin < 1 and math.isfinite(v.stability.strongest):
+        weaker = v.law.number.equals(v.stability.strongest / USUAL_MARGIN)
+        yield _next_change(v) or f"use a weaker gain: {weaker} has a gain margin of {USUAL_MARGIN:g}"
+    if v.reached is not None and v.reached.late:
+        yield f"set a longer horizon of the loop: {v.loop.horizon:g} s is too short for the slowest encounters"
     if calibration is not None and not calibration.is_good_enough:
         yield calibration.remedy
     if v.at_rest is not None and v.at_rest.reaches_object:
@@ -173,7 +184,8 @@ def _next_change(v: Verdict) -> str:
     runs = runs_advised(v)
     if runs is not None:
         return f"simulate {runs} runs"
-    if v.best_change is None:
+    avoided = v.reached is not None and not (v.reached.predicted or v.reached.simulated)
+    if v.best_change is None or avoided:  # every change is compared by the contacts that it leads to
         return ""
     sentence = v.best_change.sentence
     return f"{sentence[0].lower()}{sentence[1:].removesuffix('.')}"

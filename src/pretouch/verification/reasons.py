@@ -64,7 +64,8 @@ def _failures(v: Verdict) -> Iterator[str]:
                 f"distance of {place}"
             )
     if reached is not None and reached.missing:
-        yield f"{reached.missing} of {v.runs} runs end without contact, although contact was predicted"
+        when = f", but only near or after the horizon of {v.loop.horizon:g} s" if reached.late else ""
+        yield f"{reached.missing} of {v.runs} runs end without contact, although contact was predicted{when}"
     yield from _harm_reasons(v)
     if v.at_rest is not None and v.at_rest.reaches_object:
         place = format_quantity(v.at_rest.distance, "m", 3)

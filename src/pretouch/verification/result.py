@@ -148,6 +148,7 @@ class Reached(Value):
         predicted: share of the drawn encounters with a contact in continuous time with a perfect sensor.
         simulated: share of the runs with a contact.
         missing: number of runs without the predicted contact.
+        late: number of these runs whose contact is predicted near the horizon of the loop or after it.
         low: lower confidence bound of the probability that a predicted contact happens; None if none is predicted.
     """
 
@@ -155,6 +156,7 @@ class Reached(Value):
     simulated: float
     missing: int
     low: float | None
+    late: int = 0
 
 
 _HOLDS: Final = {

@@ -113,7 +113,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
     draws = draw_encounters(task)
     note_work(f"simulating {task.verify.runs} encounters, each with and without impact mitigation")
     unmitigated = draws.run(loop, 0.0)
-    foreseen = draws.predicted(gain)
+    foreseen, times = draws.predicted(gain)
     problem = LoopProblem(draws=draws, predicted=np.isfinite(foreseen), unmitigated=unmitigated)
     passed = passage(task.law, task.scenario, sensor, gain, float(draws.distance.max()))
     limit = limit_of(loop, sensor, passed)
@@ -131,7 +131,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
     at_rest = motion_at_rest(task, gain)
     loss, tried, unchanged = find_improvements(problem, verified) if changes else (None, (), ())
     return {
-        "reached": check_reached(outcomes.result, problem.predicted, task.verify.confidence),
+        "reached": check_reached(outcomes.result, times, loop.horizon, task.verify.confidence),
         "effect": effect,
         "noiseless_effect": effect_of(quiet, unmitigated),
         "limits": check_limits(task, outcomes, predicted, gain),

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 import pretouch as pt
 from loop_samples import BareLaw
+from pretouch._core.blocks import page_of
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch.design.objectives import excursion_objective
 from pretouch.motion import ContactStatus, Stretch
@@ -322,6 +323,7 @@ def test_an_obstacle_that_stops_before_contact_has_no_contact() -> None:
     design = pt.design_gain(pt.Task(scene(STOPS), SENSOR, OBJECTIVE, bounds=(-10.0, -0.01), horizon=10.0))
     assert design.status.value == "no-contact"
     assert "without contact" in str(design)
+    assert page_of(design).next_step.endswith("even without mitigation, it comes no nearer than 12 mm")
     result = pt.find_contact(scene(STOPS), SENSOR, -0.7, horizon=10.0)
     assert result.status is ContactStatus.NEVER  # the last section of the course lasts forever
     nearest = obstacle_by_hand(STOPS, 10.0)[0]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final
 
 from pretouch._core.units import format_quantity
-from pretouch.motion import Scenario
 from pretouch.motion.page_sections import approach_step
 
 from .task import Task
@@ -26,20 +25,24 @@ def limit_in_words(quantity: str, value: float | None, limit: float, unit: str, 
     return f"{quantity} {format_quantity(value, unit, 3)}, limit {allowed}: {how if met else 'exceeded'}"
 
 
-def step_without_gain(scenario: Scenario, *, contact: bool) -> str:
+def step_without_gain(task: Task, *, contact: bool) -> str:
     """Return the recommended next step after a search that found no gain.
 
     Args:
-        scenario: the encounter.
+        task: the task.
         contact: whether any gain within the bounds ends in contact.
     """
     if contact:
         return (
             "relax a limit, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"
         )
-    return approach_step(scenario) or (
-        "check the motion of the object, or allow weaker gains: no gain within the bounds ends in contact"
-    )
+    if step := approach_step(task.scenario):
+        return step
+    before = task.law.contact(task.scenario, task.sensor, 0.0, horizon=task.horizon)
+    if not before.reached.all():
+        nearest = format_quantity(float(before.closest_distance), "m", 3)
+        return f"check the motion of the object: even without mitigation, it comes no nearer than {nearest}"
+    return "check the motion of the object, or allow weaker gains: no gain within the bounds ends in contact"
 
 
 def verify_step(task: Task, gain: float | None = None) -> str:

@@ -14,6 +14,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, finite_or_none
 from pretouch._core.progress import note_work
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
+from pretouch._core.warning_codes import split_code
 from pretouch.calibration import CalibrationReport
 from pretouch.calibration.result import DrawnCurve
 from pretouch.design import Task
@@ -310,5 +311,6 @@ def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
 
 
 def _lower(sentence: str) -> str:
-    """Remove the capital letter and the period from a sentence."""
-    return f"{sentence[:1].lower()}{sentence[1:].removesuffix('.')}"
+    """Remove warning code, capital letter and period from a sentence."""
+    text = split_code(sentence)[1]
+    return f"{text[:1].lower()}{text[1:].removesuffix('.')}"

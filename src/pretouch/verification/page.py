@@ -12,6 +12,9 @@ import numpy as np
 from pretouch._core.blocks import Cell, Listing, Measured, Page, PageSection, PageTable, Paragraph, Picture, named
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
+from pretouch._core.warning_codes import split_code
+from pretouch.design import DesignStatus
+from pretouch.design.page_sentences import step_without_gain
 from pretouch.motion import LawNumber
 from pretouch.motion.page_sections import approach_step, inputs_section, method_section, mitigating_step
 from pretouch.simulation.closed_loop import loop_section
@@ -174,7 +177,7 @@ def _next_steps(v: Verdict) -> Iterator[str]:
     if v.sensor_speed is not None and not v.sensor_speed.is_fast_enough:
         yield f"read the sensor much faster than at {v.loop.chain.rate:g} Hz"
     if v.reasons and report is not None and report.reasons and report.verdict != "usable":
-        yield f"improve the calibration: {report.reasons[0].removesuffix('.')}"
+        yield f"improve the calibration: {split_code(report.reasons[0])[1].removesuffix('.')}"
     if v.changes and v.reasons:
         yield "none of the tried changes helps; see the report for the causes"
 
@@ -194,7 +197,8 @@ def _next_change(v: Verdict) -> str:
 def _next_step_without_gain(v: Verdict) -> str:
     """Recommend what to change if no gain meets the requirements."""
     if v.needed_rate is None:
-        return "relax a limit, widen the bounds of the gain, or detect the object earlier"
+        design = v.design
+        return step_without_gain(design.problem.task, contact=design.status is not DesignStatus.NO_CONTACT)
     if math.isinf(v.needed_rate):
         return "shorten latency and filters, or relax a limit: no sensor rate results in the required gain margin"
     return (

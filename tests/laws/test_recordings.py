@@ -299,6 +299,7 @@ def test_the_chain_of_a_recording_is_that_of_its_sensor_and_loads(tmp_path: Path
     readings, distance, _ = visits(lag=0.012, noise=33.0, rate=170.0)
     result = replay(task, readings, reference=distance)
     assert result.latency.low < 0.012 < result.latency.high
+    assert any("lag at least 1" in text and "a latency of 0.1" in text for text in page_of(result).warnings)
     text = re.sub(r"\[chain\]\n.*?(?=\[controller\])", lambda _: result.chain + "\n", LOOP.read_text(), flags=re.DOTALL)
     assert text.count("[chain]") == 1
     (tmp_path / "measured.toml").write_text(text)

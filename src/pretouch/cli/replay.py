@@ -105,6 +105,7 @@ def replay(
         result,
         f"{recording.name.partition('.')[0] or 'recording'}-replay.html",
         task,
+        lines=20,
         good=result.is_good,
         inputs=inputs,
         files=written,

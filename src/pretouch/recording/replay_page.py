@@ -129,6 +129,14 @@ def _warnings(replay: Replay) -> Iterator[str]:
             "The sensor is slower than the scenario says, so the verification does not hold for it: copy the section "
             "[chain] of this recording into the scenario file, and run pretouch verify.",
         )
+    lag = None if replay.latency is None else replay.latency.low
+    if lag is not None and lag > chain.latency + 1 / chain.rate:
+        yield caution(
+            "PT606",
+            f"The readings lag at least {format_quantity(lag, 's', 3)} behind the reference, but the scenario has a "
+            f"latency of {format_quantity(chain.latency, 's', 3)}: copy the section [chain] of this recording into the "
+            "scenario file, and run pretouch verify.",
+        )
     yield from (caution("PT601", note) for note in replay.notes)
     yield from _fault_warnings(replay)
     floor, xi = replay.controller.conditioning.floor, _largest_output(replay)

@@ -1,7 +1,8 @@
 """Time the virtual drag next to the same method in NumPy: contacts, designs, peaks, and the page of a robust design.
 
-Run with `python -m benchmarks.drag_times`; `--quick` runs fewer encounters. Both methods alternate in one process. Each
-figure is the smallest processor time of several runs, so that other programs on the machine hardly change it.
+Run with `python -m benchmarks.drag_times`; `--quick` runs fewer encounters, once. Both methods alternate in one
+process. Each figure is the smallest processor time of several runs, so that other programs on the machine hardly
+change it.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ EFFECTS = {
 DRAG, PEAK_WALKS = 0.0144, 4  # walks of the path for all peaks, one each of force, acceleration, speed and travel
 ASKED_CONTACTS, ASKED_DESIGN, ASKED_PEAKS, ASKED_PAGE = 0.1, 5e-6, 0.01, 2.0  # s, s each, s, s beyond the design
 COUNT, REPEATS = 100_000, 3
+QUICK_COUNT, QUICK_REPEATS = 100, 1
 
 
 class Lines(NamedTuple):
@@ -90,7 +92,7 @@ def with_peaks(scenario: pt.Scenario, sensor: Any, drag: Any) -> None:
         getattr(end, name)
 
 
-def measure(count: int) -> Iterator[tuple[str, float, float, float, float]]:
+def measure(count: int, repeats: int) -> Iterator[tuple[str, float, float, float, float]]:
     """Yield for each case: name, compiled time and NumPy time [s], required time [s], and number of items per time."""
     for name, sensor in CURVES.items():
         for acceleration in (0.0, 1.0):
@@ -98,7 +100,7 @@ def measure(count: int) -> Iterator[tuple[str, float, float, float, float]]:
             ours, peer = alternating(
                 lambda one=one, s=sensor: solve_drag(one, s, DRAG).end.time,  # type: ignore[misc]
                 lambda one=one, s=sensor: in_numpy(one, s, DRAG),  # type: ignore[misc]
-                REPEATS,
+                repeats,
             )
             kind = "accelerated" if acceleration else "uniform"
             yield f"{count:,} contacts, {name}, {kind}", ours, peer, ASKED_CONTACTS * count / COUNT, 1
@@ -111,20 +113,20 @@ def measure(count: int) -> Iterator[tuple[str, float, float, float, float]]:
         options = {} if effect in {"ratio", "excursion"} else {"largest_speed": 0.5}
         design = partial(drag_by, POWER, 0.0422, 1.0, impact=SPRING, **{effect: limits}, **options)
         drags = design().drag
-        ours, peer = alternating(design, lambda drags=drags: in_numpy(still, POWER, drags, 1), REPEATS)  # type: ignore[misc]
+        ours, peer = alternating(design, lambda drags=drags: in_numpy(still, POWER, drags, 1), repeats)  # type: ignore[misc]
         yield f"a design, of {len(limits):,} by their {effect}", ours, peer, ASKED_DESIGN * len(limits), len(limits)
     for name, sensor in CURVES.items():
         few = encounters(40, 1.0)
         ours, peer = alternating(
             lambda few=few, s=sensor: with_peaks(few, s, DRAG),  # type: ignore[misc]
             lambda few=few, s=sensor: in_numpy(few, s, DRAG, PEAK_WALKS),  # type: ignore[misc]
-            3 * REPEATS,
+            3 * repeats,
         )
         yield f"40 encounters with all peaks, {name}", ours, peer, ASKED_PEAKS, 1
 
 
-def robust_page() -> tuple[float, float]:
-    """Return the processor time of a robust drag design of 16 samples, and of its page [s]."""
+def robust_page(samples: int) -> tuple[float, float]:
+    """Return the processor time of a robust drag design of this many samples, and of its page [s]."""
     uniform = pt.robust.Uniform
     task = pt.Task(
         pt.Scenario(
@@ -140,7 +142,7 @@ def robust_page() -> tuple[float, float]:
             "obstacle.acceleration": uniform(low=-0.2, high=0.1),
             "sensor.exponent": uniform(low=3.2, high=3.4),
         },
-        robust=pt.robust.RobustOptions(samples=16),
+        robust=pt.robust.RobustOptions(samples=samples),
     )
     start = time.process_time()
     design = pt.robust.design_robust_gain(task)
@@ -153,14 +155,17 @@ def robust_page() -> tuple[float, float]:
 def lines(quick: bool) -> Lines:
     """Return the figures as text, and those that take longer than asked."""
     found = Lines([f"{'':52s}{'ours':>10s}{'NumPy':>12s}{'ratio':>9s}   asked"], [])
-    for name, ours, peer, asked, parts in measure(COUNT // 20 if quick else COUNT):
+    for name, ours, peer, asked, parts in measure(*((QUICK_COUNT, QUICK_REPEATS) if quick else (COUNT, REPEATS))):
         unit, factor = ("us", 1e6 / parts) if parts > 1 else ("ms", 1e3)
         text = f"{factor * ours:7.3g} {unit}{factor * peer:9.4g} {unit}{peer / ours:9.3g}"
         found.text.append(f"{name:52s}{text}   <= {factor * asked:g} {unit}")
         if ours > asked:
             found.missed.append(f"{name}: {factor * ours:.3g} {unit}, required <= {factor * asked:g} {unit}")
-    design, page = robust_page()
-    found.text.append(f"robust drag, 16 samples: design {design:.2f} s, page {page:.2f} s, asked <= design + 2 s")
+    samples = 4 if quick else 16
+    design, page = robust_page(samples)
+    found.text.append(
+        f"robust drag, {samples} samples: design {design:.2f} s, page {page:.2f} s, asked <= design + 2 s"
+    )
     if page > design + ASKED_PAGE:
         found.missed.append(f"page of a robust drag: {page:.2f} s, required <= {design + ASKED_PAGE:.2f} s")
     return found
@@ -169,7 +174,7 @@ def lines(quick: bool) -> Lines:
 def main() -> None:
     """Print the figures, then the missed requirements."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.drag_times", description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="a twentieth of the encounters")
+    parser.add_argument("--quick", action="store_true", help="few encounters, once")
     text, missed = lines(parser.parse_args().quick)
     print(*text, "\nmissed requirements:", *(missed or ["none"]), sep="\n")
 

@@ -1,6 +1,7 @@
 """Time verdicts and commands, and measure the advantage of a gain designed on a loop over the ideal one.
 
-Run with `python -m benchmarks.verdicts`; `--quick` uses one loop and few runs, `--commands` only times the commands.
+Run with `python -m benchmarks.verdicts`; `--quick` uses one loop, one command and few runs, `--commands` only times the
+commands.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -58,16 +60,17 @@ COMMANDS = {
     "design approach.toml": ("design", "approach.toml"),
     "simulate loop.toml": ("simulate", "loop.toml"),
 }
+QUICKEST = "design approach.toml"
 DESIGNS = {"250 readings per second": FAST, "60 per second, exposure 16 ms, delay 4 ms": SLOW}
 
 
-def verdict_times(runs: int, most: int) -> list[str]:
-    """Time verdicts, warm; return a row for each loop, up to a number of loops."""
+def verdict_times(runs: int, most: int, *, warm: bool = True) -> list[str]:
+    """Time verdicts, by default after a short one; return a row for each loop, up to a number of loops."""
     rows = []
     for name, (which, uncertainty) in list(VERDICTS.items())[:most]:
         seconds = []
         for changes in (False, True):
-            for count in (2, runs):  # the first one compiles
+            for count in (2, runs) if warm else (runs,):  # the first one loads modules and caches
                 start = time.perf_counter()
                 pt.verify_gain(
                     pt.Task(
@@ -118,17 +121,17 @@ def processor_time(arguments: list[str]) -> float:
     return after.children_user + after.children_system - before.children_user - before.children_system
 
 
-def commands(rounds: int) -> list[str]:
+def commands(rounds: int, names: Sequence[str]) -> list[str]:
     """Time commands on examples in turns, and return a row for each with its smallest processor times."""
     times: dict[tuple[str, str], float] = {}
     for _ in range(rounds):
-        for name, (verb, file) in COMMANDS.items():
+        for name in names:
+            verb, file = COMMANDS[name]
             for option in ("--no-report", "--report"):
                 seconds = processor_time([verb, str(EXAMPLES / file), option])
                 times[name, option] = min(seconds, times.get((name, option), seconds))
     return [
-        f"{name:28s}{times[name, '--no-report']:8.2f} s{times[name, '--report']:8.2f} s with report"
-        for name in COMMANDS
+        f"{name:28s}{times[name, '--no-report']:8.2f} s{times[name, '--report']:8.2f} s with report" for name in names
     ]
 
 
@@ -161,19 +164,19 @@ def simulated(changes: bool) -> str:
 def main() -> None:
     """Print all results."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdicts", description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="one loop, few runs")
+    parser.add_argument("--quick", action="store_true", help="one loop, one command, few runs")
     parser.add_argument("--commands", action="store_true", help="only commands, and the runs of a verdict")
     options = parser.parse_args()
     quick = options.quick
     print("\nprocessor time of a new process, smallest of several")
-    print("\n".join(commands(1 if quick else 3)))
+    print("\n".join(commands(*((1, [QUICKEST]) if quick else (3, list(COMMANDS))))))
     print("\nsimulated by pretouch verify examples/loop.toml")
-    print("\n".join(simulated(changes) for changes in (False, True)))
+    print("\n".join(simulated(changes) for changes in ((False,) if quick else (False, True))))
     if options.commands:
         return
     runs, samples, most = (20, 16, 1) if quick else (1000, 256, len(VERDICTS))
-    print(f"\nverdicts over {runs} runs, warm")
-    print("\n".join(verdict_times(runs, most)))
+    print(f"\nverdicts over {runs} runs" + ("" if quick else ", warm"))
+    print("\n".join(verdict_times(runs, most, warm=not quick)))
     print(f"\ndesigns on loops over {samples} samples")
     print("\n".join(designs(samples, most)))
 

@@ -20,11 +20,13 @@ _KNOTS = 20_000
 
 
 def _step(slope: Callable, s: np.ndarray, h: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return y after a step; `slope` returns the derivatives of both rows of y."""
     stage = np.empty((DOP853.n_stages, *y.shape))
+    rows = stage.reshape(DOP853.n_stages, -1)
     for i in range(DOP853.n_stages):
-        increment = np.tensordot(DOP853.A[i, :i], stage[:i], axes=1) if i else 0.0
-        stage[i] = slope(s + DOP853.C[i] * h, y + h * increment)
-    return y + h * np.tensordot(DOP853.B, stage, axes=1)
+        there = y + h * (DOP853.A[i, :i] @ rows[:i]).reshape(y.shape) if i else y
+        stage[i, 0], stage[i, 1] = slope(s + DOP853.C[i] * h, there)
+    return y + h * (DOP853.B @ rows).reshape(y.shape)
 
 
 @lru_cache(maxsize=4)
@@ -35,9 +37,11 @@ def _log_slope(sensor: SensorModel) -> Callable:
         ValueError: the spline is further from g halfway between its knots, where it is furthest.
     """
     if not isinstance(sensor, MittagLeffler):
-        return sensor.log_slope
+        return sensor._log_slope  # without the checks of its arguments: the caller stays within the range
     low, high = sensor.valid_range
     knots = np.linspace(low, min(high, low + 1.0), _KNOTS)
+    if high > low + 1.0:
+        knots = np.append(knots, np.geomspace(low + 1.0, min(high, low + 1e3), _KNOTS)[1:])
     spline = CubicSpline(knots, sensor.log_slope(knots))
     between = (knots[:-1] + knots[1:]) / 2
     worst = np.max(np.abs(spline(between) / sensor.log_slope(between) - 1))
@@ -45,11 +49,11 @@ def _log_slope(sensor: SensorModel) -> Callable:
         raise ValueError(f"a spline of g is off by {worst:.1e}; take more knots")
 
     def slope(distance: np.ndarray) -> np.ndarray:
-        near = spline(distance)
-        far = distance > knots[-1]
-        if far.any():
-            near[far] = sensor.log_slope(distance[far])
-        return near
+        found = spline(distance)
+        beyond = distance > knots[-1]
+        if beyond.any():
+            found[beyond] = sensor.log_slope(distance[beyond])
+        return found
 
     return slope
 
@@ -60,7 +64,7 @@ def _acceleration(scenario: Scenario, sensor: SensorModel, gain: np.ndarray) -> 
     slope = _log_slope(sensor)
 
     def relative_acceleration(t: np.ndarray, distance: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        g = slope(np.clip(np.nan_to_num(distance), low, high))
+        g = slope(np.fmin(np.fmax(distance, low), high))  # NaN, from an overflow, becomes `low`
         xo, vo = p + (v + a * t / 2) * t, v + a * t
         return a + (d * (vo - speed) + k * (xo - distance) - gain * g * speed) / m
 
@@ -82,7 +86,7 @@ def integrate(scenario: Scenario, sensor: SensorModel, gain: np.ndarray, end: np
         for n in range(steps):
             if n:
                 smallest = np.minimum(smallest, y[0])
-            y = _step(lambda t, z: np.stack([z[1], acceleration(t, z[0], z[1])]), n * h, h, y)
+            y = _step(lambda t, z: (z[1], acceleration(t, z[0], z[1])), n * h, h, y)
             t = (n + 1) * h
             excursion = np.maximum(excursion, np.abs(p + (v + a * t / 2) * t - y[0]))
             speed = np.maximum(speed, np.abs(v + a * t - y[1] + rv + ra * t))
@@ -106,7 +110,7 @@ def integrate_over_distance(scenario: Scenario, sensor: SensorModel, gain: np.nd
             there = np.minimum(here, edge)
             h = (there - here) / steps
             for n in range(steps):
-                y = _step(lambda s, z: np.stack([1 / z[1], acceleration(z[0], s, z[1]) / z[1]]), here + n * h, h, y)
+                y = _step(lambda s, z: (1 / z[1], acceleration(z[0], s, z[1]) / z[1]), here + n * h, h, y)
                 monotone &= y[1] < 0
             here = there
     return {"time": y[0], "relative_velocity": y[1], "monotone": monotone}

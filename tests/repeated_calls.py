@@ -81,7 +81,7 @@ def robust(sensor: pt.SensorModel, **own: Any) -> dict[str, Any]:
             bounds=BOUNDS,
             uncertainty=DRAWN | own,
             constraints=[limit],
-            robust=pt.robust.RobustOptions(samples=128, validation=128),
+            robust=pt.robust.RobustOptions(samples=64, validation=64),
         )
     )
     return {**found.to_dict(), "outcomes": found.outcomes(found.gain).objective}
@@ -105,7 +105,7 @@ def run() -> dict[str, Any]:
 def verified(**own: Any) -> dict[str, Any]:
     return pt.verify_gain(
         pt.Task(
-            scene(), POWER, F_1, loop=loop(), bounds=BOUNDS, verify=pt.VerifyOptions(runs=60), uncertainty=DRAWN | own
+            scene(), POWER, F_1, loop=loop(), bounds=BOUNDS, verify=pt.VerifyOptions(runs=20), uncertainty=DRAWN | own
         ),
         changes=False,
     ).to_dict()

@@ -82,7 +82,7 @@ def program(design: str, packages: dict[str, Path], request: pytest.FixtureReque
     """The harness with a design: one of them compiled by clang with optimization, if clang is installed."""
     if design == "damper":
         return Path(request.getfixturevalue("damper"))
-    choice = ("clang++", "-O2") if design == "course" and shutil.which("clang++") else ("g++", "-O0")
+    choice = ("clang++", "-O1") if design == "course" and shutil.which("clang++") else ("g++", "-O0")
     return build(packages[design], packages[design].parent, *choice)
 
 

@@ -16,7 +16,7 @@ from mujoco_witness import WitnessResult, witness_encounter
 from pretouch import control
 from pretouch.letter.inputs import approach, disruption, f_1, f_2, sensor
 
-STEPS = (1e-4, 5e-5, 2.5e-5)
+STEPS = (2e-4, 1e-4, 5e-5)
 ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
 CONTACT = pt.simulation.SpringDamper(stiffness=3e4, damping=60.0, obstacle_mass=1.0)
 ENCOUNTERS: dict[str, tuple[pt.Scenario, pt.SensorModel, Any, float]] = {

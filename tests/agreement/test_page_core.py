@@ -70,7 +70,7 @@ def assert_same(value: float, expected: float, size: float) -> None:
 @pytest.fixture(scope="module")
 def encounters():
     rng = np.random.default_rng(28)
-    return [(random_scenario(rng), random_sensor(rng), -(10 ** rng.uniform(-2, 0.7))) for _ in range(240)]
+    return [(random_scenario(rng), random_sensor(rng), -(10 ** rng.uniform(-2, 0.7))) for _ in range(120)]
 
 
 def test_contacts_and_demands_are_those_of_python(encounters):

@@ -68,8 +68,8 @@ def test_both_fingers_touch_an_object_off_center_together(has_hand: bool, offset
 
 def test_a_slow_sensor_centers_as_well() -> None:
     model, data = scene(0.01)
-    result = simulate_robot(model, data, finger_laws(rate=250.0), centering=CENTERED, runs=5)
-    for run in range(5):
+    result = simulate_robot(model, data, finger_laws(rate=250.0), centering=CENTERED, runs=3)
+    for run in range(3):
         apart, pushed = apart_and_pushed(result, 2, run)
         assert apart < 5e-3
         assert pushed < 1e-3

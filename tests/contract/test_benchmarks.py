@@ -140,7 +140,7 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
         ),
         (
             "calibrations",
-            ["--sparse", "--count", "12"],
+            ["--sparse", "--count", "6"],
             [
                 r"within 15 % of the predicted contact speed: (\d+) of \1 ",
                 r"without a warning: 0",
@@ -163,7 +163,11 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
                 r"missed requirements:",
             ],
         ),
-        ("custom_laws", ["--encounters", "8"], [r"times as fast, largest difference of l' \de-1\d", r"s, \d+ points"]),
+        (
+            "custom_laws",
+            ["--encounters", "8", "--quick"],
+            [r"times as fast, largest difference of l' \de-1\d", r"s, \d+ points"],
+        ),
         (
             "policies",
             ["--quick"],

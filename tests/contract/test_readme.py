@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import doctest
-import os
+import io
 import re
+import runpy
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -152,20 +155,29 @@ def test_the_synthetic_calibration_is_what_its_program_prints() -> None:
     assert run.stdout == (ROOT / "examples" / "sensor.csv").read_text(encoding="utf-8")
 
 
-def test_the_demonstration_writes_its_reports(tmp_path: Path) -> None:
-    """examples/demo.py from a copy, so that nothing of the checkout is touched."""
-    import shutil
+def in_this_process(command: list[str], **_: Any) -> subprocess.CompletedProcess[str]:
+    """Run `python -m pretouch` without a new process, which would import all libraries again."""
+    from pretouch.cli import main
 
+    assert command[:3] == [sys.executable, "-m", "pretouch"]
+    out, err = io.TextIOWrapper(io.BytesIO(), encoding="utf-8"), io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        patch.setattr(sys, "argv", ["pretouch", *command[3:]])
+        with pytest.raises(SystemExit) as ended:
+            main()
+    texts = [(stream.flush(), stream.buffer.getvalue().decode("utf-8"))[1] for stream in (out, err)]
+    return subprocess.CompletedProcess(command, ended.value.code or 0, *texts)
+
+
+def test_the_demonstration_writes_its_reports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """examples/demo.py from a copy, so that nothing of the checkout is touched; its commands run in this process."""
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    run = subprocess.run(
-        [sys.executable, str(tmp_path / "examples" / "demo.py")],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONIOENCODING": "utf-8"},
-    )
-    assert run.returncode == 0, run.stderr
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(subprocess, "run", in_this_process)
+    runpy.run_path(str(tmp_path / "examples" / "demo.py"), run_name="__main__")
+    printed = capsys.readouterr().out
     assert {p.name for p in (tmp_path / "demo-output").iterdir()} == {
         "sensor-fit.html",
         "approach-design.html",
@@ -178,6 +190,6 @@ def test_the_demonstration_writes_its_reports(tmp_path: Path) -> None:
         "tradeoff-pareto.html",
         "index.html",
     }
-    assert len(run.stdout.splitlines()) < 80
+    assert len(printed.splitlines()) < 80
     index = (tmp_path / "demo-output" / "index.html").read_text(encoding="utf-8")
     assert all(f'href="{p.name}"' in index for p in (tmp_path / "demo-output").iterdir() if p.name != "index.html")

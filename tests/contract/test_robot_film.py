@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import types
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 
@@ -259,7 +260,9 @@ def test_a_filmstrip_is_a_figure_too(result) -> None:
     assert titles[0] == "0 ms, 42.2 mm"
 
 
-def test_an_encounter_without_contact_has_a_film_as_well(folder) -> None:
+def test_an_encounter_without_contact_has_a_film_as_well(folder, monkeypatch) -> None:
+    short = partial(pt.robots.simulate_robot, horizon=1.0)  # s, instead of 10 s
+    monkeypatch.setattr("pretouch.robots.simulate_robot", short)
     found = simulate(TEXT.replace('"-0.3 m/s"', '"0.3 m/s"'), gain=-0.5)
     assert found.order() == ()
     assert len(images(report_html(found))) == 8

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 xr = pytest.importorskip("xarray", reason="needs the extra 'sweep'")
 pytest.importorskip("zarr", reason="needs the extra 'sweep'")
 
-COUNT = 20  # three chunks
+COUNT = 10  # three chunks
+CHUNK = 4
 LAW = SiteLaw(site=SensorSite("fingertip", CURVE), controller=controller())
 
 
@@ -35,6 +37,13 @@ def request(count: int = COUNT) -> dict[str, Any]:
     postures = random_postures(load_model(ARM), LAW.site, count, seed=2)
     directions = [("+x", "+z", "-z")[i % 3] for i in range(count)]
     return {"path": ARM, "law": LAW, "postures": postures, "objects": objects, "directions": directions, "seed": 3}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def small_chunks() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pretouch.robots.sweep._CHUNK", CHUNK)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -135,12 +144,12 @@ def test_an_interrupted_sweep_resumes(dataset: Any, tmp_path: Path, monkeypatch:
 
     def give_up(progress: Any) -> None:
         finished.append(progress.finished)
-        if progress.finished >= 8:
+        if progress.finished >= CHUNK:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         sweep_robot(**request(), output=output, progress=give_up)
-    assert finished == [0, 8]
+    assert finished == [0, CHUNK]
     computed: list[int] = []
     evaluate = RobotPlan.evaluate
 
@@ -151,8 +160,8 @@ def test_an_interrupted_sweep_resumes(dataset: Any, tmp_path: Path, monkeypatch:
     monkeypatch.setattr(RobotPlan, "evaluate", noting)
     steps: list[Any] = []
     resumed = sweep_robot(**request(), output=output, progress=steps.append)
-    assert computed == [8, 16]
-    assert [(p.finished, p.total) for p in steps] == [(8, 20), (16, 20), (20, 20)]
+    assert computed == [CHUNK, 2 * CHUNK]
+    assert [(p.finished, p.total) for p in steps] == [(4, 10), (8, 10), (10, 10)]
     for name in dataset.data_vars:
         np.testing.assert_array_equal(resumed[name].values, dataset[name].values)
     changed = request() | {"law": SiteLaw(site=LAW.site, controller=controller(-0.5))}

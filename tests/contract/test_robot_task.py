@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_text import command
 
 import pretouch as pt
 from pretouch.errors import InvalidInputError, ScenarioFileError
@@ -206,21 +207,25 @@ def run(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
 
 
-def test_the_command_prints_a_table_and_json(tmp_path: Path) -> None:
-    short = run(str(ARM), folder=tmp_path)
-    assert short.returncode == 0, short.stderr
-    lines = short.stdout.splitlines()
+def test_the_command_prints_a_table_and_json(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run_here = command(monkeypatch, capsys)
+    code, short, err = run_here("project", ARM)
+    assert code == 0, err
+    lines = short.splitlines()
     assert "1 site." in lines[0]
-    assert "e-" not in short.stdout
-    assert "joint_speeds" in short.stdout  # the model limits no speed
+    assert "e-" not in short
+    assert "joint_speeds" in short  # the model limits no speed
     assert len(lines) <= 20
     assert max(map(len, lines)) <= 120
-    rows = json.loads(run(str(ARM), "--json", folder=tmp_path).stdout)["rows"]
+    rows = json.loads(run_here("project", ARM, "--json")[1])["rows"]
     assert len(rows) == 4 * 3  # the posture of the model and three keyframes, three axes
     (bent,) = [row for row in rows if (row["keyframe"], row["site_axis"]) == ("bent", "+x")]
     assert bent["reflected_mass"] == pytest.approx(arm_projection().reflected_mass, rel=1e-12)
     assert [row["keyframe"] for row in rows if row.get("site_axis") == "+y" and "error" in row]
-    assert "singularity" in run(str(ARM), "--verbose", folder=tmp_path).stdout
+    assert "singularity" in run_here("project", ARM, "--verbose")[1]
 
 
 def test_the_command_refuses_with_one_sentence(tmp_path: Path) -> None:

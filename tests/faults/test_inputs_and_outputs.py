@@ -128,8 +128,8 @@ def spelled(name: str) -> dict[str, str]:
         (("design", "fingertip.toml"), "sensor.csv"),
         (("design", "fingertip.toml", "--json"), "sensor.csv"),
         (("simulate", "loop.toml", "--gain", "-0.7"), "loop.toml"),
-        (("fit", "sensor.csv"), "sensor.csv"),
-        (("fit", "sensor.csv", "--no-object", "dark.csv"), "dark.csv"),
+        (("fit", "sensor.csv", "--model", "exponential-1"), "sensor.csv"),
+        (("fit", "sensor.csv", "--no-object", "dark.csv", "--model", "exponential-1"), "dark.csv"),
     ],
 )
 def test_no_input_is_ever_written_over(

@@ -55,7 +55,7 @@ def paths_of(value, path=()):
         yield from paths_of(inner, (*path, key))
 
 
-@examples(300)
+@examples(150)
 @given(st.lists(STATEMENT, max_size=8).map("\n".join))
 def test_the_scan_finds_every_key_of_any_toml(text):
     try:
@@ -120,7 +120,7 @@ def mutated(mutations):
     return "\n".join(lines)
 
 
-@examples(400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(MUTATION, min_size=1, max_size=4).map(mutated))
 def test_a_damaged_file_is_read_or_refused_with_a_line_and_nothing_else(tmp_path, text):
     file = tmp_path / "damaged.toml"

@@ -194,7 +194,7 @@ def test_a_step_that_goes_too_far_is_taken_back_halfway(
 
 
 @given(seed=st.integers(0, 2**32 - 1), monotone=st.booleans(), known=st.sampled_from(["20 %", "10 %"]))
-@examples(60)
+@examples(25)
 def test_no_schedule_that_keeps_the_ratio_is_better_than_the_lower_bound(seed: int, monotone: bool, known: str) -> None:
     """Random steps near the best and far from it, raised until each reflectance keeps the ratio."""
     found = scheduled(known, monotone=monotone)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +41,9 @@ def test_it_stays_within_its_rails_and_is_never_faster_than_the_weak_one(
             return chosen[-1]
 
     rails = example.RAILS
-    found, way = example.encounters(Noted(drag=example.NOISE, rails=rails), speed, acceleration, runs=10)
-    weak, least = example.encounters(example.NOISE.with_value(rails.weak.drag), speed, acceleration, runs=10)
-    assert len(chosen) > 500
+    found, way = example.encounters(Noted(drag=example.NOISE, rails=rails), speed, acceleration, runs=5)
+    weak, least = example.encounters(example.NOISE.with_value(rails.weak.drag), speed, acceleration, runs=5)
+    assert len(chosen) > 250
     assert rails.weak.drag <= min(chosen) <= max(chosen) <= rails.strong.drag
     assert (found <= weak * (1 + 1e-9)).all()  # equal to rounding where it stays at the weak rail
     assert (way >= least * (1 - 1e-9)).all()
@@ -71,9 +72,10 @@ def test_without_noise_and_delay_it_keeps_the_bound_of_the_weak_rail(
 
 
 def test_it_is_softer_than_the_constant_drag_that_gives_way_as_far(
-    example: Any, capsys: pytest.CaptureFixture[str]
+    example: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The study found 17 %: 50 for 60 mm/s at 40 mm; 125 runs tell it to about 1 %."""
+    """The study found 17 %: 50 instead of 60 mm/s at 40 mm. The 50 runs here show it with an error of about 1.6 %."""
+    monkeypatch.setattr(example, "encounters", partial(example.encounters, runs=10))
     example.main()
     rows = {line[:22].strip(): np.array(line[22:].split(), float) for line in capsys.readouterr().out.splitlines()[2:]}
     assert list(rows) == [f"{v:g} m/s, {a:g} m/s^2" for v, a in example.SETTINGS]

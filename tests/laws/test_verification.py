@@ -450,7 +450,7 @@ def test_a_late_detection_is_laid_to_the_sensor_or_to_its_floor() -> None:
 def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(seed: int) -> None:
     """The counts of a VCNL4010 with a floor of 5 deviations of noise; both promises are tried anew with other noise.
 
-    At nine levels near the floor, other than those that were looked at. Of 24 runs 7 exceed what 5 % do by chance in
+    At five levels near the floor, other than those that were looked at. Of 24 runs 7 exceed what 5 % do by chance in
     one of 10,000 cases; the floor that is named must quiet the warning itself.
     """
     task = pt.load_scenario(EXAMPLES / "loop.toml").replace(
@@ -474,7 +474,7 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     def moves(floor: float) -> np.ndarray:
         held = replace(loop.law, conditioning=replace(loop.law.conditioning, floor=floor))
         quiet = replace(loop, law=held, contact=None, horizon=30.0, seed=70 + seed)
-        deviations = np.array([-0.3, 0.0, 0.3, 0.8, 1.2, 1.8, 3.0, 6.0, 10.0])
+        deviations = np.array([-0.3, 0.3, 1.2, 3.0, 10.0])
         seen = level >= floor + deviations[:, None] * np.hypot(20.0, 0.002 * level)
         here = np.where(seen, places, 0.0).max(axis=1)
         scenario = replace(task.scenario, obstacle=pt.Obstacle(position=np.repeat(here, 24)))

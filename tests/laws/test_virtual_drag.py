@@ -316,7 +316,7 @@ def test_a_design_tells_of_itself() -> None:
 
 # --- what no encounter exceeds: 10^5 of them, by a method of our own that knows none of the formulas ---
 
-COUNT, PIECES, STEPS = 100_000, 8, 700
+COUNT, PIECES, STEPS = 30_000, 8, 700
 
 
 class _Drawn:
@@ -406,14 +406,14 @@ def test_no_obstacle_exceeds_the_bound_and_a_steady_push_meets_it() -> None:
     )
     reached = np.isfinite(scheduled)
     assert reached.sum() > 0.5 * COUNT
-    assert (reached & turned).sum() > 1_000
+    assert (reached & turned).sum() > 0.01 * COUNT
     assert np.nanmax(scheduled / bound) < 1 + 2e-3
-    some = slice(0, 20_000)
+    some = slice(0, 6_000)
     few = _Drawn.__new__(_Drawn)
     few.__dict__ = {n: v[some] for n, v in vars(drawn).items() if isinstance(v, np.ndarray)}
     steady, _, _, _ = _integrate(few, lambda _: weak[some], lambda _: -push[some], duration[some] / 2)
     met = steady / bound[some]
-    assert np.isfinite(met).sum() > 19_000
+    assert np.isfinite(met).sum() > 5_700
     assert np.nanmax(np.abs(met - 1)) < 2e-2  # the fastest ones last fewest steps
     assert np.nanmedian(np.abs(met - 1)) < 1e-4
 

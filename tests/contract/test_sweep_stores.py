@@ -164,7 +164,7 @@ def test_an_output_that_cannot_be_is_refused_before_anything_is_computed(
 
 
 def test_a_mistake_that_only_the_solver_finds_leaves_no_store(tmp_path: Path) -> None:
-    with pytest.raises(InvalidInputError, match="closed form"):
+    with pytest.raises(InvalidInputError, match="closed-form"):
         sweep_to(tmp_path / "out.zarr", method="closed-form")
     assert names(tmp_path) == []
 

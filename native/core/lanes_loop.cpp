@@ -119,7 +119,7 @@ private:
     Lanes reference_at(Lanes time) const { return xd + time * (vd + 0.5 * ad * time); }
 
     void begin(int lane);
-    void load_drive(int lane);
+    void load_drive(int lane, const pretouch_drive_state &driven);
     void set_leg(int lane, const pretouch::Leg &leg);
     pretouch::Leg leg_of(int i) const { return {since[i], until[i], xo0[i], vo0[i], ao[i], gone[i]}; }
     pretouch::Approach approach_of(int lane, double at, bool law_called);
@@ -164,7 +164,7 @@ void Group::begin(int i) {
     excursion[i] = fabs(s.x - s.xd);
     fastest[i] = fabs(s.v);
     flags[i] = 0;
-    load_drive(i);
+    load_drive(i, state_of(i)->drive);
     drive.hold[i] = d.hold;
     drive.fade_step[i] = d.fade_step;
     drive.largest_force[i] = d.largest_force;
@@ -181,9 +181,8 @@ void Group::begin(int i) {
     drive.excursion[i] = d.limits.excursion;
 }
 
-// Copy the state of the law's drive from the state of the law.
-void Group::load_drive(int i) {
-    const pretouch_drive_state &driven = state_of(i)->drive;
+// Copy the state of a law's drive to a lane.
+void Group::load_drive(int i, const pretouch_drive_state &driven) {
     steady[i] = driven.delivery.steady;
     rest[i] = driven.delivery.rest;
     ahead[i] = driven.delivery.ahead;
@@ -250,7 +249,7 @@ void Group::visit(int i) {
         open &= ~(1ull << i);
         return;
     }
-    load_drive(i);
+    load_drive(i, state_of(i)->drive);
     period_number[i] = a.period;
     times[i] = t[i] = static_cast<double>(a.period) * loop.period;
     instants[i] = instant[i] = pretouch::next_sample(sensors[i]);
@@ -292,13 +291,7 @@ void Group::step_alone(int i, const pretouch_observation &observed, const pretou
     sample.reference_velocity = vd[i] + ad[i] * t[i];
     sample.reference_acceleration = ad[i];
     pretouch_drive(&parameters_of(i)->drive, &driven, &observed, &push, &sample, &out);
-    steady[i] = driven.delivery.steady;
-    rest[i] = driven.delivery.rest;
-    ahead[i] = driven.delivery.ahead;
-    fading[i] = driven.delivery.fading;
-    motion[i] = driven.motion.position;
-    speed[i] = driven.motion.velocity;
-    reference[i] = driven.reference;
+    load_drive(i, driven);
     position[i] = out.position;
     velocity[i] = out.velocity;
     acceleration[i] = out.acceleration;

@@ -162,9 +162,8 @@ def _inputs(request: Request, which: Which) -> _Inputs:
     values, gain = request.part(which)
     if not request.scenario.obstacle.course:
         return values, gain, None
-    first, sections = path_sections(request)
-    values[:, _ACCELERATION] = first[which]
-    return values, gain, sections[which]
+    values[:, _ACCELERATION], sections = path_sections(request, which)
+    return values, gain, sections
 
 
 def _select(inputs: _Inputs, which: IntArray) -> _Inputs:

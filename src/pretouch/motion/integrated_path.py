@@ -12,7 +12,7 @@ import numpy as np
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
 
-from .request import Request
+from .request import Request, Which
 from .scenario import Scenario
 
 
@@ -96,12 +96,12 @@ class Encounters(Value):
         return position, velocity + acceleration * after, acceleration
 
 
-def encounters_of(request: Request) -> Encounters:
+def encounters_of(request: Request, which: Which = slice(None)) -> Encounters:
     """Convert encounters to arrays for the numerical integration."""
-    columns, value = request.part(slice(None))
+    columns, value = request.part(which)
     mass, damping, stiffness, x0, u0, p, v, _, r_v, r_a = columns.T.copy()
     sections: tuple[list[FloatArray], ...] = [np.zeros_like(p)], [p], [v], []
-    for until, acceleration in _stretches(request.scenario, request.shape):
+    for until, acceleration in _stretches(request.scenario, request.shape, which):
         relative = acceleration - r_a
         duration = until - sections[0][-1]
         sections[3].append(relative)
@@ -116,7 +116,7 @@ def encounters_of(request: Request) -> Encounters:
         stiffness=stiffness,
         displacement=x0,
         displacement_velocity=u0,
-        reference=np.broadcast_to(request.scenario.reference.position, request.shape).reshape(-1),
+        reference=np.broadcast_to(request.scenario.reference.position, request.shape).reshape(-1)[which],
         reference_velocity=r_v,
         reference_acceleration=r_a,
         value=value,
@@ -127,14 +127,14 @@ def encounters_of(request: Request) -> Encounters:
     )
 
 
-def path_sections(request: Request) -> tuple[FloatArray, FloatArray]:
-    """Return the sections of each obstacle's path for the compiled solver.
+def path_sections(request: Request, which: Which) -> tuple[FloatArray, FloatArray]:
+    """Return the path sections of selected obstacles for the compiled solver.
 
     Returns:
         The acceleration relative to the reference in the first section [m/s^2], shape (n,). The later sections with
         the columns of layout.SECTION_COLUMNS, shape (n, k, 4).
     """
-    e = encounters_of(request)
+    e = encounters_of(request, which)
     since, p, v, a = e.since[1:], e.position[1:], e.velocity[1:], e.acceleration[1:]
     # Time starts with the encounter. An obstacle at rest keeps exactly zero speed.
     columns = since, p - (v - a * since / 2) * since, v - a * since, a
@@ -152,10 +152,10 @@ def obstacle_path(request: Request, times: FloatArray) -> tuple[FloatArray, Floa
     return position, velocity
 
 
-def _stretches(scenario: Scenario, shape: tuple[int, ...]) -> list[tuple[FloatArray, FloatArray]]:
+def _stretches(scenario: Scenario, shape: tuple[int, ...], which: Which) -> list[tuple[FloatArray, FloatArray]]:
     """Return end time [s] and acceleration [m/s^2] of each motion section."""
 
     def flat(values: object) -> FloatArray:
-        return np.array(np.broadcast_to(np.asarray(values, dtype=np.float64), shape)).reshape(-1)
+        return np.array(np.broadcast_to(np.asarray(values, dtype=np.float64), shape)).reshape(-1)[which]
 
     return [(flat(stretch.until), flat(stretch.acceleration)) for stretch in scenario.obstacle.course]

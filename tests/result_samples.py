@@ -15,7 +15,6 @@ import pretouch as pt
 from pretouch import control, uncertainty
 from pretouch.design import find_physical_bound
 from pretouch.design.drag import DragLimits, drag_by, drag_trade_off
-from pretouch.design.schedule import schedule_drag
 from pretouch.sensors import PiecewiseCubic
 from pretouch.sweeps import Axis, Progress
 from pretouch.verification import calibration_check, compare_candidates
@@ -153,7 +152,6 @@ RESULTS: dict[str, Callable[[], Any]] = {
         )
     ),
     "front with admittance": lambda: pt.pareto_front(pt.Task(SCENARIO, CONSTANT, bounds=BOUNDS, **FREE)),
-    "schedule of a drag": lambda: schedule_drag(SENSOR, 0.0422, 1.0, ratio=0.26, reflectance=(0.9, 1.1), steps=12),
     "drag": lambda: pt.design_drag(
         pt.Task(SCENARIO, SENSOR, OBJECTIVE, constraints=LIMITS, drag_effect=pt.DragEffect(ratio=0.15))
     ),

@@ -11,13 +11,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
-from pretouch._core.numbers import FloatArray
 from pretouch.motion import ContactResult
 
 from .certificate import ACTIVE, Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
 from .constraints import Constraint
 from .problem import Answer, GainProblem
-from .search import HELD, Minimum, Scan, refine, scan
+from .search import Minimum, Scan, refine, search_axis
 from .search.compiled import INFEASIBLE, OPTIMAL, UNCERTAIN, search_compiled
 from .search.many import design_many, settle_one
 from .sensitivity import gain_sensitivities
@@ -101,39 +100,16 @@ class GainEvidence(Answer):
         Returns:
             The scan, whose neighboring gains allow accurate interpolation.
         """
-        return scan(self.problem.landscape, *self.problem.axis.span)
+        return self._search[0]
 
     @_part
     def minima(self) -> tuple[Minimum, ...]:
         """All local minima of the objective, refined and sorted, best first."""
-        scanned = self.scanned
-        minima = refine(self._merit, scanned.coordinate, scanned.landscape.merit)
-        return tuple(minima or self._between_gains())
-
-    def _merit(self, coordinate: FloatArray) -> FloatArray:
-        return self.problem.landscape(coordinate).merit
-
-    def _between_gains(self) -> list[Minimum]:
-        """Find local minima of the objective between two evaluated gains."""
-        near = self._least_excess
-        if near is None or near.value > HELD:
-            return []
-        steps = 0.5 ** np.arange(50)
-        low, high = near.bracket
-        below, above = ((end - near.coordinate) * steps for end in (low, high))
-        u = np.unique(near.coordinate + np.concatenate([[0.0], below, above]))
-        return refine(self._merit, u, self._merit(u))
+        return tuple(self._search[1])
 
     @_part
-    def _least_excess(self) -> Minimum | None:
-        """The gain with the smallest limit violation.
-
-        Returns:
-            The minimum of the violation; None if no gain results in contact.
-        """
-        scanned, problem = self.scanned, self.problem
-        near = refine(lambda u: problem.landscape(u).worst_ratio, scanned.coordinate, scanned.landscape.worst_ratio)
-        return near[0] if near else None
+    def _search(self) -> tuple[Scan, list[Minimum]]:
+        return search_axis(self.problem.landscape, *self.problem.axis.span)
 
     @_part
     def nearest_gain(self) -> float | None:
@@ -142,9 +118,8 @@ class GainEvidence(Answer):
         Returns:
             The gain; None unless the design is infeasible.
         """
-        if self.minima or self._least_excess is None:
-            return None
-        return float(self.problem.axis.gain(self._least_excess.coordinate))
+        coordinate = self.scanned.least_violation
+        return None if self.minima or coordinate is None else float(self.problem.axis.gain(coordinate))
 
     @_part
     def result(self) -> ContactResult | None:

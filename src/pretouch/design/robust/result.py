@@ -170,11 +170,10 @@ class RobustDesign(Answer):
 
         None unless the design is infeasible.
         """
-        worst = self.scan.landscape.worst_ratio
-        best = int(np.argmin(worst))
-        if self.status is not DesignStatus.INFEASIBLE or not np.isfinite(worst[best]):
+        coordinate = self.scan.least_violation
+        if self.status is not DesignStatus.INFEASIBLE or coordinate is None:
             return None
-        return float(self.problem.axis.gain(self.scan.coordinate[best]))
+        return float(self.problem.axis.gain(coordinate))
 
     @property
     def reachable(self) -> tuple[tuple[Required, float, float], ...]:

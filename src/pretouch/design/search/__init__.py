@@ -1,14 +1,16 @@
 """Search for the globally optimal gain and other parameters.
 
-`search_axis` scans one coordinate and refines each minimum. Compiled code solves the problems that it supports
+`search_axis` scans one coordinate, looks for feasible bands between infeasible coordinates (`bands`), and refines each
+minimum. Compiled code solves the problems that it supports
 (`compiled`), and families of encounters that differ in one input are interpolated (`family`); arrays of other
 encounters are scanned together (`many`). Over several free parameters, `local` searches from a grid of `Trials`.
 `box_maximum` computes a certified maximum on a box.
 """
 
+from .bands import HELD
 from .gain_axis import GainAxis
 from .minima import Minimum, refine, search_axis
-from .scan import HELD, MEASURED, RUNS, SAMPLED, Effort, Landscape, Scan, scan
+from .scan import MEASURED, RUNS, SAMPLED, Effort, Landscape, Scan, scan
 
 __all__ = [
     "HELD",

@@ -9,7 +9,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-from .scan import HELD
+from .bands import HELD
 from .trials import Trials
 
 _FAR: Final = 1e3  # value of a row without contact; other rows are about 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 
+from .bands import HELD
 from .polynomials import FIT, NODES, minimize_polynomials
 from .scan import EXACT, Effort, Evaluate, Scan, scan
 
@@ -42,26 +43,48 @@ class Minimum(Value):
     edge: bool
 
 
-def search_axis(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) -> tuple[Scan, list[Minimum]]:
-    """Find the local minima of a function of one variable.
+def search_axis(
+    evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT, start: Scan | None = None
+) -> tuple[Scan, list[Minimum]]:
+    """Find the local minima of a function of one variable within its limits.
 
     Objective and constraints are evaluated at many values of the variable. The search is global if the scan resolves
-    the function.
+    the function. If no scanned coordinate is feasible, the smallest violation is refined: to a feasible coordinate,
+    around which the scan continues, or to its minimum, which then belongs to the scan.
 
     Args:
         evaluate: a function that maps coordinates to a Landscape.
         low: start of the axis.
         high: end of the axis.
         effort: settings of the search.
+        start: a scan to continue; a new one by default.
 
     Returns:
         The scan, and the feasible minima, best first.
     """
-    scanned = scan(evaluate, low, high, effort)
+    scanned = scan(evaluate, low, high, effort, start)
+    worst = scanned.landscape.worst_ratio
+    if not scanned.landscape.feasible.any() and np.isfinite(worst).any():
+        near = refine(lambda u: evaluate(u).worst_ratio, scanned.coordinate, worst, replace(effort, most=1), HELD)[0]
+        scanned = _insert(scanned, near.coordinate, evaluate)
+        if scanned.landscape.feasible.any():
+            scanned = scan(evaluate, low, high, effort, scanned)
     return scanned, refine(lambda u: evaluate(u).merit, scanned.coordinate, scanned.landscape.merit, effort)
 
 
-def refine(function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort = EXACT) -> list[Minimum]:
+def _insert(scanned: Scan, coordinate: float, evaluate: Evaluate) -> Scan:
+    """Add a coordinate to a scan."""
+    if coordinate in scanned.coordinate:
+        return scanned
+    u = np.append(scanned.coordinate, coordinate)
+    order = np.argsort(u, kind="stable")
+    more = evaluate(u[-1:])
+    return replace(scanned, coordinate=u[order], landscape=scanned.landscape.joined(more, order))
+
+
+def refine(
+    function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort = EXACT, enough: float = -math.inf
+) -> list[Minimum]:
     """Refine the local minima of a function of one variable.
 
     Args:
@@ -69,6 +92,7 @@ def refine(function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort =
         u: the scanned coordinates, ascending.
         values: values of the function.
         effort: settings of the search.
+        enough: a value at which the refinement of a minimum ends.
 
     Returns:
         The minima, best first; minima beyond `effort.most` keep their scanned values. Empty if the function is
@@ -81,14 +105,14 @@ def refine(function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort =
         left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, len(u) - 1)])
         at, value, edge = float(u[i]), float(values[i]), True
         if rank < effort.most and value <= effort.counts(float(values[lowest].min())):
-            refined = _zoom(function, left, right, effort)
+            refined = _zoom(function, left, right, effort, enough)
             if refined[1] <= value or not refined[2]:
                 at, value, edge = refined
         minima.append(Minimum(coordinate=at, value=value, bracket=(left, right), edge=edge))
     return sorted(minima, key=lambda m: m.value)
 
 
-def _zoom(function: OnAxis, low: float, high: float, effort: Effort) -> tuple[float, float, bool]:
+def _zoom(function: OnAxis, low: float, high: float, effort: Effort, enough: float) -> tuple[float, float, bool]:
     """Narrow the bracket of a local minimum."""
     left, right = low, high
     best = (low, math.inf)
@@ -98,6 +122,8 @@ def _zoom(function: OnAxis, low: float, high: float, effort: Effort) -> tuple[fl
         i = int(np.argmin(values))
         if values[i] <= best[1]:
             best = float(u[i]), float(values[i])
+        if best[1] <= enough:
+            break
         at_end = u[i] in {low, high}
         if effort.smooth and np.isfinite(values).all() and _NARROWEST * max(1.0, abs(left)) < right - left < _WIDEST:
             polished = None if at_end else _polish(function, left, right)

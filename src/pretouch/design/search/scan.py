@@ -12,11 +12,9 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
-HELD: Final = 1 - 1e-11
-"""Largest share of a limit that the search uses, so that a repeated solution at the optimal gain meets the limit."""
+from .bands import HELD, doubtful_bands, lowest_doubts
 
 _JUMP: Final = 1e-6  # share of the axis: a change over an interval this narrow is a jump
-_EDGE: Final = 1e-3  # share of the axis: largest interval in which feasibility may change
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +33,7 @@ class Effort:
         nodes: number of coordinates of each round of a refinement.
         finest: smallest relative width in u at which refinement ends if the function is not smooth.
         smooth: whether the function may be smooth; then a polynomial is tried.
+        bands: largest number of further coordinates that look for feasible ones if the first scan has none.
     """
 
     first: int = 65
@@ -46,6 +45,7 @@ class Effort:
     nodes: int = 17
     finest: float = 1e-14
     smooth: bool = True
+    bands: int = 1024
 
     def counts(self, lowest: float) -> float:
         """Return the function value above which refinement is unnecessary."""
@@ -62,14 +62,14 @@ A measure over different encounters varies less than the objective of one: half 
 scan still halves every interval in which interpolation is not accurate.
 """
 
-SAMPLED: Final = Effort(resolved=3e-3, largest=257, relevant=2.0, most=4, finest=1e-3)
+SAMPLED: Final = Effort(resolved=3e-3, largest=257, relevant=2.0, most=4, finest=1e-3, bands=64)
 """Settings for a measure over samples or runs of an evaluator, with common random numbers for all coordinates.
 
 Such a measure has jumps, so that interpolation does not converge. Values above twice the lowest are not resolved. A
 thousandth of the gain is far below the change by another set of samples.
 """
 
-RUNS: Final = Effort(first=33, largest=33, most=1, nodes=5, finest=1e-3, smooth=False)
+RUNS: Final = Effort(first=33, largest=33, most=1, nodes=5, finest=1e-3, smooth=False, bands=24)
 """Settings for the mean over runs of a loop with about ten milliseconds per gain: refine the best of 33 gains.
 
 The refinement resolves the ripples of a sampled loop, which no polynomial fits. An adaptive scan that resolves them
@@ -146,46 +146,71 @@ class Scan(Value):
     landscape: Landscape
     resolution: float
 
+    @property
+    def least_violation(self) -> float | None:
+        """The coordinate with the smallest constraint violation.
 
-def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) -> Scan:
+        None if no coordinate results in contact.
+        """
+        worst = self.landscape.worst_ratio
+        best = int(np.argmin(worst))
+        return float(self.coordinate[best]) if np.isfinite(worst[best]) else None
+
+
+def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT, start: Scan | None = None) -> Scan:
     """Evaluate a function on an adaptive grid.
 
-    The grid is refined until interpolation is accurate. An interval is halved while the cubic through four neighbors
-    misses an objective in its middle by more than `resolved`, or while feasibility changes over it and it is wider than
-    1e-3 of the axis. Halving ends at intervals of 1e-6 of the axis, and at the largest number of coordinates,
-    `largest`.
+    The grid is refined until interpolation is accurate. An interval is halved in three cases:
+
+    - The cubic through four neighbors misses an objective in its middle by more than `resolved`.
+    - Feasibility changes over it, and it is wide compared with the axis or with the feasible range next to it.
+    - It may contain feasible coordinates, although both ends are infeasible (`bands`).
+
+    Halving ends at intervals of 1e-6 of the axis, and at the largest number of coordinates, `largest`. If the first
+    scan has no feasible coordinate, `bands` more are allowed.
 
     Args:
         evaluate: a function that maps coordinates to a Landscape.
         low: start of the axis.
         high: end of the axis.
         effort: settings of the search.
+        start: a scan to continue instead of a new one; its objective is not refined further.
 
     Returns:
         The scan.
     """
-    u = np.linspace(low, high, effort.first)
-    landscape = evaluate(u)
-    doubtful = np.ones(len(u) - 1, dtype=bool)
-    resolution = np.inf
-    while doubtful.any() and len(u) + int(doubtful.sum()) <= effort.largest:
+    if start is None:
+        u = np.linspace(low, high, effort.first)
+        start = Scan(coordinate=u, landscape=evaluate(u), resolution=np.inf)
+        rough = np.ones(len(u) - 1, dtype=bool)
+        most = effort.largest + (0 if start.landscape.feasible.any() else effort.bands)
+    else:
+        rough = np.zeros(len(start.coordinate) - 1, dtype=bool)
+        most = max(effort.largest, len(start.coordinate)) + effort.bands
+    u, landscape, resolution = start.coordinate, start.landscape, start.resolution
+    finest = max(_JUMP * (high - low), effort.finest)
+    while True:
+        doubt = doubtful_bands(u, landscape, finest, effort.finest * max(1.0, abs(low), abs(high)))
+        rough &= np.diff(u) > _JUMP * (high - low)
+        doubtful = rough | np.isfinite(doubt)
+        if len(u) + int(doubtful.sum()) > (effort.largest if rough.any() else most):
+            doubtful = lowest_doubts(doubt, most - len(u))
+        if not doubtful.any():
+            return Scan(coordinate=u, landscape=landscape, resolution=resolution)
         middle = 0.5 * (u[:-1] + u[1:])[doubtful]
         new = evaluate(middle)
         error = _relative_error(
             predict(u, landscape.objective, np.flatnonzero(doubtful)), new.objective, landscape, effort.share
         )
-        resolution = float(error.max(initial=0.0))
+        if (rough & doubtful).any():
+            resolution = float(error[..., rough[doubtful]].max(initial=0.0))
         lower_ends = np.minimum(landscape.objective[..., :-1], landscape.objective[..., 1:])[..., doubtful]
         near = lower_ends <= effort.counts(float(landscape.merit.min()))
-        rough = ((error > effort.resolved) & near).reshape(-1, len(middle)).any(axis=0)
+        halved = ((error > effort.resolved) & near).reshape(-1, len(middle)).any(axis=0)
         order = np.argsort(np.concatenate([u, middle]), kind="stable")
         u, landscape = np.concatenate([u, middle])[order], landscape.joined(new, order)
-        marks = np.concatenate([np.zeros(len(u) - len(middle), dtype=bool), rough])[order]
-        apart = np.diff(u)
-        kinds = np.atleast_2d(landscape.feasible) + 2 * np.atleast_2d(landscape.reached)
-        changes = (np.diff(kinds) != 0).any(axis=0)
-        doubtful = (marks[:-1] | marks[1:]) & (apart > _JUMP * (high - low)) | changes & (apart > _EDGE * (high - low))
-    return Scan(coordinate=u, landscape=landscape, resolution=resolution)
+        marks = np.concatenate([np.zeros(len(u) - len(middle), dtype=bool), halved])[order]
+        rough = marks[:-1] | marks[1:]
 
 
 def _relative_error(predicted: FloatArray, new: FloatArray, landscape: Landscape, share: float) -> FloatArray:

@@ -52,8 +52,8 @@ demo: $(STAMP)
 	@$(BIN)/python examples/demo.py
 
 check: $(STAMP)
-	$(BIN)/ruff format --check src tests benchmarks examples native docs hatch_build.py
-	$(BIN)/ruff check src tests benchmarks examples native docs hatch_build.py
+	$(BIN)/ruff format --check src tests tools benchmarks examples native docs hatch_build.py
+	$(BIN)/ruff check src tests tools benchmarks examples native docs hatch_build.py
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo --no-cache
 
@@ -70,12 +70,12 @@ sanitize: $(STAMP)
 
 fuzz: $(STAMP)
 	$(PYTEST) -m hypothesis --hypothesis-profile=random $(if $(SEED),--hypothesis-seed=$(SEED)) $(TESTS)
-	PYTHONPATH=tests $(BIN)/python -m fuzz.encounters --count $(ENCOUNTERS) $(if $(SEED),--seed $(SEED))
-	PYTHONPATH=tests $(BIN)/python -m fuzz.mutated_files --count $(FILES) $(if $(SEED),--seed $(SEED))
+	PYTHONPATH=tests:tools $(BIN)/python -m fuzz.encounters --count $(ENCOUNTERS) $(if $(SEED),--seed $(SEED))
+	PYTHONPATH=tests:tools $(BIN)/python -m fuzz.mutated_files --count $(FILES) $(if $(SEED),--seed $(SEED))
 
 # tried on the tests that reach the changed line; stopped and started again, it goes on where it was
 mutants: $(STAMP)
-	PYTHONPATH=tests $(BIN)/python -m mutants --count $(MUTANTS) --only "$(ONLY)" $(if $(SEED),--seed $(SEED))
+	PYTHONPATH=tools $(BIN)/python -m mutants --count $(MUTANTS) --only "$(ONLY)" $(if $(SEED),--seed $(SEED))
 
 $(DOCS): $(STAMP)
 	@$(BIN)/python .ci/pip_progress.py install -c constraints.txt -e '.[docs]'

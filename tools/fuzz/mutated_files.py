@@ -1,6 +1,6 @@
 """Run mutated files through the command line, and look for what must never happen.
 
-    python tests/fuzz/mutated_files.py --count 10000 --seed 1
+    PYTHONPATH=tests:tools python -m fuzz.mutated_files --count 10000 --seed 1
 
 A traceback, a warning, another exit code than 0, 1 and 2, more than 10 s of processor time, a half-written or forgotten
 file, text that says nan, JSON that is none. A worker process runs all commands, so that nothing is compiled twice;

@@ -1,6 +1,6 @@
 """Random encounters of every curve and regime, each claim of the program against a reference that shares nothing.
 
-    PYTHONPATH=tests python -m fuzz.encounters --count 1000000 --seed 1
+    PYTHONPATH=tests:tools python -m fuzz.encounters --count 1000000 --seed 1
 
 Encounters are drawn by the curve (`drawing`), solved by every method that applies, many at once and one by one, and
 followed by collocation (`collocation`) to where the program says that they end. What is allowed there:
@@ -22,7 +22,6 @@ import sys
 import time
 import warnings
 from collections import Counter
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +29,7 @@ import numpy as np
 from fuzz.collocation import System, follow
 from fuzz.drawing import FAMILIES, REGIMES, draw_encounters, draw_sensor
 from pretouch.motion import ContactResult, ContactStatus, Scenario, find_contact
+from pretouch.motion.scenario import map_fields
 from pretouch.sensors import MittagLeffler, SensorModel
 
 CLAIM, RESOLUTION, HORIZON = 1e-9, 1e-12, 30.0
@@ -41,12 +41,7 @@ PER_SENSOR, ONE_BY_ONE = 2000, 500
 
 def one_of(scenario: Scenario, i: int) -> Scenario:
     """Return one encounter of a batch."""
-    parts = {}
-    for part in ("admittance", "obstacle", "plant", "reference"):
-        body = getattr(scenario, part)
-        fields = {n: getattr(body, n) for n in body.__dataclass_fields__}
-        parts[part] = replace(body, **{n: float(v[i]) if np.ndim(v) else v for n, v in fields.items()})
-    return Scenario(**parts)
+    return map_fields(scenario, lambda values: float(values[i]) if np.ndim(values) else values)
 
 
 class Batch:

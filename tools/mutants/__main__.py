@@ -178,7 +178,7 @@ def outcome_of(tests: list[str], known: reach.Reach) -> tuple[str, str]:
     files = sorted({name.partition("::")[0] for name in tests})
     environment = {
         **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(tree.TREE / "tests"), str(tree.TREE / "src")]),
+        "PYTHONPATH": os.pathsep.join([str(tree.TREE / part) for part in ("tests", "tools", "src")]),
         "MUTANTS_CHOICE": str(choice),
     }
     command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:xdist", "-p", "mutants.chosen", *files]

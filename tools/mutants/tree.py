@@ -32,7 +32,7 @@ def copy_tree() -> None:
             shutil.copyfile(source, copied)
             forget_compiled(copied)
     wanted = set(names)
-    for part in ("src", "native", "tests", "examples", "benchmarks", "docs"):
+    for part in ("src", "native", "tests", "tools", "examples", "benchmarks", "docs"):
         for path in (TREE / part).rglob("*"):
             kept = path.suffix not in KINDS or not path.is_file() or str(path.relative_to(TREE)) in wanted
             if not kept:

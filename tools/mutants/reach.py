@@ -117,7 +117,7 @@ def record(root: Path, folder: Path, name: str, paths: list[str]) -> None:
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
     (work / "sitecustomize.py").write_text(CHILD)
-    path = [work, root / "tests", root / "src"]
+    path = [work, root / "tests", root / "tools", root / "src"]
     environment = {
         **os.environ,
         "PYTHONPATH": os.pathsep.join(map(str, path)),

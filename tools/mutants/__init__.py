@@ -1,6 +1,6 @@
 """Mutation testing: change one line of a copy of the source, and see whether a test that reaches the line fails.
 
-    PYTHONPATH=tests python -m mutants --seed 1 --count 200
+    PYTHONPATH=tools python -m mutants --seed 1 --count 200
 
 mutmut and cosmic-ray change Python alone, and functions alone or with all tests for each change; a third of what
 pretouch computes is C++. A mutant is drawn among the lines that decide something: arithmetic, comparisons, constants,

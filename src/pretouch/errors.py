@@ -9,6 +9,7 @@ The tree:
     │   ├── CalibrationDataError                 a calibration file or table that cannot be read
     │   ├── ScenarioFileError                    a scenario file with a mistake in it
     │   └── OutputExistsError                    an output file that exists and must not be overwritten
+    ├── OutputError (also an OSError)            an output file that cannot be written, such as on a full disk
     ├── MissingExtraError                        a library of an optional extra that is not installed
     ├── SourceError                              a sensor that cannot be read, or that stopped
     ├── BrokenCoreError (also an ImportError)    the compiled core is missing, damaged or of another version
@@ -23,6 +24,7 @@ from ._core.errors import (
     InvalidInputError,
     MissingExtraError,
     OutOfRangeError,
+    OutputError,
     OutputExistsError,
     PretouchError,
     ResultUnavailableError,
@@ -37,6 +39,7 @@ __all__ = [
     "InvalidInputError",
     "MissingExtraError",
     "OutOfRangeError",
+    "OutputError",
     "OutputExistsError",
     "PretouchError",
     "ResultUnavailableError",

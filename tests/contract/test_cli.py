@@ -302,14 +302,3 @@ def test_the_reference_names_the_options_that_there_are(run):
     helps = [run(command.callback.__name__, "--help")[1] for command in app.registered_commands]
     offered = {option for text in helps for option in re.findall(r"--[a-z][a-z-]+", text)}
     assert documented == offered - {"--help", "--report", "--changes", "--empty-scene"}  # defaults, spelled out
-
-
-def test_the_reports_are_whole_pages_that_need_nothing_else(run):
-    for verb, file in (("design", "approach.toml"), ("pareto", "approach.toml"), ("fit", "sensor.csv")):
-        assert run(verb, file)[0] == 0
-        page = Path(f"{Path(file).stem}-{verb}.html")
-        assert is_own_unchanged(page)
-        text = page.read_text(encoding="utf-8")
-        assert text.rstrip().endswith("</html>")
-        assert "<svg" in text or "data:image" in text
-        assert not re.search(r"(?:src|href)=[\"']https?:", text)

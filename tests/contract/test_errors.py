@@ -49,7 +49,7 @@ def test_every_error_says_what_it_is_for_and_is_caught_by_the_root(name: str) ->
 
 def test_what_is_drawn_as_also_another_error_is_one() -> None:
     also = re.findall(r"(\w+Error) \(also an? (\w+)\)", pt.errors.__doc__ or "")
-    assert also == [("InvalidInputError", "ValueError"), ("BrokenCoreError", "ImportError")]
+    assert also == [("InvalidInputError", "ValueError"), ("OutputError", "OSError"), ("BrokenCoreError", "ImportError")]
     assert issubclass(errors.BrokenCoreError, ImportError)
     assert issubclass(errors.InvalidInputError, ValueError)
     assert not issubclass(errors.ResultUnavailableError, ValueError)

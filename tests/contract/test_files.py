@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pretouch._core import files
-from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.errors import InvalidInputError, OutputError, OutputExistsError
 from pretouch._core.files import is_own_unchanged, read_regular_file, sign, write_text
 
 PAGE = "<!doctype html>\n<html><head>\n<title>ξ(l)</title></head><body>1\r\n2</body></html>\n"
@@ -73,7 +73,7 @@ def test_a_crash_while_writing_leaves_the_old_file_and_no_half_one(tmp_path, mon
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(files.os, "fsync", fail)
-    with pytest.raises(InvalidInputError, match=r"a\.txt: cannot be written \(No space left on device\)"):
+    with pytest.raises(OutputError, match=r"a\.txt: cannot be written \(No space left on device\)"):
         write_text(file, "new", overwrite=True)
     assert file.read_text() == "old"
     assert names(tmp_path) == ["a.txt"]
@@ -84,7 +84,7 @@ def test_a_missing_folder_and_a_folder_in_the_way_are_refused(tmp_path):
         write_text(tmp_path / "none" / "a.txt", "")
     with pytest.raises(OutputExistsError, match="this folder already exists, and pretouch does not overwrite it"):
         write_text(tmp_path, "")
-    with pytest.raises(InvalidInputError, match="cannot be written"):
+    with pytest.raises(OutputError, match="cannot be written"):
         write_text(tmp_path, "", overwrite=True)
     assert names(tmp_path) == []
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.errors import InvalidInputError, OutputError, OutputExistsError
 from pretouch._core.files import write_text
 from pretouch.sweeps import stores
 from pretouch.sweeps.results import counts
@@ -279,9 +279,9 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 @pytest.mark.parametrize("suffix", [".zarr", ".nc"])
 def test_a_real_disk_that_is_full_is_told_so(small_disk: Path, tmp_path: Path, suffix: str) -> None:
-    with pytest.raises(InvalidInputError, match=r"cannot be written \(No space left on device\)"):
+    with pytest.raises(OutputError, match=r"cannot be written \(No space left on device\)"):
         sweep_wide(small_disk / f"out{suffix}")
-    with pytest.raises(InvalidInputError, match=r"a\.html: cannot be written \(No space left on device\)"):
+    with pytest.raises(OutputError, match=r"a\.html: cannot be written \(No space left on device\)"):
         write_text(small_disk / "a.html", 100_000 * "x")
     assert not [name for name in names(small_disk) if name.startswith(".")]
 

@@ -62,7 +62,7 @@ def test_an_output_that_takes_nothing_is_one_sentence(
     with Path("/dev/full").open("w", encoding="utf-8") as full:
         monkeypatch.setattr(sys, "stdout", full)
         code, _, err = run(*VERBS[verb], *more, *plain)
-    assert (code, err) == (2, "pretouch: standard output: cannot be written (No space left on device)\n")
+    assert (code, err) == (3, "pretouch: standard output: cannot be written (No space left on device)\n")
 
 
 @FULL
@@ -83,7 +83,7 @@ def test_so_are_help_and_mistakes_in_a_process_of_their_own(
             env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
             check=False,
         )
-    assert done.returncode == 2
+    assert done.returncode == 3
     assert done.stderr.splitlines()[-1] == "pretouch: standard output: cannot be written (No space left on device)"
     assert "Traceback" not in done.stderr
 
@@ -93,7 +93,7 @@ def test_the_report_is_written_where_the_answer_cannot_be_printed(run: Any, monk
     with Path("/dev/full").open("w", encoding="utf-8") as full:
         monkeypatch.setattr(sys, "stdout", full)
         code, _, err = run("design", "approach.toml")
-    assert code == 2
+    assert code == 3
     assert "standard output" in err
     assert Path("approach-design.html").read_text(encoding="utf-8").rstrip().endswith("</html>")
 
@@ -101,7 +101,7 @@ def test_the_report_is_written_where_the_answer_cannot_be_printed(run: Any, monk
 def test_streams_that_are_closed_are_no_traceback(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdout", None)
     code, _, err = run("design", "approach.toml", "--no-report")
-    assert (code, err) == (2, "pretouch: standard output: cannot be written (it is closed)\n")
+    assert (code, err) == (3, "pretouch: standard output: cannot be written (it is closed)\n")
     monkeypatch.setattr(sys, "stderr", None)
     assert run("design", "none.toml")[0] == 2
 

@@ -62,6 +62,13 @@ class MissingExtraError(PretouchError):
     """
 
 
+class OutputError(PretouchError, OSError):
+    """Raised if an output file cannot be written, although the request is valid.
+
+    Examples are a full disk and a missing permission. The message gives the path and the reason.
+    """
+
+
 class SourceError(PretouchError):
     """Raised if the source of the sensor readings fails.
 

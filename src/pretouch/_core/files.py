@@ -18,7 +18,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Final
 
-from .errors import InvalidInputError, OutputExistsError
+from .errors import InvalidInputError, OutputError, OutputExistsError
 
 _SIGNATURE: Final = re.compile(r'<meta name="generator" content="pretouch sha256:([0-9a-f]{64})">\n?')
 _HEAD: Final = re.compile(r"<head>\n?")
@@ -144,7 +144,8 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
 
     Raises:
         OutputExistsError: the file exists and `overwrite` is false.
-        InvalidInputError: the folder does not exist or cannot be written.
+        InvalidInputError: the folder does not exist.
+        OutputError: the file cannot be written, for example because the disk is full.
     """
     named = Path(path)
     target = Path(os.path.realpath(named))  # a link remains a link; its target is written
@@ -164,10 +165,10 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
             "overwrite it. Choose another name with --output, or replace the file with --force (overwrite=True "
             "in Python)"
         ) from None
-    except FileNotFoundError:
-        raise InvalidInputError(f"{named}: the folder {named.parent} does not exist; create it first") from None
     except OSError as error:
-        raise InvalidInputError(f"{named}: cannot be written ({error.strerror})") from None
+        if not target.parent.is_dir():
+            raise InvalidInputError(f"{named}: the folder {named.parent} does not exist; create it first") from None
+        raise OutputError(f"{named}: cannot be written ({error.strerror or error})") from None
     return named
 
 

@@ -470,6 +470,16 @@ _TABLE: Final = (
         "Use the same `[obstacle]` and `[constraints]` in all files.",
         "The candidates differ in the motion of the object",
     ),
+    (
+        "PT423",
+        "A part of a report is missing",
+        "A figure or a section could not be drawn, or the report could not be written.",
+        "The result does not depend on its report: printed numbers, JSON output and exit status are those of the "
+        "computation. The exit status is 3 only if the report was requested with `--output` and was not written.",
+        "Read the reason in the message. For a full disk or a missing permission, choose another path with "
+        "`--output`. If a figure cannot be drawn, please report the scenario file and the message.",
+        "The figure 'Measure over the gain' cannot be drawn. The reason is: ...",
+    ),
     # --- robot models
     (
         "PT501",

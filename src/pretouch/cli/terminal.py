@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn, TypeAlias
 
 import typer
 
-from pretouch._core.errors import PretouchError, UnitError
+from pretouch._core.errors import OutputError, OutputExistsError, PretouchError, UnitError
 from pretouch._core.files import as_json, is_own_unchanged, refuse_input
 from pretouch._core.progress import listening
 from pretouch._core.units import read_quantity
+from pretouch._core.warning_codes import caution
 
 if TYPE_CHECKING:
     from pretouch.design import Task
@@ -58,6 +59,7 @@ _OPTIONS: Final[dict[str, tuple[Any, Any]]] = {
 
 _NO_RESULT: Final = 1  # negative answer: infeasible, no contact, no usable signal, not reproduced
 _MISTAKE: Final = 2  # mistake in a file or on the command line, or an output that exists
+_NOT_WRITTEN: Final = 3  # standard output or a requested file cannot be written
 _INTERRUPTED: Final = 130
 _BROKEN_PIPE: Final = 141
 
@@ -94,13 +96,13 @@ def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
             run()
         except typer.Exit as ended:
             return ended.exit_code
-        except _OutputError:
+        except _StandardOutputError:
             raise
         except PretouchError as error:
             print_message(str(error))
             if json_wanted:
                 print_text(as_json({"status": "error", "message": str(error)}))
-            return _MISTAKE
+            return _NOT_WRITTEN if isinstance(error, OutputError) else _MISTAKE
         return 0
 
     raise typer.Exit(guard_output(run_or_explain))
@@ -122,11 +124,11 @@ def guard_output(run: Callable[[], int]) -> int:
         if isinstance(failure, BrokenPipeError):  # the reader has closed the pipe, so nobody reads a message
             return _BROKEN_PIPE
         print_message(f"standard output: cannot be written ({failure.strerror or failure})")
-        return _MISTAKE
+        return _NOT_WRITTEN
     return code
 
 
-class _OutputError(PretouchError, OSError):
+class _StandardOutputError(OutputError):
     """Error that is raised if standard output cannot be written.
 
     Examples are a full disk or a closed pipe.
@@ -143,7 +145,7 @@ def _output_failure(error: OSError) -> OSError | None:
 
     The result is None if the error has another cause.
     """
-    if isinstance(error, _OutputError):
+    if isinstance(error, _StandardOutputError):
         return error.__cause__ if isinstance(error.__cause__, OSError) else error
     frame = error.__traceback__
     while frame is not None and frame.tb_next is not None:
@@ -179,11 +181,11 @@ def print_text(text: str) -> None:
     """Print a text to standard output."""
     # Characters that standard output cannot encode are replaced.
     if sys.stdout is None:
-        raise _OutputError("it is closed")
+        raise _StandardOutputError("it is closed")
     try:
         _write(sys.stdout, text)
     except OSError as error:
-        raise _OutputError(str(error)) from error
+        raise _StandardOutputError(str(error)) from error
 
 
 def print_message(text: str) -> None:
@@ -216,11 +218,11 @@ def reservations_about(task: Task, answer: Any) -> Reservations | None:
 
     The result is None without a calibration, and for results without a predicted encounter, such as a replay.
     """
-    if task.calibration is None or not hasattr(answer, "sensor"):
+    if task.calibration is None:
         return None
-    from pretouch.uncertainty import reservations_of  # noqa: PLC0415 - the compiled kernels, only when needed
+    from pretouch.uncertainty import reservations_apply, reservations_of  # noqa: PLC0415 - the compiled kernels, only when needed
 
-    return reservations_of(task.calibration, answer)
+    return reservations_of(task.calibration, answer) if reservations_apply(answer) else None
 
 
 def verb(run: Callable[..., None]) -> Callable[..., None]:
@@ -300,14 +302,13 @@ class Presentation:
             text = self.formatted(reservations, result.to_dict, result.__str__)
         else:
             text = self._summary(result, reservations, lines - self.report - len(files))
-        if self.json and self.output is not None:
-            self._write(result, target, task, inputs)
+        written = self._write(result, target, task, inputs) if self.json and self.output is not None else False
         try:
             print_text(text)
         finally:  # the report is written even if standard output fails
             if self.report and not self.json:
-                self._write(result, target, task, inputs)
-        if self.report and not self.json:
+                written = self._write(result, target, task, inputs)
+        if written and not self.json:
             files = (*files, f"Report with figures: {target}")
         if files and not self.json:
             gap = "\n" if lines is None or self.verbose else ""
@@ -339,10 +340,34 @@ class Presentation:
         ending = (*calibration, "All numbers: --verbose")
         return summary_of(page_of(result), lines=lines, opening=opening, ending=ending)
 
-    def _write(self, result: Any, target: Path, task: Task | None, inputs: Sequence[Path]) -> None:
+    def _write(self, result: Any, target: Path, task: Task | None, inputs: Sequence[Path]) -> bool:
+        """Write the report of a result.
+
+        A problem of the report does not change the exit status of the result, unless the report was requested with
+        --output: then a missing report is an error.
+
+        Returns:
+            Whether the report was written.
+
+        Raises:
+            OutputError: the requested report cannot be written.
+        """
         refuse_input(target, inputs)
         from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
         origin: dict[str, Any] = {} if task is None else {"calibration": task.calibration, "source": task.source}
         print_progress(f"{target}: drawing the report")
-        write_report(result, target, overwrite=self.force or is_own_unchanged(target), **origin)
+        overwrite = self.force or is_own_unchanged(target)
+        try:
+            write_report(result, target, overwrite=overwrite, warn=print_message, **origin)
+        except Exception as error:
+            if isinstance(error, OutputExistsError) or not target.absolute().parent.is_dir():
+                raise  # a mistake in the request
+            reason = str(error) if isinstance(error, PretouchError) else f"{type(error).__name__}: {error}"
+            advice = "Choose another path with --output, or use --no-report"
+            text = caution("PT423", f"The report was not written. The reason is: {reason}. {advice}")
+            if self.output is not None:
+                raise OutputError(text) from error
+            print_message(text)
+            return False
+        return True

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.errors import InvalidInputError, OutputError, OutputExistsError
 from pretouch._core.files import remove_tree, temporary_path
 
 MANIFEST: Final = "pretouch-export.json"
@@ -37,7 +37,7 @@ def write_folder(
         The paths of the files, in the order of `files`.
 
     Raises:
-        InvalidInputError: the folder cannot be written.
+        OutputError: the folder cannot be written, for example because the disk is full.
     """
     target = check_free(folder, overwrite=overwrite)
     digests = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
@@ -50,7 +50,7 @@ def write_folder(
             path.write_bytes(content)
         _move(temporary, target)
     except OSError as error:
-        raise InvalidInputError(f"{target}: the folder cannot be written ({error.strerror or error})") from None
+        raise OutputError(f"{target}: the folder cannot be written ({error.strerror or error})") from None
     finally:
         remove_tree(temporary)
     return tuple(target / name for name in files)

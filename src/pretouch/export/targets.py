@@ -75,7 +75,7 @@ def export_law(
         The result: what was written, or why nothing was written.
 
     Raises:
-        InvalidInputError: the target is unknown, the folder cannot be written, or the law has no C source.
+        InvalidInputError: the target is unknown, the folder may not be replaced, or the law has no C source.
     """
     if target not in TARGETS:
         raise InvalidInputError(f"target: found {target!r}, expected one of {', '.join(TARGETS)}")

@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.errors import InvalidInputError, OutputError, OutputExistsError
 from pretouch.calibration import Calibration
 
 _HEADER: Final = re.compile(r"distance \[mm\],output(?: \[(?P<unit>[^\]]*)\])?")
@@ -190,7 +190,7 @@ class RecordFile:
             os.write(descriptor, line.encode())
         except OSError as error:
             path = self.path if descriptor == self._file else self.raw
-            raise InvalidInputError(f"{path}: cannot be written ({error.strerror})") from None
+            raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
 
 
 def _append(path: Path) -> int:
@@ -199,9 +199,7 @@ def _append(path: Path) -> int:
     try:
         return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | binary, 0o666)
     except OSError as error:
-        raise InvalidInputError(
-            f"{path}: this file cannot be written ({error.strerror}); choose another folder"
-        ) from None
+        raise OutputError(f"{path}: this file cannot be written ({error.strerror}); choose another folder") from None
 
 
 def _mm(distance: float) -> str:

@@ -11,7 +11,7 @@ from pretouch.verification.candidates import CandidateComparison
 from pretouch.verification.effect import VerdictStatus
 
 from .panel_figure import panel_figure
-from .panels import Curve, Mark, Panel
+from .panels import Curve, Mark, containing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,7 +48,7 @@ def candidates(comparison: CandidateComparison) -> Figure:
         curves.append(Curve(x=[x], y=[speed], low=[speed], high=[c.high_contact_speed], kind="points", style=style))
         marks.append(Mark(x=x, y=speed, label=c.name, style=style, shape="dot" if holds else "ring"))
     return panel_figure(
-        Panel(
+        containing(
             x_label="largest excursion, mean [mm]",
             y_label="speed at contact [m/s]",
             curves=curves,

@@ -24,7 +24,7 @@ from pretouch.motion import LawNumber
 
 from .new_figure import new_figure
 from .panel_figure import panel_figure
-from .panels import Curve, Mark, Panel, Span
+from .panels import Curve, Mark, Panel, Span, containing
 from .style import BASELINE, CHOSEN, INK, QUIET, WIDE, Scale, drawing, gain_axis, minus, scale_for
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def _no_contact_panel(design: GainDesign) -> Panel:
     gain = _shown_gain(design, np.asarray(scanned.gain, float))
     nearest = np.asarray(scanned.closest_distance, float)
     scale = scale_for("m", float(nearest.max()))
-    return Panel(
+    return containing(
         **_gain_axis(design),
         y_label=f"{words_for('closest_distance')} [{scale.unit}]",
         title="No gain within the bounds ends in contact",
@@ -76,7 +76,7 @@ def _objective_panel(design: GainDesign) -> Panel:
     finite = total[np.isfinite(total)]
     low, high = float(finite.min()), float(finite.max())
     wide = low > 0 and high > WIDE * low
-    limits = (low / 8, 2.5 * high) if wide else (0.0, 1.12 * high or 1.0)
+    limits = (low / 8, 2.5 * high) if wide else (min(0.0, 1.12 * low), max(0.0, 1.12 * high) or 1.0)
     terms = {f"{name.replace('_', ' ')} term": values for name, values in _terms(design).items()}
     curves = []
     styles = [*_TERMS, *_TERMS, *_TERMS][: len(terms)]
@@ -89,7 +89,7 @@ def _objective_panel(design: GainDesign) -> Panel:
         n = design.number
         text = f"optimum {n.plot_symbol} = {minus(n.plot_text(design.gain, '#.4g'))}\nf = {design.objective:#.4g}"
         marks = [Mark(x=float(_shown_gain(design, design.gain)), y=design.objective, label=text, style=0)]
-    return Panel(
+    return containing(
         **_gain_axis(design),
         y_label="objective f [1]",
         title="Objective over the gain",

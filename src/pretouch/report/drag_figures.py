@@ -16,7 +16,7 @@ from pretouch.design.gain import GainDesign
 from pretouch.motion import DAMPER
 
 from .panel_figure import panel_figure
-from .panels import Curve, Mark, Panel
+from .panels import Curve, Mark, Panel, containing
 from .style import scale_for
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def drag(design: DragDesign) -> Figure:
         ("Acceleration", [law[3] for law in laws], "largest acceleration [m/s\u00b2]", positive),
     ]
     panels = [
-        Panel(
+        containing(
             x_label=_SPEED,
             y_label=label,
             title=title,
@@ -100,7 +100,7 @@ def _trade_off(design: DragDesign, letter: GainDesign | None, speed: float) -> P
         Mark(x=float(x) / scale.factor, y=100 * float(y), label=label, style=i, shape="square" if i else "dot")
         for x, y, label, i in points
     ]
-    return Panel(
+    return containing(
         x_label=f"excursion at contact [{scale.unit}]",
         y_label=_SHARE,
         title="Trade-off",

@@ -6,6 +6,7 @@ import base64
 import hashlib
 import os
 import platform
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -14,12 +15,24 @@ from importlib.metadata import PackageNotFoundError, version
 from io import BytesIO
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.blocks import Code, Described, Film, Page, PageSection, Paragraph, Picture, page_of
-from pretouch._core.errors import InvalidInputError, ResultUnavailableError
+from pretouch._core.blocks import (
+    Block,
+    Code,
+    Described,
+    Film,
+    LazyBlock,
+    Page,
+    PageSection,
+    Paragraph,
+    Picture,
+    page_of,
+)
+from pretouch._core.errors import InvalidInputError, PretouchError, ResultUnavailableError
 from pretouch._core.files import refuse_input, sign, write_text
+from pretouch._core.warning_codes import caution
 
 from . import plots
 from .blocks_html import explained, lead_picture, page_as_excerpt, page_as_html
@@ -35,6 +48,8 @@ if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
     from pretouch.sensors import SensorModel
 
+
+T = TypeVar("T")
 
 _PACKAGES: Final = ("pretouch", "numpy", "scipy", "matplotlib")
 _ENCOUNTERS: Final[dict[str, Callable[[Any], tuple[list[Lane], SensorModel]]]] = {
@@ -54,8 +69,11 @@ def write_report(
     calibration: CalibrationReport | None = None,
     source: object = None,
     overwrite: bool = False,
+    warn: Callable[[str], object] = warnings.warn,
 ) -> Path:
     """Write the report of a result to a self-contained HTML file.
+
+    A figure that cannot be drawn is replaced by a warning that gives the reason. All other parts are written.
 
     Args:
         result: the result of a verb, with any status.
@@ -63,22 +81,31 @@ def write_report(
         calibration: the calibration to which the sensor curve was fitted, if there is one.
         source: the scenario file: an object or a mapping with `name` or `path`, `text` and `sha256`.
         overwrite: whether an existing file may be replaced; input files are never replaced.
+        warn: receives each of these warnings; by default it is a Python warning.
 
     Returns:
-        The path.
+        The path. A file that cannot be written raises an OutputError, for example because the disk is full.
     """
     refuse_input(path, getattr(source, "inputs", ()))
-    return write_text(path, report_html(result, calibration=calibration, source=source), overwrite=overwrite)
+    html = report_html(result, calibration=calibration, source=source, warn=warn)
+    return write_text(path, html, overwrite=overwrite)
 
 
 @check_arguments
-def report_html(result: Any, *, calibration: CalibrationReport | None = None, source: object = None) -> str:
+def report_html(
+    result: Any,
+    *,
+    calibration: CalibrationReport | None = None,
+    source: object = None,
+    warn: Callable[[str], object] = warnings.warn,
+) -> str:
     """Return the report of a result as one self-contained HTML page.
 
     Args:
         result: the result of a verb, with any status.
         calibration: the calibration to which the sensor curve was fitted, if there is one.
         source: the scenario file, see `write_report`.
+        warn: receives a warning for each figure that cannot be drawn, see `write_report`.
 
     Returns:
         The page, with pretouch's signature.
@@ -92,23 +119,87 @@ def report_html(result: Any, *, calibration: CalibrationReport | None = None, so
             "design_gain(task)"
         )
     page, file = page_of(result), _source(source)
+    drawing = _Drawing(_draw)
     if calibration is not None:
-        page = _with_calibration(page, calibration, result)
+        page = drawing.guarded(
+            "The section on the sensor calibration cannot be made",
+            lambda: _with_calibration(page, calibration, result),
+            page,
+        )
     if file is not None or not page.source:  # the page of a calibration has its own provenance
         page = replace(page.with_blocks(_provenance(file)), source=page.source if file is None else file["name"])
-    return page_html(page)
+    html = page_html(page, drawing)
+    for text in drawing.omitted:
+        warn(text)
+    return html
 
 
-def page_html(page: Page) -> str:
+def page_html(page: Page, drawing: _Drawing | None = None) -> str:
     """Return a complete report page as HTML.
 
-    It contains the software versions and a hash that reveals later changes.
+    It contains the software versions and a hash that reveals later changes. Parts that cannot be drawn are listed among
+    the warnings of the page.
     """
+    drawing = drawing or _Drawing(_draw)
+    blocks = (drawing.made(block) for block in page.blocks)
+    page = replace(page, blocks=tuple(block for block in blocks if block is not None))
+    body = page_as_html(explained(page), drawing.draw)
+    if drawing.omitted:
+        page = replace(page, warnings=(*page.warnings, *drawing.omitted))
+        body = page_as_html(explained(page), drawing.draw)
     shell = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
     title = f"{page.kind}{'' if page.kind.endswith('?') else ':'} {page.source}" if page.source else page.kind
-    body = page_as_html(explained(page), _draw)
     versions = ", ".join(f"{name} {number}" for name, number in _versions())
     return sign(shell.substitute(title=escape(title), body=body, made=escape(versions)))
+
+
+class _Drawing:
+    """The drawn figures of one report, and the parts that cannot be drawn.
+
+    Args:
+        render: draws a figure, as an element.
+
+    Attributes:
+        omitted: a warning for each part that cannot be drawn.
+    """
+
+    def __init__(self, render: Callable[[Picture], str]) -> None:
+        self.omitted: list[str] = []
+        self._render = render
+        self._drawn: dict[int, tuple[Picture, str]] = {}  # with the picture, so that its id stays unique
+
+    def guarded(self, what: str, make: Callable[[], T], otherwise: T) -> T:
+        """Return a part of the report.
+
+        If it cannot be made, a warning is noted, and another part takes its place.
+        """
+        try:
+            return make()
+        except Exception as error:
+            self.omitted.append(_omission(what, error))
+            return otherwise
+
+    def made(self, block: Block) -> Block | None:
+        """Return a block of the page after its computation."""
+        if not isinstance(block, LazyBlock):
+            return block
+        return self.guarded("A part of the report cannot be computed", block.make, None)
+
+    def draw(self, picture: Picture) -> str:
+        """Return a plot or a film as an HTML element, or the warning that replaces it."""
+        if id(picture) not in self._drawn:
+            what = f"The figure {picture.name!r} cannot be drawn"
+            drawn = self.guarded(what, lambda: self._render(picture), None)
+            notice = f'<p class="warning">{escape(self.omitted[-1])}</p>' if drawn is None else ""
+            self._drawn[id(picture)] = picture, drawn or notice
+        return self._drawn[id(picture)][1]
+
+
+def _omission(what: str, error: Exception) -> str:
+    """Return the warning about a missing part of a report."""
+    reason = " ".join(str(error).split()) or "no message"
+    kind = "" if isinstance(error, PretouchError) else f"{type(error).__name__}: "
+    return caution("PT423", f"{what}. The reason is: {kind}{reason}")
 
 
 def lead_figure(page: Page) -> Figure:
@@ -129,7 +220,8 @@ def excerpt_html(page: Page) -> str:
 
     The main plot is an image.
     """
-    return page_as_excerpt(page, _image)
+    drawing = _Drawing(_image)
+    return page_as_excerpt(page, drawing.draw)
 
 
 def _image(picture: Picture) -> str:
@@ -158,9 +250,10 @@ def _draw(picture: Picture) -> str:
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:
     """Add a section about the sensor calibration to a report page."""
     from pretouch.calibration.page import fitted_blocks  # noqa: PLC0415 - only where there is one
-    from pretouch.uncertainty import reservations_of  # noqa: PLC0415
+    from pretouch.uncertainty import reservations_apply, reservations_of  # noqa: PLC0415
 
-    reservations = None if calibration.best is None else reservations_of(calibration, answer)
+    applies = calibration.best is not None and reservations_apply(answer)
+    reservations = reservations_of(calibration, answer) if applies else None
     blocks = fitted_blocks(calibration, () if reservations is None else reservations.lines)
     section = PageSection(title=f"Sensor calibration: {calibration.calibration.name}", blocks=blocks)
     opening = (reservations.headline,) if reservations is not None and reservations.headline else ()

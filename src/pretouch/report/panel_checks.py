@@ -17,6 +17,8 @@ from pretouch._core.numbers import FloatArray, finite
 
 from .style import CURVES
 
+_AIR = 0.06  # share of an axis between its end and an item that widened it
+
 
 def called(kind: str, label: str) -> str:
     """Return the name of a plot item for error messages.
@@ -158,6 +160,32 @@ def check_axis(panel: Any, axis: str) -> None:
                 f"{name}: all values lie outside {axis}_limits; widen these limits, or remove the values. The limits "
                 f"are {ends[0]:g} and {ends[1]:g}. The values range from {np.nanmin(values):g} to {np.nanmax(values):g}"
             )
+
+
+def widened(panel: Any, axis: str, limits: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Widen the limits of an axis until each labeled item is visible.
+
+    Args:
+        panel: the panel, with or without limits.
+        axis: "x" or "y".
+        limits: the wanted limits.
+
+    Returns:
+        The limits; None, for automatic limits, if the wanted limits are not two ascending finite numbers.
+    """
+    if limits is None or not (np.isfinite(limits).all() and limits[0] < limits[1]):
+        return None
+    low, high = limits
+    logarithmic = getattr(panel, f"{axis}_log")
+    for name, values in _numbers(panel, axis):
+        if name.startswith("curve:"):  # a curve without a label
+            continue
+        nearest, farthest = float(np.nanmin(values)), float(np.nanmax(values))
+        if farthest < low:
+            low = farthest * (low / farthest) ** -_AIR if logarithmic else farthest - _AIR * (high - farthest)
+        if nearest > high:
+            high = nearest * (nearest / high) ** _AIR if logarithmic else nearest + _AIR * (nearest - low)
+    return low, high
 
 
 def _numbers(panel: Any, axis: str) -> Iterator[tuple[str, FloatArray]]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -28,6 +28,7 @@ from .panel_checks import (
     check_choice,
     check_ends,
     check_style,
+    widened,
 )
 from .style import CURVES
 
@@ -275,3 +276,27 @@ class Panel(Value):
     def __repr__(self) -> str:
         size = f"{len(self.curves)} curve{'s' if len(self.curves) > 1 else ''}"
         return f"<Panel {self.title or self.y_label} over {self.x_label}: {size}>"
+
+
+def containing(
+    *, x_limits: tuple[float, float] | None = None, y_limits: tuple[float, float] | None = None, **options: Any
+) -> Panel:
+    """Return a panel whose limits contain each of its labeled items.
+
+    Args:
+        x_limits: the wanted limits of the x axis; they are widened if a labeled item lies outside.
+        y_limits: the same for the y axis.
+        options: the other arguments of `Panel`.
+
+    Returns:
+        The panel.
+
+    Examples:
+        >>> mark = Mark(x=0.5, y=8.0, label="optimum")
+        >>> curve = Curve(x=[0.0, 1.0], y=[1.0, 2.0])
+        >>> panel = containing(x_label="x [1]", y_label="y [1]", curves=[curve], marks=[mark], y_limits=(0.0, 2.0))
+        >>> panel.y_limits
+        (0.0, 8.48)
+    """
+    panel = Panel(**options)
+    return replace(panel, x_limits=widened(panel, "x", x_limits), y_limits=widened(panel, "y", y_limits))

@@ -14,7 +14,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch.recording import Replay
 
 from .panel_figure import panel_figure
-from .panels import Curve, Panel, Span
+from .panels import Curve, Panel, Span, containing
 from .simulation_figures import thin_out
 from .style import Scale, scale_for
 
@@ -68,7 +68,7 @@ def _panel(replay: Replay, clock: Scale, time: FloatArray, values: FloatArray, a
         for d in replay.detections[:_MOST_SPANS]
         if min(d.end, end) > d.start
     ]
-    return Panel(
+    return containing(
         x_label=f"time [{clock.unit}]",
         y_label=f"{label} [{scale.unit or 'unit of the readings'}]",
         curves=[Curve(x=shown_time / factor, y=shown / scale.factor, style=0)],

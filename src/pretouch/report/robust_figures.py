@@ -15,9 +15,9 @@ from pretouch.design.robust.price import Price
 from pretouch.design.robust.result import RobustDesign
 
 from .panel_figure import panel_figure
-from .panels import Curve, Mark, Panel
+from .panels import Curve, Mark, Panel, containing
 from .share_panels import outcome_panel, share_panel
-from .style import HEADROOM, Scale, gain_axis, scale_for
+from .style import Scale, gain_axis, objective_axis, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -99,8 +99,8 @@ def _measure_panel(design: RobustDesign) -> Panel:
     curve = design.trade_off
     nominal = _nominal_objective(design, curve.gain)
     values = np.concatenate([curve.value, nominal])
-    finite = values[np.isfinite(values)]
-    top = min(float(finite.max()), HEADROOM * float(finite.min())) if len(finite) else 1.0
+    marks = list(_gain_marks(design, sign, curve.gain, nominal))
+    top, wide, limits = objective_axis(values, [mark.y for mark in marks])
     parts = [
         ("", curve.value, True, _ROBUST),
         (f"{design.measure.label}, sampled", np.where(curve.feasible, curve.value, np.nan), False, _ROBUST),
@@ -115,14 +115,15 @@ def _measure_panel(design: RobustDesign) -> Panel:
             )
     if not curves:
         curves = [Curve(x=sign * np.array(design.bounds), y=[0.0, 0.0], quiet=True)]
-    return Panel(
+    return containing(
         x_label=label,
         y_label="measure of the objective [1]",
         title="Measure over the gain",
         curves=curves,
-        marks=list(_gain_marks(design, sign, curve.gain, nominal)),
+        marks=marks,
         x_log=logarithmic,
-        y_limits=(0.0, 1.08 * top) if top > 0 else None,
+        y_log=wide,
+        y_limits=limits,
     )
 
 

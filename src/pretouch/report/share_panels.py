@@ -13,7 +13,7 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.vocabulary import unit_of, words_for
 
-from .panels import Curve, Mark, Panel
+from .panels import Curve, Mark, Panel, containing
 from .style import NEGLIGIBLE, Scale, scale_for
 
 _MOST: Final = 400  # points of a curve: closer than a pixel
@@ -53,7 +53,7 @@ def share_panel(
     lines = {name: at / scale.factor for name, at in (positions or {}).items()}
     largest = [np.max(values, initial=0.0, where=np.isfinite(values)) / scale.factor for _, _, values in columns]
     end = _AIR * float(max([*largest, *(mark.x for mark in marks), *lines.values()]))
-    return Panel(
+    return containing(
         x_label=f"{label} [{scale.unit or '1'}]",
         y_label=f"share of {of} below [%]",
         title=title,

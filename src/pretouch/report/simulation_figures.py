@@ -19,7 +19,7 @@ from pretouch.verification import SimulatedEncounter
 
 from .encounter_animation import Lane, lane
 from .panel_figure import panel_figure
-from .panels import Curve, Mark, Panel
+from .panels import Curve, Mark, Panel, containing
 from .style import MOST_POINTS, Scale, scale_for
 
 if TYPE_CHECKING:
@@ -214,7 +214,7 @@ def _panel(
         Curve(x=t / clock.factor, y=v / scale.factor, label=c.label if first else "", style=c.style)
         for c, t, v in shown
     ]
-    return Panel(
+    return containing(
         x_label=f"time [{clock.unit}]",
         y_label=f"{label} [{scale.unit}]",
         curves=curves,
@@ -296,7 +296,7 @@ def _impact_panel(encounter: SimulatedEncounter) -> Panel:
         at = int(force.argmax())
         text = scale.text(float(force[at]))
         marks.append(Mark(x=time[at] / clock.factor, y=force[at] / scale.factor, label=text, style=style))
-    return Panel(
+    return containing(
         x_label="time since the first touch [ms]",
         y_label=f"contact force [{scale.unit}]",
         curves=curves,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import StringIO
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -158,6 +158,30 @@ def gain_axis(bounds: tuple[float, float], number: LawNumber, *, magnitude: bool
     sign = "\u2212" if high <= 0 else ""
     shown = f"|{number.plot_symbol}|" if magnitude else f"{sign}{number.plot_symbol}"
     return -1.0 if sign else 1.0, f"{name} {shown} [{pretty_unit(number.unit)}]", high < 0 or low > 0
+
+
+def objective_axis(values: FloatArray, shown: Sequence[float]) -> tuple[float, bool, tuple[float, float] | None]:
+    """Choose the axis of an objective over the gain.
+
+    Values far above the minimum are not drawn, but every value in `shown` is.
+
+    Args:
+        values: the values of all curves; values that are not finite are ignored.
+        shown: values that the axis must contain, such as those of marked gains.
+
+    Returns:
+        The largest value that is drawn, whether the axis is logarithmic, and its limits. The limits are None if they
+        follow from the drawn values.
+    """
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return 1.0, False, None
+    low, high = float(min([*finite, *shown])), float(max([*finite, *shown]))
+    highest = max(shown, default=low)
+    if low > 0 and highest > HEADROOM * low:  # the marked values differ too much for a linear axis
+        return high, True, None
+    top = max(min(high, HEADROOM * low), highest) if low > 0 else high
+    return top, False, (min(0.0, 1.06 * low), 1.06 * top) if top > min(0.0, low) else None
 
 
 def minus(text: str) -> str:

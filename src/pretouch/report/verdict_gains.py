@@ -14,8 +14,8 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.verification import StabilityCheck, Verdict
 
 from .panel_figure import panel_figure
-from .panels import Curve, Mark, Panel
-from .style import HEADROOM, Scale, gain_axis, scale_for
+from .panels import Curve, Mark, containing
+from .style import Scale, gain_axis, objective_axis, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,7 +55,7 @@ def verdict_stability(verdict: Verdict) -> Figure:
     ]
     if gain > 0:
         curves.append(Curve(x=distance, y=np.full(len(distance), gain), label="verified gain", style=_LOOP))
-    panel = Panel(
+    panel = containing(
         x_label=f"distance l [{scale.unit}]",
         y_label=gain_axis(verdict.design.bounds, verdict.law.number, magnitude=True)[1],
         curves=curves,
@@ -94,12 +94,10 @@ def verdict_gain(verdict: Verdict) -> Figure:
         raise ResultUnavailableError("objective: no gain within the bounds ends in contact")
     marks = list(_gain_marks(verdict, sign))
     values = np.concatenate([part.objective for part in parts])
-    low = float(_finite(values).min())
-    highest = max([m.y for m in marks] + [float(np.nanmin(_finite(part.objective))) for part in parts])
-    wide = low > 0 and highest > HEADROOM * low  # the marked values differ too much for a linear axis
-    top = float(_finite(values).max()) if wide else min(float(_finite(values).max()), HEADROOM * low or 1.0)
+    shown = [m.y for m in marks] + [float(np.nanmin(_finite(part.objective))) for part in parts]
+    top, wide, limits = objective_axis(values, shown)
     curves = [curve for part in parts for curve in part.curves(sign, top)]
-    panel = Panel(
+    panel = containing(
         x_label=label,
         y_label="objective f [1]",
         curves=curves,
@@ -107,7 +105,7 @@ def verdict_gain(verdict: Verdict) -> Figure:
         positions=_stable_until(verdict, sign),
         x_log=logarithmic,
         y_log=wide,
-        y_limits=None if wide or not top > 0 else (0.0, 1.06 * max(top, highest)),
+        y_limits=limits,
     )
     return panel_figure(panel)
 

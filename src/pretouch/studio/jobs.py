@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError, PretouchError
 from pretouch._core.files import as_json
+from pretouch._core.warning_codes import caution
 
 VERBS: Final = ("verify", "pareto", "sweep", "export")
 """The computations that a job can run."""
@@ -189,8 +190,15 @@ def _compute(verb: str, file: Path, gain: float | None, folder: Path, sender: Co
     sender.send(("progress", "drawing the report"))
     from pretouch.report import write_report  # noqa: PLC0415
 
-    write_report(answer, folder / "report.html", calibration=task.calibration, source=task.source)
-    return {"headline": answer.headline, "text": str(answer), "json": json.loads(as_json(answer.to_dict()))}
+    notes: list[str] = []
+    try:
+        write_report(
+            answer, folder / "report.html", calibration=task.calibration, source=task.source, warn=notes.append
+        )
+    except Exception as error:
+        notes.append(caution("PT423", f"The report was not written. The reason is: {type(error).__name__}: {error}"))
+    text = "\n\n".join([str(answer), *notes])
+    return {"headline": answer.headline, "text": text, "json": json.loads(as_json(answer.to_dict()))}
 
 
 def _sweep(task: Any, sender: Connection) -> dict[str, Any]:

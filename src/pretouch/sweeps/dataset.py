@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError, OutputExistsError, require
+from pretouch._core.errors import OutputError, OutputExistsError, require
 from pretouch._core.files import as_json, temporary_path
 
 from .grid import Grid
@@ -103,7 +103,7 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
 
     Raises:
         OutputExistsError: the file exists and `overwrite` is false.
-        InvalidInputError: the folder cannot be written.
+        OutputError: the file cannot be written, for example because the disk is full.
     """
     require(_ENGINE)
     require("h5py")
@@ -123,7 +123,7 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
             raise OutputExistsError(f"{path}: this file exists and is not overwritten")
         temporary.replace(path)
     except OSError as error:
-        raise InvalidInputError(
+        raise OutputError(
             f"{path}: the file cannot be written ({error.strerror or error}). The computed results are kept. To finish "
             "the sweep, run the same command again"
         ) from None

@@ -131,7 +131,7 @@ def run_sweep(
         The dataset.
 
     Raises:
-        InvalidInputError: the request is invalid, or the output cannot be written.
+        InvalidInputError: the request is invalid.
     """
     require("xarray")
     target = None if output is None else Path(output)

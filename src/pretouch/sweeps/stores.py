@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from pretouch._core.errors import InvalidInputError, OutputExistsError, require
+from pretouch._core.errors import InvalidInputError, OutputError, OutputExistsError, require
 from pretouch._core.files import temporary_path
 from pretouch._core.numbers import BoolArray
 
@@ -221,7 +221,7 @@ class ZarrStore(Store):
         try:
             yield
         except OSError as error:
-            raise InvalidInputError(
+            raise OutputError(
                 f"{self.path}: the folder cannot be written ({error.strerror or error}). Finished results are kept. To "
                 "finish the sweep, run the same command again"
             ) from None
@@ -241,7 +241,8 @@ class ZarrStore(Store):
             The new store, or the same store if another process has created it meanwhile.
 
         Raises:
-            InvalidInputError: the parent does not exist or cannot be written.
+            InvalidInputError: the parent does not exist.
+            OutputError: the folder cannot be written, for example because the disk is full.
         """
         zarr, target = require("zarr"), Path(path)
         if not target.parent.is_dir():
@@ -279,7 +280,7 @@ class ZarrStore(Store):
             temporary.rename(target)
         except OSError as error:
             if not target.exists():
-                raise InvalidInputError(f"{path}: cannot be written ({error.strerror or error})") from None
+                raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from None
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
         return cls(path, plan)

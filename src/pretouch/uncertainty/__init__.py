@@ -3,7 +3,7 @@
 from .correlated import CorrelatedNormal, Empirical, parameter_distribution
 from .distributions import Distribution, Interval, JointDistribution, Normal, TruncatedNormal, Uniform
 from .ensemble import Ensemble, Uncertainty, make_ensemble, sample_inputs
-from .reservations import Reservations, reservations_of
+from .reservations import Reservations, reservations_apply, reservations_of
 
 __all__ = [
     "CorrelatedNormal",
@@ -19,6 +19,7 @@ __all__ = [
     "Uniform",
     "make_ensemble",
     "parameter_distribution",
+    "reservations_apply",
     "reservations_of",
     "sample_inputs",
 ]

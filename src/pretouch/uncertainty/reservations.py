@@ -294,6 +294,14 @@ class Reservations(Value):
         return {"headline": f"{self.headline} {of_result}" if of_result else self.headline, **combined}
 
 
+def reservations_apply(answer: Any) -> bool:
+    """Return whether warnings about the calibration apply to a result.
+
+    They do not apply to results without a predicted encounter, such as the replay of a recording.
+    """
+    return hasattr(answer, "scenario") and hasattr(answer, "sensor")
+
+
 def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
     """Find the calibration warnings that apply to a result.
 

@@ -15,9 +15,10 @@ from pathlib import Path
 import pytest
 
 import pretouch as pt
+from pretouch._core.blocks import page_of
 from pretouch.cli.export import Target
 from pretouch.control import Limits, VirtualDamper
-from pretouch.errors import InvalidInputError, OutputExistsError
+from pretouch.errors import InvalidInputError, OutputError, OutputExistsError
 from pretouch.export import TARGETS, export_law
 from pretouch.export.folder import MANIFEST, write_folder
 
@@ -68,6 +69,47 @@ def test_without_verification_the_files_say_so(tmp_path: Path) -> None:
     assert "not verified" in answer.stdout.splitlines()[0]
     for name in ("pretouch_design.h", "README.md"):
         assert "Not verified" in (tmp_path / "law" / name).read_text()
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_an_unverified_law_that_pulls_toward_the_object_needs_an_option_that_names_it(
+    target: str, tmp_path: Path
+) -> None:
+    task = pt.load_scenario(LOOP).replace(gain=0.5)
+    with pytest.raises(InvalidInputError, match=r"makes the robot chase the object.*--toward-object"):
+        export_law(task, tmp_path / "law", target, verify=False)
+    assert not list(tmp_path.iterdir())
+    if target == "fmu":  # compiling takes long, and the rule is that of all targets
+        return
+    export = export_law(task, tmp_path / "law", target, verify=False, toward_object=True)
+    assert export.is_written
+    assert export.attraction
+    (text,) = [text for text in page_of(export).warnings if "chase" in text]
+    assert text.startswith("PT316")
+    told = "".join(p.read_text(errors="ignore") for p in (tmp_path / "law").rglob("*") if p.is_file())
+    assert "Not verified" in told
+    assert "makes the robot chase the object" in " ".join(told.split())
+
+
+@pytest.mark.parametrize(("gain", "count"), [(-0.7, 1), (0.0, 2)])
+def test_an_unverified_export_says_what_nobody_knows(gain: float, count: int, tmp_path: Path) -> None:
+    export = export_law(pt.load_scenario(LOOP).replace(gain=gain), tmp_path / "law", "json", verify=False)
+    assert sum(text.startswith("PT316") for text in page_of(export).warnings) == count
+    assert export.is_idle == (gain == 0)
+    assert "verify" in export.next_step
+
+
+def test_a_number_that_no_law_can_have_is_not_exported(tmp_path: Path) -> None:
+    drag = pt.load_scenario(LOOP.with_name("drag.toml"))
+    for task in (pt.load_scenario(LOOP).replace(gain=float("nan")), drag.replace(gain=-0.01)):
+        with pytest.raises(InvalidInputError, match=r"must be finite|must not be negative"):
+            export_law(task, tmp_path / "law", verify=False, toward_object=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_option_for_laws_toward_the_object_is_for_unverified_ones(tmp_path: Path) -> None:
+    answer = run("export", "json", str(LOOP), "-o", "law", "--toward-object", folder=tmp_path)
+    assert (answer.returncode, "needs --unverified" in answer.stderr) == (2, True)
 
 
 def test_a_law_without_limits_is_written_with_a_warning_and_the_reason_of_its_verdict(tmp_path: Path) -> None:
@@ -143,7 +185,7 @@ def test_an_export_that_cannot_be_finished_leaves_nothing(tmp_path: Path, monkey
         return written(path, content)
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(InvalidInputError, match="No space left"):
+    with pytest.raises(OutputError, match="No space left"):
         write_folder(tmp_path / "law", {"first": b"1", "second": b"2"})
     assert not list(tmp_path.iterdir())
 

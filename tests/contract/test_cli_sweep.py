@@ -133,6 +133,39 @@ def test_the_dataset_goes_where_it_is_asked_for_and_stays(run: Any, name: str) -
             assert found["time"].attrs["units"] == "s"
 
 
+def test_a_small_sweep_prints_each_encounter_and_a_large_one_how_to_get_them(run: Any) -> None:
+    code, out, err = run(
+        "sweep", "approach.toml", "--axis", "gain=-1,-0.5,-0.1", "--axis", "obstacle.velocity=-0.3,0.3"
+    )
+    assert (code, err) == (0, "")
+    head, *rows = (line.split("  ") for line in out.splitlines()[2:])
+    assert [cell.strip() for cell in head if cell] == [
+        *("gain", "obstacle.velocity", "time", "relative_velocity", "displacement", "status")
+    ]
+    cells = [[cell.strip() for cell in row if cell] for row in rows]
+    assert [row[0] for row in cells] == ["-1 N s"] * 2 + ["-0.5 N s"] * 2 + ["-0.1 N s"] * 2
+    assert [row[-1] for row in cells] == ["contact", "never-in-contact"] * 3
+    assert all(row[2:5] == ["-", "-", "-"] for row in cells[1::2])
+    task = load_scenario("approach.toml")
+    expected = [
+        float(pt.find_contact(task.scenario, task.sensor, gain).end.relative_velocity) for gain in (-1, -0.5, -0.1)
+    ]
+    shown = [float(row[3].removesuffix(" m/s")) for row in cells[::2]]
+    assert shown == pytest.approx(expected, rel=1e-3)
+    code, out, _ = run("sweep", "approach.toml", "--axis", "gain=-1:-0.1:21")
+    assert "lowest" in out
+    assert out.splitlines()[-1].startswith("All values: --json")
+
+
+def test_a_sweep_over_gains_says_nothing_about_the_designed_gain(run: Any) -> None:
+    text = Path("approach.toml").read_text().split("[admittance]", 1)[1]
+    Path("fitted.toml").write_text('[sensor]\ncalibration = "sensor.csv"\n[admittance]' + text)
+    over_gains = strict(run("sweep", "fitted.toml", "--axis", "gain=-1,-0.1", "--json")[1])
+    assert over_gains["calibration"]["witness"] is None
+    designed = strict(run("sweep", "fitted.toml", "--axis", "obstacle.velocity=-0.3,-0.2", "--json")[1])
+    assert designed["calibration"]["witness"] is not None
+
+
 def test_a_sweep_whose_answer_is_no_ends_with_1(run: Any) -> None:
     Path("away.toml").write_text(SCENARIO.replace('"-0.3 m/s"', '"0.3 m/s"'))
     code, out, _ = run("sweep", "away.toml", "--axis", "admittance.mass=1,2 kg", "--json")

@@ -331,6 +331,16 @@ _TABLE: Final = (
         "Use the bound for accelerated approaches (`contact_speed_bound`), or raise `largest_speed`.",
         "the virtual drag was designed for approach speeds up to 0.5 m/s, but this object approaches at 0.8 m/s",
     ),
+    (
+        "PT316",
+        "An exported law is not verified",
+        "The law was exported without a verification. Its gain may be 0, or may pull the robot toward the object.",
+        "Nobody knows whether the law keeps its limits on the sampled loop, whether the loop is stable, and what noise "
+        "or a broken cable does.",
+        "Run `pretouch verify` with the same file and gain. If the gain holds, export the law again without "
+        "`--unverified`.",
+        "The exported law is not verified.",
+    ),
     # --- sampled loop
     (
         "PT401",

@@ -47,6 +47,12 @@ def export(
         bool,
         typer.Option("--unverified", help="Export without verification; the exported files say so."),
     ] = False,
+    toward_object: Annotated[
+        bool,
+        typer.Option(
+            "--toward-object", help="With --unverified, also export a law that pulls the robot toward the object."
+        ),
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace an unchanged folder of an earlier export.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="List all files and warnings.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print only a JSON object.")] = False,
@@ -59,7 +65,16 @@ def export(
     Exit status: 0 the folder is written, 1 the gain does not hold, 2 a mistake in the request.
     """
     run = partial(
-        _export, target, file, output, gain=gain, unverified=unverified, force=force, verbose=verbose, json=json
+        _export,
+        target,
+        file,
+        output,
+        gain=gain,
+        unverified=unverified,
+        toward_object=toward_object,
+        force=force,
+        verbose=verbose,
+        json=json,
     )
     conclude(run, json_wanted=json)
 
@@ -71,6 +86,7 @@ def _export(
     *,
     gain: str | None,
     unverified: bool,
+    toward_object: bool,
     force: bool,
     verbose: bool,
     json: bool,
@@ -81,8 +97,21 @@ def _export(
 
     from .summary import summary_of  # noqa: PLC0415
 
+    if toward_object and not unverified:
+        raise InvalidInputError(
+            "--toward-object: this option needs --unverified, because a law that pulls the robot toward the object "
+            "fails every verification"
+        )
     task = load_loop(file, "simulating encounters on the loop" if not unverified else "simulating", gain, None)
-    result = export_law(task, output, target.value, verify=not unverified, date=_date(), overwrite=force)
+    result = export_law(
+        task,
+        output,
+        target.value,
+        verify=not unverified,
+        toward_object=toward_object,
+        date=_date(),
+        overwrite=force,
+    )
     if json:
         print_text(as_json(result.to_dict()))
     else:

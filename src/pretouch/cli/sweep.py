@@ -128,7 +128,8 @@ def _sweep(
         if shown.output is not None:
             print_message("interrupted; run the same command again to resume")
         raise
-    _present(dataset, reservations_about(task, _nominal(task)), shown, figure)
+    subject = task if "gain" in axes else _nominal(task)  # over several gains, no designed gain is part of the sweep
+    _present(dataset, reservations_about(task, subject), shown, figure)
 
 
 def _nominal(task: Task) -> Any:

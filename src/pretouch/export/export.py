@@ -13,6 +13,8 @@ from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
 from pretouch.verification import Verdict
 
+from .law_design import UNKNOWN
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Export(Described, Value):
@@ -27,6 +29,8 @@ class Export(Described, Value):
         law: the law and its number in words.
         verdict: the verdict; None if the gain was not verified.
         is_limited: whether the law limits force, speed, acceleration or excursion.
+        is_idle: whether the gain or drag is 0, so that the law has no effect.
+        attraction: sentences on a law that pulls the robot toward the object; empty for a mitigating law.
     """
 
     kind: str
@@ -35,6 +39,8 @@ class Export(Described, Value):
     law: str
     verdict: Verdict | None
     is_limited: bool = True
+    is_idle: bool = False
+    attraction: tuple[str, ...] = ()
 
     page: ClassVar[str] = "pretouch.export.export:export_page"
 
@@ -58,8 +64,12 @@ class Export(Described, Value):
     @property
     def next_step(self) -> str:
         """Advice on what the user should do after the export."""
+        if not self.is_written and self.attraction:
+            return "change the sign of the gain"
         if not self.is_written:
             return "run pretouch verify for the reasons; --unverified exports the law in spite of them"
+        if self.verdict is None:
+            return "run pretouch verify with the same file and gain, and export the law again without --unverified"
         return f"read {self.folder / 'README.md'}, and run its test on the target"
 
     def to_dict(self) -> dict[str, Any]:
@@ -83,6 +93,15 @@ class Export(Described, Value):
 
 def _warnings(export: Export) -> Iterator[str]:
     """Yield warnings about missing limits and about the verification."""
+    if export.is_written and export.verdict is None:
+        for text in export.attraction:
+            yield caution("PT316", f"{text}.")
+        if export.is_idle:
+            yield caution("PT316", "The number of the law is 0, so the law never moves the robot.")
+        yield caution(
+            "PT316",
+            f"The exported law is not verified. Unknown are {UNKNOWN}. Run pretouch verify before you use it.",
+        )
     if export.is_written and not export.is_limited:
         yield caution(
             "PT416",

@@ -12,12 +12,19 @@ from pretouch.design import Task
 from pretouch.design.task import with_file_location
 from pretouch.simulation import ClosedLoop
 from pretouch.verification import Verdict, VerdictStatus, verify_gain
+from pretouch.verification.effect import chase_in_words
 from pretouch.verification.verify import chosen_gain
 
 from .vectors import Case, make_cases
 
 WEAKER_NUMBER: Final = "A weaker {name} makes contact harder, and the verification does not cover it."
 """Warning for files that let their user weaken the gain or drag."""
+
+UNKNOWN: Final = (
+    "the contact speed on the sampled loop, the limits, the stability of the loop, and how noise and failing readings "
+    "move the robot"
+)
+"""What nobody knows about a law without a verification."""
 
 HOLDS: Final = (VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY)
 
@@ -76,31 +83,45 @@ class LawDesign(Value):
         return "_drag" if self.is_drag else ""
 
     @property
+    def attraction(self) -> tuple[str, ...]:
+        """Sentences on a law that pulls the robot toward the object.
+
+        They are empty for a mitigating law.
+        """
+        return tuple(chase_in_words(self.task.law.number, self.controller.law.value))
+
+    @property
     def verdict_text(self) -> str:
         """Sentence on the result and date of the verification.
 
         Without a verification, the sentence says so.
         """
         if self.verdict is None:
-            return "Not verified: this law was exported without a verification."
+            toward = "".join(f" {text}." for text in self.attraction)
+            return (
+                f"Not verified: this law was exported without a verification.{toward} Unknown are {UNKNOWN}. Do not "
+                "run this law on a robot before pretouch verify confirms it."
+            )
         when = f" ({self.date})" if self.date else ""
         return f"pretouch verify{when}: {self.verdict.headline}"
 
 
 @with_file_location
-def law_design(task: Task, *, verify: bool = True, date: str | None = None) -> LawDesign:
+def law_design(task: Task, *, verify: bool = True, toward_object: bool = False, date: str | None = None) -> LawDesign:
     """Verify the gain of a task, and prepare its export.
 
     Args:
         task: the encounter with its sampled loop; the gain as for `verify_gain`.
         verify: whether to verify the gain by simulation.
+        toward_object: whether an unverified law may pull the robot toward the object.
         date: date that the exported files state for the verification.
 
     Returns:
         The design.
 
     Raises:
-        InvalidInputError: the loop has no controller with a law in C, or there is no gain.
+        InvalidInputError: the loop has no controller with a law in C, there is no gain, or an unverified gain has the
+            wrong sign.
     """
     loop = task.loop
     if not isinstance(loop, ClosedLoop) or not isinstance(loop.law, Controller):
@@ -122,6 +143,11 @@ def law_design(task: Task, *, verify: bool = True, date: str | None = None) -> L
         raise InvalidInputError(
             f"{name}: the design found no {name}, so there is nothing to export; change the limits or the bounds of "
             f"the design, or set the {name} with the option --gain{reasons}"
+        )
+    for text in () if verify or toward_object else chase_in_words(task.law.number, gain):
+        raise InvalidInputError(
+            f"{task.law.number.name}: {text}. Nothing was exported. Change the sign, or export such a law with the "
+            "option --toward-object (toward_object=True in Python)"
         )
     controller = loop.law.with_value(gain)
     source: Any = task.source

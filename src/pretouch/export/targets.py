@@ -53,6 +53,7 @@ def export_law(
     target: str = "c",
     *,
     verify: bool = True,
+    toward_object: bool = False,
     date: str | None = None,
     overwrite: bool = False,
 ) -> Export:
@@ -68,6 +69,8 @@ def export_law(
             equations for MATLAB, Octave and PLCs; "fmu" for co-simulation units, one for FMI 2.0 and one for FMI 3.0;
             "ros2" for a package with a chainable controller for ros2_control (ROS 2 Jazzy and later).
         verify: whether to verify the gain first. Without it, the files say that the gain was not verified.
+        toward_object: whether a law that is not verified may pull the robot toward the object. By default, such a law
+            is refused, as its gain has the wrong sign.
         date: date of the verification as text, which the files state.
         overwrite: whether an unchanged folder of an earlier export may be replaced.
 
@@ -75,7 +78,8 @@ def export_law(
         The result: what was written, or why nothing was written.
 
     Raises:
-        InvalidInputError: the target is unknown, the folder may not be replaced, or the law has no C source.
+        InvalidInputError: the target is unknown, the folder may not be replaced, the law has no C source, or it is not
+            verified and pulls the robot toward the object.
     """
     if target not in TARGETS:
         raise InvalidInputError(f"target: found {target!r}, expected one of {', '.join(TARGETS)}")
@@ -83,7 +87,7 @@ def export_law(
     source: Any = task.source
     refuse_input(folder, getattr(source, "inputs", ()))
     check_free(folder, overwrite=overwrite)  # before the verification, which takes seconds
-    design = law_design(task, verify=verify, date=date)
+    design = law_design(task, verify=verify, toward_object=toward_object, date=date)
     files: tuple[Path, ...] = ()
     if design.is_supported or not verify:
         content = {name: text.encode() if isinstance(text, str) else text for name, text in make(design).items()}
@@ -95,4 +99,6 @@ def export_law(
         law=design.law_text,
         verdict=design.verdict,
         is_limited=design.controller.limits != Limits(),
+        is_idle=design.controller.law.value == 0,
+        attraction=design.attraction,
     )

@@ -121,6 +121,7 @@ def result_attributes(name: str, *, designs: bool, law: ContinuousLaw = DAMPER) 
 
 
 _MOST_VALUES: Final = 10_000  # largest number of encounters whose values are in the JSON object
+_MOST_ROWS: Final = 20  # largest number of encounters that are printed one by one
 _MOST_READ: Final = 10**7  # largest number of encounters for which the ranges of results are computed
 
 
@@ -156,13 +157,19 @@ def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def sweep_as_text(dataset: xr.Dataset) -> str:
-    """Return a summary of a sweep as text.
+    """Return a sweep as text.
 
-    It contains the number of encounters per status, and the ranges of inputs and results.
+    It contains the number of encounters per status. A small sweep also has a table with a row for each encounter, and a
+    large one the ranges of inputs and results.
     """
     size = int(np.prod(dataset[STATUS].shape))
     statuses = ", ".join(f"{count:,} {word}" for word, count in counts(dataset).items() if count)
-    lines = [f"{size:,} encounters: {statuses}", ""]
+    lines = [f"{size:,} encounter{'s' if size > 1 else ''}: {statuses}", ""]
+    if size <= _MOST_ROWS:
+        return "\n".join([*lines, *aligned(_rows(dataset))])
+    most = (
+        f"--json has the values of each encounter (up to {_MOST_VALUES:,}), and --output writes all of them to a file"
+    )
     rows: list[tuple[str, ...]] = [("", "from", "to", "values")]
     for name in dataset.coords:
         values, unit = dataset[name].values, _unit(dataset[name])
@@ -174,7 +181,25 @@ def sweep_as_text(dataset: xr.Dataset) -> str:
         low, high = _range(dataset[name].values) if size <= _MOST_READ else (None, None)
         ends = ("-" if v is None else format_quantity(v, _unit(dataset[name])) for v in (low, high))
         rows.append((str(name), *ends, ""))
-    return "\n".join([*lines, *aligned(rows)])
+    return "\n".join([*lines, *aligned(rows), "", f"All values: {most}."])
+
+
+def _rows(dataset: xr.Dataset) -> list[tuple[str, ...]]:
+    """Return the inputs, the results and the status of each encounter as table rows."""
+    status, words = dataset[STATUS], dataset[STATUS].attrs["flag_meanings"].split()
+    results = [name for name in dataset.data_vars if name != STATUS]
+    rows = [(*map(str, dataset.coords), *map(str, results), STATUS)]
+    for index in np.ndindex(*status.shape):
+        place = dict(zip(status.dims, index, strict=True))
+        inputs = (_cell(dataset[name], place[dataset[name].dims[0]]) for name in dataset.coords)
+        values = (_cell(dataset[name], index) for name in results)
+        rows.append((*inputs, *values, words[int(status.values[index])]))
+    return rows
+
+
+def _cell(variable: Any, index: Any) -> str:
+    value = float(variable.values[index])
+    return format_quantity(value, _unit(variable)) if np.isfinite(value) else "-"
 
 
 def counts(dataset: xr.Dataset) -> dict[str, int]:

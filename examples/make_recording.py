@@ -2,7 +2,7 @@
 
 The sensor is that of examples/loop.toml with errors that a real one has: it reads at 217 Hz instead of 250 Hz, with
 missing readings, a gap of 80 ms and a jitter. Its noise is 27 counts instead of 20, and it lags a laser by 6 ms.
-Between the second and the third contact, the object passes at 60 mm without a contact.
+Between the second and the third contact, the object passes at 30 mm without a contact.
 
     python make_recording.py           prints the CSV file
     python make_recording.py FOLDER    writes the bag FOLDER with the topics /proximity, /laser and /contact (rosbags)
@@ -14,7 +14,7 @@ import numpy as np
 
 RATE, NOISE, OFFSET, LAG = 217.0, 27.0, 152.0, 0.006  # Hz, counts, counts, s
 REST, END = 0.5, 16.0  # m, s
-VISITS = ((1.0, 0.30, 0.0), (4.6, 0.35, 0.0), (8.1, 0.40, 0.06), (11.9, 0.25, 0.0))  # start [s], speed [m/s], end [m]
+VISITS = ((1.0, 0.30, 0.0), (4.6, 0.35, 0.0), (8.1, 0.40, 0.03), (11.9, 0.25, 0.0))  # start [s], speed [m/s], end [m]
 START = 1_700_000_000_000_000_000  # ns
 
 

@@ -229,6 +229,13 @@ def test_events_are_the_periods_above_the_threshold() -> None:
     assert events_in(time, values, 5) == []
 
 
+def low_floor() -> pt.Task:
+    """Return the task of examples/loop.toml with a floor of 100 counts, which detects objects from 165 mm on."""
+    task = pt.load_scenario(LOOP)
+    sensing = replace(task.loop.law.conditioning, floor=100.0)
+    return task.replace(gain=-0.86, loop=replace(task.loop, law=replace(task.loop.law, conditioning=sensing)))
+
+
 def visits(lag: float = 0.0, noise: float = 20.0, seed: int = 12, rate: float = 250.0) -> tuple[Recording, ...]:
     """Return readings, distances and contacts of an object that touches the sensor of examples/loop.toml four times."""
     rng = np.random.default_rng(seed)
@@ -255,7 +262,7 @@ def visits(lag: float = 0.0, noise: float = 20.0, seed: int = 12, rate: float = 
 
 
 def test_a_replay_finds_every_contact_and_nothing_else() -> None:
-    task = pt.load_scenario(LOOP).replace(gain=-0.86)
+    task = low_floor()
     readings, distance, contact = visits()
     result = replay(task, readings, reference=distance, truth=contact)
     assert len(result.detections) == 4
@@ -270,7 +277,7 @@ def test_a_replay_finds_every_contact_and_nothing_else() -> None:
 
 def test_a_detection_that_never_ends_is_a_warning() -> None:
     """With the wrong sign, readings are large without an object, so that one detection precedes every contact."""
-    task = pt.load_scenario(LOOP).replace(gain=-0.86)
+    task = low_floor()
     readings, _, contact = visits()
     good, inverted = (
         replay(task, replace(readings, values=values), truth=contact)
@@ -281,7 +288,7 @@ def test_a_detection_that_never_ends_is_a_warning() -> None:
 
 
 def test_contacts_without_a_detection_are_missed_and_others_are_false() -> None:
-    task = pt.load_scenario(LOOP).replace(gain=-0.86)
+    task = low_floor()
     readings, *_ = visits()
     result = replay(task, readings, contacts=[1.0 + 0.5 / 0.3 + 0.01, 9.0])
     assert (len(result.false_triggers), len(result.missed)) == (3, 1)
@@ -295,7 +302,7 @@ def test_the_chain_of_a_recording_is_that_of_its_sensor_and_loads(tmp_path: Path
 
     The object at rest at 0.5 m adds 4.6 counts to the offset of 150.
     """
-    task = pt.load_scenario(LOOP).replace(gain=-0.86)
+    task = low_floor()
     readings, distance, _ = visits(lag=0.012, noise=33.0, rate=170.0)
     result = replay(task, readings, reference=distance)
     assert result.latency.low < 0.012 < result.latency.high
@@ -322,7 +329,7 @@ def test_the_chain_of_a_sensor_that_measures_distances_loads(tmp_path: Path) -> 
     stamps = np.round(1e9 * time).astype(np.int64)
     named = {"source": "b", "topic": "/range", "message_type": "", "kind": "distance", "clock": "header"}
     recording = Recording(stamps=stamps, values=distance, transport=np.full(len(time), 4e-3), **named)
-    result = replay(pt.load_scenario(LOOP).replace(gain=-0.86), recording)
+    result = replay(low_floor(), recording)
     assert len(result.detections) == 4
     text = re.sub(r"\[chain\]\n.*?(?=\[controller\])", lambda _: result.chain + "\n", LOOP.read_text(), flags=re.DOTALL)
     (tmp_path / "measured.toml").write_text(text)
@@ -333,7 +340,7 @@ def test_the_chain_of_a_sensor_that_measures_distances_loads(tmp_path: Path) -> 
 
 
 def test_the_pairs_of_a_recording_calibrate_the_sensor(tmp_path: Path) -> None:
-    task = pt.load_scenario(LOOP).replace(gain=-0.86)
+    task = low_floor()
     readings, distance, _ = visits(lag=0.012)
     pairs = replay(task, readings, reference=distance).pairs()
     assert pairs.shift == pytest.approx(0.012, abs=2e-3)

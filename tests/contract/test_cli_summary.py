@@ -230,7 +230,9 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
     [
         (
             lambda: (
-                pt.verify_gain(loop_task().replace(verify=pt.VerifyOptions(runs=2), gain=-0.7), changes=False).warnings
+                pt.verify_gain(
+                    with_floor(loop_task(), 100.0).replace(verify=pt.VerifyOptions(runs=2), gain=-0.7), changes=False
+                ).warnings
             ),
             "moves a robot at rest by up to",
             "but detects objects only from",

@@ -28,6 +28,7 @@ from pretouch.design import (
 )
 from pretouch.design.front.curve_front import trace_front
 from pretouch.design.front.dominance import non_dominated, shortfall
+from pretouch.design.search import Landscape
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact
 from pretouch.sensors import ExponentialFirstOrder
 
@@ -36,6 +37,10 @@ F1 = excursion_objective(position_scale=0.5, velocity_scale=0.3)
 PAIR = ("displacement", "relative_velocity")
 TRIPLE = ("time", "relative_velocity", "largest_acceleration")
 FREE = {"natural_frequency": (2.0, 12.0), "damping_ratio": (0.5, 2.0)}
+
+
+def unlimited(*quantities: np.ndarray) -> Landscape:
+    return Landscape(objective=np.stack(quantities), ratios=np.empty((0, len(quantities[0]))))
 
 
 def magnitudes(result: object, quantities: tuple[str, ...]) -> np.ndarray:
@@ -76,7 +81,7 @@ def test_the_shortfall_is_the_shift_that_makes_a_front_dominate() -> None:
 
 def test_the_front_of_a_curve_ends_where_a_quantity_is_least() -> None:
     """Two parabolas over u, with their minima at 0.3 and at 0.7: what lies between is the front."""
-    found = trace_front(lambda u: np.stack([(u - 0.3) ** 2, (u - 0.7) ** 2], axis=-1))
+    found = trace_front(lambda u: unlimited((u - 0.3) ** 2, (u - 0.7) ** 2))
     assert found.at[[0, -1], 0] == pytest.approx([0.3, 0.7], abs=1e-7)  # a minimum is found to the root of rounding
     assert (found.piece == found.piece[0]).all()
 
@@ -88,7 +93,7 @@ def test_a_curve_that_doubles_back_has_a_front_in_pieces_whose_ends_are_found() 
     def second(u: np.ndarray) -> np.ndarray:
         return 1 - u - 0.2 * np.sin(6 * np.pi * u)
 
-    found = trace_front(lambda u: np.stack([u, second(u)], axis=-1))
+    found = trace_front(lambda u: unlimited(u, second(u)))
     # where the slope -1 - 1.2 pi cos 6 pi u is 0 and the sine positive
     least = [(math.acos(-1 / (1.2 * math.pi)) + 2 * math.pi * k) / (6 * math.pi) for k in range(3)]
     starts = [0.0]
@@ -106,10 +111,20 @@ def test_a_curve_that_doubles_back_has_a_front_in_pieces_whose_ends_are_found() 
 def test_an_edge_of_what_is_feasible_is_found_to_rounding() -> None:
     edge = 1 / math.sqrt(7)
 
-    def evaluate(u: np.ndarray) -> np.ndarray:
-        return np.where((u < edge)[:, None], np.stack([u, 1 - u], axis=-1), np.inf)
+    def evaluate(u: np.ndarray) -> Landscape:
+        return Landscape(objective=np.where(u < edge, np.stack([u, 1 - u]), np.inf), ratios=np.empty((0, len(u))))
 
     assert trace_front(evaluate).at[-1, 0] == pytest.approx(edge, abs=1e-12)
+
+
+def test_a_front_within_a_narrow_band_is_found() -> None:
+    """Two limits leave a band between two scanned coordinates."""
+
+    def evaluate(u: np.ndarray) -> Landscape:
+        return Landscape(objective=np.stack([u, 1 - u]), ratios=1 + np.stack([0.401 - u, u - 0.402]))
+
+    found = trace_front(evaluate)
+    np.testing.assert_allclose(found.at[[0, -1], 0], [0.401, 0.402], atol=1e-10)
 
 
 # --- the front of the gain

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -15,20 +16,18 @@ from .admittance_result import AdmittanceCertificate, AdmittanceDesign, Admittan
 from .certificate import DesignStatus
 from .gain import GainDesign
 from .problem import GainProblem
-from .search import HELD, GainAxis
+from .relaxation import relax_trials
 from .search.freedom import make_freedom
-from .search.local import descend, kkt_residual
+from .search.local import descend, kkt_residual, least_violations
 from .search.trials import Trials
 from .task import Task, with_file_location
 
 _GAINS: Final = 65
 _STARTS: Final = 8
-_HOPELESS: Final = 10.0  # a grid point that exceeds a limit by this factor is no starting point
 _TESTS: Final = 2048  # number of encounters that test the optimum
 _SAME: Final = 1e-3  # minima closer than this share of the range in each coordinate are the same
 _BETTER: Final = 1e-9  # smallest relative improvement of the objective that counts
 _ROUNDS: Final = 4
-_NARROW: Final = (1e-2, 1e-3, 1e-4)  # half widths of narrow ranges around the best gain, as shares of its range
 _NEAR: Final = np.linspace(-1.0, 1.0, 17)
 _ZOOMS: Final = 3
 _ONE: Final = np.ones(1)
@@ -85,8 +84,8 @@ def design_admittance(task: Task) -> AdmittanceDesign:
     problem = GainProblem(task=task, axis=freedom.axis)
     trials = Trials(freedom=freedom, encounters=problem, measures=(problem.merit,))
 
-    def gain_at(encounter: Scenario, axis: GainAxis = problem.axis) -> GainDesign:
-        return GainDesign.of(GainProblem(task=task.replace(scenario=encounter), axis=axis))
+    def gain_at(encounter: Scenario) -> GainDesign:
+        return GainDesign.of(GainProblem(task=task.replace(scenario=encounter), axis=problem.axis))
 
     search = _AdmittanceSearch(trials)
     minima = search.minima()
@@ -98,14 +97,7 @@ def design_admittance(task: Task) -> AdmittanceDesign:
     if not minima:
         return search.answer(gain_at(task.scenario), None)
     best, _ = freedom.choice(minima[0].at)
-    chosen = gain_at(best)
-    for share in _NARROW:
-        if chosen.status is DesignStatus.OPTIMAL:
-            break
-        # The feasible range may lie between two gains of the scan.
-        ends = np.clip(minima[0].at[0] + np.array([-share, share]), 0.0, 1.0)
-        chosen = gain_at(best, GainAxis.between(freedom.gain(ends[:, None]).tolist()))
-    return search.answer(gain_at(task.scenario), chosen)
+    return search.answer(gain_at(task.scenario), gain_at(best))
 
 
 class _AdmittanceSearch:
@@ -122,8 +114,9 @@ class _AdmittanceSearch:
 
     def minima(self) -> list[AdmittanceMinimum]:
         """Find the local minima of the objective."""
-        for i in self._starts():
-            self.add_start(self.grid[i])
+        feasible = np.isfinite(self.values).any() or np.isfinite(self.test_values).any()
+        for start in self.grid[self._starts()] if feasible else self.least_violations:
+            self.add_start(start)
         for _ in range(_ROUNDS):
             best = int(self.test_values.argmin())
             if not self.test_values[best] < (self.local_minima[0].objective if self.local_minima else np.inf):
@@ -166,18 +159,18 @@ class _AdmittanceSearch:
         """Return the grid points at which the local searches start, best first."""
         from scipy.ndimage import minimum_filter  # noqa: PLC0415
 
-        shape = self._shape()
-        function = self.values if np.isfinite(self.values).any() else self._worst()
-        table = function.reshape(shape)
-        low = (table <= minimum_filter(table, size=3, mode="nearest")) & np.isfinite(table)
-        if function is not self.values:
-            low &= table < _HOPELESS
-        lowest = np.flatnonzero(low)
-        return np.asarray(lowest[np.argsort(function[lowest], kind="stable")][:_STARTS], dtype=np.int64)
+        table = self.values.reshape(self._shape())
+        lowest = np.flatnonzero((table <= minimum_filter(table, size=3, mode="nearest")) & np.isfinite(table))
+        return np.asarray(lowest[np.argsort(self.values[lowest], kind="stable")][:_STARTS], dtype=np.int64)
 
-    def _worst(self) -> FloatArray:
-        ratios = self.rows[:, 1:]
-        return np.asarray(ratios.max(axis=1) if ratios.shape[1] else np.full(len(self.rows), np.inf))
+    @cached_property
+    def least_violations(self) -> FloatArray:
+        """The points that exceed the limits least, found by local searches from the grid and the tests.
+
+        The smallest violation comes first. Empty without contact or without limits.
+        """
+        every = np.concatenate([self.grid, self.tests])
+        return least_violations(self.trials, every, self.trials.landscape(every).violation)
 
     def _shape(self) -> tuple[int, ...]:
         return tuple(len(np.unique(column)) for column in self.grid.T)
@@ -198,14 +191,13 @@ class _AdmittanceSearch:
         return AdmittanceMap(natural_frequency=frequency, damping_ratio=ratio, objective=best)
 
     def best_ratio(self) -> float | None:
-        """Return the smallest constraint violation on the grid.
+        """Return the smallest constraint violation of any gain and admittance.
 
-        It is a ratio |quantity| / limit. None if a grid point is feasible, or without constraints or contact.
+        It is a ratio |quantity| / limit. None if a point is feasible, or without constraints or contact.
         """
-        worst = self._worst()
-        if not self.trials.constraints or not np.isfinite(worst).any():
+        if self.local_minima or not len(self.least_violations):
             return None
-        return float(worst.min()) if worst.min() > HELD else None
+        return float(self.trials.landscape(self.least_violations[:1]).violation[0])
 
     def answer(self, unchanged: GainDesign, chosen: GainDesign | None) -> AdmittanceDesign:
         """Combine the gain designs for the given and the optimal admittance.
@@ -236,4 +228,5 @@ class _AdmittanceSearch:
             certificate=certificate,
             map=self.map(),
             best_ratio=self.best_ratio(),
+            relaxations=relax_trials(self.trials, self.least_violations[0]) if self.best_ratio() else (),
         )

@@ -8,7 +8,9 @@ from dataclasses import replace
 from pretouch._core.blocks import Cell, Measured, Page, PageSection, PageTable, Paragraph, Picture
 
 from .admittance_result import AdmittanceDesign
+from .certificate import DesignStatus
 from .page import gain_page
+from .page_sentences import step_without_gain
 
 Row = tuple[Cell, ...]
 
@@ -38,7 +40,10 @@ def admittance_page(design: AdmittanceDesign) -> Page:
             follows,
         ),
     )
-    return replace(page, headline=design.headline, good=chosen, blocks=(admittance, *page.blocks))
+    step = page.next_step
+    if design.status is DesignStatus.INFEASIBLE:
+        step = step_without_gain(design.problem.task, contact=True, relaxations=design.relaxations)
+    return replace(page, headline=design.headline, good=chosen, next_step=step, blocks=(admittance, *page.blocks))
 
 
 def _rows(design: AdmittanceDesign) -> Iterator[Row]:

@@ -15,6 +15,7 @@ from pretouch.motion import Admittance, Scenario
 from .certificate import DesignStatus
 from .gain import GainDesign
 from .problem import Answer
+from .relaxation import Relaxation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +100,8 @@ class AdmittanceDesign(Answer):
         unchanged: the design of the gain with the admittance of the scenario.
         certificate: evidence that the design is the global optimum; None unless optimal.
         map: the best objective over admittances.
-        best_ratio: if infeasible, the smallest value on the grid of the largest ratio |quantity| / limit; else None.
+        best_ratio: if infeasible, the smallest value of the largest ratio |quantity| / limit; else None.
+        relaxations: the limits that must be raised, and to what values, if the design is infeasible; else empty.
     """
 
     status: DesignStatus
@@ -111,6 +113,7 @@ class AdmittanceDesign(Answer):
     certificate: AdmittanceCertificate | None
     map: AdmittanceMap
     best_ratio: float | None
+    relaxations: tuple[Relaxation, ...]
 
     page: ClassVar[str] = "pretouch.design.admittance_page:admittance_page"
 
@@ -169,7 +172,7 @@ class AdmittanceDesign(Answer):
         names = ("free", "natural_frequency", "damping_ratio", "natural_frequency_bounds", "damping_ratio_bounds")
         chosen = None if self.gain_design is None else self.admittance
         document = {
-            **{name: getattr(self, name) for name in (*names, "best_ratio")},
+            **{name: getattr(self, name) for name in (*names, "best_ratio", "relaxations")},
             **{name: getattr(chosen, name, None) for name in ("mass", "damping", "stiffness")},
             "unchanged": {"gain": self.unchanged.gain, "objective": self.unchanged.objective},
             "certificate": self.certificate,

@@ -16,6 +16,7 @@ from pretouch.motion import ContactResult
 from .certificate import ACTIVE, Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
 from .constraints import Constraint
 from .problem import Answer, GainProblem
+from .relaxation import Relaxation, relax_on_axis
 from .search import Minimum, Scan, refine, search_axis
 from .search.compiled import INFEASIBLE, OPTIMAL, UNCERTAIN, search_compiled
 from .search.many import design_many, settle_one
@@ -120,6 +121,19 @@ class GainEvidence(Answer):
         """
         coordinate = self.scanned.least_violation
         return None if self.minima or coordinate is None else float(self.problem.axis.gain(coordinate))
+
+    @_part
+    def relaxations(self) -> tuple[Relaxation, ...]:
+        """The limits that must be raised, and to what values, if no gain is feasible.
+
+        Returns:
+            The smallest value of each limit, with the other limits kept; the values of several limits if no limit
+            alone suffices. Empty unless the design is infeasible.
+        """
+        if self.status is not DesignStatus.INFEASIBLE:
+            return ()
+        problem = self.problem
+        return relax_on_axis(problem.landscape, problem.axis, self.scanned, problem.task.limits, number=self.number)
 
     @_part
     def result(self) -> ContactResult | None:

@@ -176,8 +176,8 @@ class GainDesign(GainEvidence):
         if self.scenario.shape:
             return answer
         names = ("method", "objective_parts", "result", "no_mitigation", "nearest", "ideal", "damping_at_contact")
-        more = ("bounds", "constraints", "certificate", "sensitivities", "sensor", "trade_off", "warnings")
-        details = {_KEYS.get(name, name): getattr(self, name) for name in (*names, *more)}
+        more = ("bounds", "constraints", "relaxations", "certificate", "sensitivities", "sensor", "trade_off")
+        details = {_KEYS.get(name, name): getattr(self, name) for name in (*names, *more, "warnings")}
         document: dict[str, Any] = plain({**answer, "objective_name": self.definition.name, **details})
         return document
 

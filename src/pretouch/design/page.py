@@ -147,7 +147,8 @@ def _next_step(design: GainDesign) -> str:
             "required gain margin; `pretouch verify` reports the necessary sensor rate"
         )
     if design.result is None:
-        return step_without_gain(design.problem.task, contact=design.status is not DesignStatus.NO_CONTACT)
+        contact = design.status is not DesignStatus.NO_CONTACT
+        return step_without_gain(design.problem.task, contact=contact, relaxations=design.relaxations)
     return verify_step(design.problem.task)
 
 

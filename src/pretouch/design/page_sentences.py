@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from pretouch._core.units import format_quantity
 from pretouch.motion.page_sections import approach_step
 
+from .relaxation import Relaxation, relaxations_in_words
 from .task import Task
 
 _NO_RESERVE: Final = 1e-3  # share of a limit; at a smaller distance from it, the limit is active
@@ -25,17 +27,17 @@ def limit_in_words(quantity: str, value: float | None, limit: float, unit: str, 
     return f"{quantity} {format_quantity(value, unit, 3)}, limit {allowed}: {how if met else 'exceeded'}"
 
 
-def step_without_gain(task: Task, *, contact: bool) -> str:
+def step_without_gain(task: Task, *, contact: bool, relaxations: Sequence[Relaxation] = ()) -> str:
     """Return the recommended next step after a search that found no gain.
 
     Args:
         task: the task.
         contact: whether any gain within the bounds ends in contact.
+        relaxations: the limits that must be raised, and to what values.
     """
     if contact:
-        return (
-            "relax a limit, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"
-        )
+        relaxed = ", or ".join(relaxations_in_words(relaxations)) or "relax a limit"
+        return f"{relaxed}, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"
     if step := approach_step(task.scenario):
         return step
     before = task.law.contact(task.scenario, task.sensor, 0.0, horizon=task.horizon)

@@ -198,7 +198,8 @@ def _next_step_without_gain(v: Verdict) -> str:
     """Recommend what to change if no gain meets the requirements."""
     if v.needed_rate is None:
         design = v.design
-        return step_without_gain(design.problem.task, contact=design.status is not DesignStatus.NO_CONTACT)
+        contact = design.status is not DesignStatus.NO_CONTACT
+        return step_without_gain(design.problem.task, contact=contact, relaxations=design.relaxations)
     if math.isinf(v.needed_rate):
         return "shorten latency and filters, or relax a limit: no sensor rate results in the required gain margin"
     return (

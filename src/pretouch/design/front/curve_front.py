@@ -9,7 +9,8 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
 
-from ..search import Effort, Landscape, refine, scan
+from ..search import Effort, Scan, refine, scan_feasible
+from ..search.scan import Evaluate
 from .dominance import FoundFront, extent_of, non_dominated, shortfall
 
 _EFFORT: Final = Effort(share=0.01)  # a quantity may pass through 0
@@ -20,12 +21,16 @@ _CURVE_SPACING: Final = 0.01  # distance between neighbors on the front, as a sh
 
 # The curve is scanned until it is well interpolated. The ends of the front's pieces are then found to rounding: the
 # minima of the quantities, the edges of feasibility, and the points where another part of the curve becomes better.
-def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
+def trace_front(landscape: Evaluate) -> FoundFront:
     """Find the Pareto front over one parameter, such as the gain."""
-    # `evaluate` returns quantities, shape (n, k), at coordinates, shape (n,).
-    # Quantities are infinite if not feasible. The points are sorted by the first quantity, or for three quantities by
-    # the coordinate. Dominated coordinates separate the pieces. The front is empty if nothing is feasible.
-    samples = _Samples(evaluate)
+    # `landscape` returns quantities, shape (k, n), and constraint ratios at coordinates, shape (n,). The points are
+    # sorted by the first quantity, or for three quantities by the coordinate. Dominated coordinates separate the
+    # pieces. The front is empty if nothing is feasible.
+
+    def evaluate(at: FloatArray) -> FloatArray:
+        return landscape(at).merit.T  # infinite if not feasible
+
+    samples = _Samples(evaluate, scan_feasible(landscape, 0.0, 1.0, _EFFORT))
     for k in range(samples.values.shape[1]):
         lowest = refine(lambda u, k=k: evaluate(u)[:, k], samples.at, samples.values[:, k])  # type: ignore[misc]
         samples.add(np.array([m.coordinate for m in lowest]))
@@ -68,13 +73,9 @@ def _between(
 class _Samples:
     """Evaluated points of a Pareto search, sorted by the parameter."""
 
-    def __init__(self, evaluate: Callable[[FloatArray], FloatArray]) -> None:
-        def landscape(at: FloatArray) -> Landscape:
-            return Landscape(objective=evaluate(at).T, ratios=np.empty((0, len(at))))
-
-        scanned = scan(landscape, 0.0, 1.0, _EFFORT)
+    def __init__(self, evaluate: Callable[[FloatArray], FloatArray], scanned: Scan) -> None:
         self.evaluate = evaluate
-        self.at, self.values = scanned.coordinate, scanned.landscape.objective.T
+        self.at, self.values = scanned.coordinate, scanned.landscape.merit.T
 
     def add(self, at: FloatArray) -> None:
         """Evaluate more points, and insert them in sorted order."""

@@ -80,7 +80,8 @@ def front_page(front: ParetoFront) -> Page:
 def _next_step(front: ParetoFront) -> str:
     if front.status is FrontStatus.FOUND:
         return "choose a point of the front in the report, and use its values as limits of a design"
-    return step_without_gain(front.problem.task, contact=front.status is not FrontStatus.NO_CONTACT)
+    contact = front.status is not FrontStatus.NO_CONTACT
+    return step_without_gain(front.problem.task, contact=contact, relaxations=front.relaxations)
 
 
 def _key_figures(front: ParetoFront) -> Iterator[tuple[str, Cell]]:

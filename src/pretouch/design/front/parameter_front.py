@@ -11,7 +11,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray, IntArray
 
-from ..search.local import advance, descend
+from ..search.local import advance, descend, least_violations
 from ..search.trials import Trials
 from .dominance import FoundFront, extent_of, non_dominated, shortfall
 
@@ -38,7 +38,11 @@ def find_front(trials: Trials) -> FoundFront:
         The front; empty if no search point is feasible.
     """
     grid = trials.freedom.lattice(_GAINS)
-    grid_values = trials.values(grid)
+    landscape = trials.landscape(grid)
+    if not landscape.feasible.any():  # all feasible points may lie between those of the grid
+        grid = np.concatenate([grid, least_violations(trials, grid, landscape.violation)])
+        landscape = trials.landscape(grid)
+    grid_values = landscape.merit.T
     best = np.flatnonzero(non_dominated(grid_values))
     tests = trials.freedom.spread(_TESTS)
     tests_values = trials.values(tests)

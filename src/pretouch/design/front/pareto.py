@@ -15,9 +15,10 @@ from pretouch.motion import ContactResult, Scenario
 from ..gain import GainDesign
 from ..options import Choice
 from ..problem import GainProblem, magnitude
-from ..search import refine
+from ..relaxation import Relaxation, relax_on_axis, relax_trials
+from ..search import Landscape, refine, scan_feasible
 from ..search.freedom import make_freedom
-from ..search.local import descend
+from ..search.local import descend, least_violations
 from ..search.trials import Trials
 from ..task import Task, with_file_location
 from .bound_comparison import compare_with_bound
@@ -113,7 +114,7 @@ def pareto_front(task: Task) -> ParetoFront:
         choice = GainDesign.of(problem)
     measures = tuple(magnitude(name, task.impact) for name in names)
     trials = Trials(freedom=freedom, encounters=problem, measures=measures)
-    front = find_front(trials) if freedom.size > 1 else trace_front(lambda u: trials.values(u[:, None]))
+    front = find_front(trials) if freedom.size > 1 else trace_front(lambda u: trials.landscape(u[:, None]))
     return _assemble(trials, names, front, choice)
 
 
@@ -123,6 +124,7 @@ def _assemble(trials: Trials, names: tuple[str, ...], front: FoundFront, choice:
     reached = np.isfinite(front.scanned_values).all(axis=1)
     feasible = len(front.at) > 0
     contact = feasible or trials.rows(front.scanned)[1].any()
+    relaxations = () if feasible or not contact else _relaxations(trials, front.scanned)
     result = trials.run(front.at) if feasible else None
     knee = find_knee(trials, front.at, front.values, front.scanned, front.scanned_values) if feasible else None
     gain, (frequency, ratio) = freedom.gain(front.at), freedom.admittance(front.at)
@@ -144,10 +146,28 @@ def _assemble(trials: Trials, names: tuple[str, ...], front: FoundFront, choice:
         no_bound=_why_no_bound(trials),
         scanned=front.scanned_values[reached],
         evaluated=len(front.scanned) + len(front.at),
+        relaxations=relaxations,
         approximation_error=front.approximation_error,
         natural_frequency_bounds=freedom.natural_frequency,
         damping_ratio_bounds=freedom.damping_ratio,
         result=result,
+    )
+
+
+def _relaxations(trials: Trials, scanned: FloatArray) -> tuple[Relaxation, ...]:
+    """Find the limits that must be raised so that the front has points."""
+    freedom, problem = trials.freedom, trials.encounters
+    if freedom.size > 1:
+        minima = least_violations(trials, scanned, trials.landscape(scanned).violation)
+        return relax_trials(trials, minima[0]) if len(minima) else ()
+    low, high = freedom.axis.span
+
+    def landscape(u: FloatArray) -> Landscape:
+        return trials.landscape((u[:, None] - low) / (high - low))
+
+    number = problem.task.law.number
+    return relax_on_axis(
+        landscape, freedom.axis, scan_feasible(landscape, low, high), trials.constraints, number=number
     )
 
 

@@ -17,6 +17,7 @@ from pretouch.motion.contact import ContactResult
 
 from ..constraints import Constraint
 from ..problem import Answer
+from ..relaxation import Relaxation
 from .bound_comparison import BoundComparison
 from .physical_bound import PhysicalBound
 
@@ -104,6 +105,7 @@ class ParetoFront(Answer):
         natural_frequency_bounds: bounds of the natural frequency [rad/s]; None if it is not free.
         damping_ratio_bounds: bounds of the damping ratio; None if it is not free.
         result: the encounters of the points; None without points.
+        relaxations: the limits that must be raised, and to what values, if the front is infeasible; else empty.
     """
 
     status: FrontStatus
@@ -126,6 +128,7 @@ class ParetoFront(Answer):
     natural_frequency_bounds: tuple[float, float] | None
     damping_ratio_bounds: tuple[float, float] | None
     result: ContactResult | None
+    relaxations: tuple[Relaxation, ...]
 
     page: ClassVar[str] = "pretouch.design.front.page:front_page"
 
@@ -219,7 +222,7 @@ class ParetoFront(Answer):
             least["excursion_at_least_contact_speed"] = bound.excursion(speed)
         columns = {name: getattr(self, name) for name in ("gain", "natural_frequency", "damping_ratio", "piece")}
         traded = {name: self.of(name) for name in self.quantities}
-        names = ("status", "free", "knee", "choice", "ends", "evaluated", "approximation_error")
+        names = ("status", "free", "knee", "choice", "ends", "evaluated", "approximation_error", "relaxations")
         document: dict[str, Any] = plain(
             {
                 **{name: getattr(self, name) for name in names},

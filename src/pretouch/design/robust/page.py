@@ -32,8 +32,9 @@ from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 from ..certificate import DesignStatus
 from ..impact import impact_rows
 from ..page import objective_rows
-from ..page_sentences import verify_step
+from ..page_sentences import step_without_gain, verify_step
 from .importance import InputImportance
+from .measures import WorstCase
 from .price import Price
 from .result import RobustDesign
 from .validation import LimitOutcome, Validation
@@ -116,12 +117,6 @@ _ADVICE: Final = {
 }
 
 
-_NEXT: Final = {
-    DesignStatus.INFEASIBLE: "try a smaller probability, a relaxed limit, a wider range of gains, or earlier detection",
-    DesignStatus.NO_CONTACT: "use a quantile, or restrict the inputs to values with contact",
-}
-
-
 def _findings(v: Validation) -> Iterator[str]:
     """State how often random encounters meet each limit."""
     for outcome in v.limits:
@@ -178,7 +173,12 @@ def _next_step(design: RobustDesign) -> str:
     if design.status is DesignStatus.NO_CONTACT and design.scenario.relative_velocity > 0:
         uncertain = "obstacle.velocity" in design.uncertainty
         return f"{RECEDING}; change the velocity in [uncertainty] as well" if uncertain else RECEDING
-    return _NEXT.get(design.status) or verify_step(design.problem.task, design.gain)
+    if design.status is DesignStatus.INFEASIBLE:
+        relaxed = step_without_gain(design.problem.task, contact=True, relaxations=design.relaxations)
+        return relaxed if isinstance(design.measure, WorstCase) else f"{relaxed}, or require a smaller probability"
+    if design.status is DesignStatus.NO_CONTACT:
+        return "use a quantile, or restrict the inputs to values with contact"
+    return verify_step(design.problem.task, design.gain)
 
 
 def _section(title: str, head: Row, rows: Iterable[Row], note: str, *, wraps: bool = False) -> PageSection:

@@ -23,16 +23,17 @@ from pretouch.uncertainty.ensemble import names_of, share_in_words
 
 from ..certificate import DesignStatus
 from ..problem import Answer
-from ..search import Scan
+from ..relaxation import Relaxation, relax_on_axis
+from ..search import MEASURED, SAMPLED, Scan
 from ..task import at_bound_in_words
 from .importance import InputImportance, rank_uncertain_inputs
-from .measures import Measure
+from .measures import Measure, WorstCase
 from .outcomes import RobustOutcomes, RobustTradeOff
 from .price import Price, price_of_gain, price_of_robustness
 from .problem import RobustProblem
 from .required import Required
 from .validation import LossOfNominal, Validation
-from .worst_case import WorstEncounter
+from .worst_case import WorstEncounter, confirm_relaxations
 
 _BEYOND: Final = 17  # gains between the end of the scan and the strongest shown gain
 
@@ -189,6 +190,21 @@ class RobustDesign(Answer):
                 reachable.append((limit, float(ratios[best]) * limit.constraint.limit, gain))
         return tuple(reachable)
 
+    @cached_property
+    def relaxations(self) -> tuple[Relaxation, ...]:
+        """The limits that must be raised, and to what values, if no gain is feasible.
+
+        Returns:
+            The smallest value of each limit, with the other limits and all required probabilities kept; the values of
+            several limits if no limit alone suffices. Empty unless the design is infeasible.
+        """
+        if self.status is not DesignStatus.INFEASIBLE:
+            return ()
+        limits, effort = [required.constraint for required in self.limits], SAMPLED if self.on_evaluator else MEASURED
+        problem = self.problem
+        found = relax_on_axis(problem.landscape, problem.axis, self.scan, limits, number=self.number, effort=effort)
+        return confirm_relaxations(problem, found) if isinstance(self.measure, WorstCase) else found
+
     def outcomes(self, gain: float | None = None) -> RobustOutcomes:
         """Test one gain in new random encounters.
 
@@ -331,6 +347,7 @@ class RobustDesign(Answer):
         more = ("importance", "local_minima", "scanned", "bounds", "samples", "seed", "uncertainty", "warnings")
         others = {
             "objective_name": self.definition.name,
+            "relaxations": self.relaxations,
             "reachable": [{"name": r.constraint.name, "magnitude": m, "gain": g} for r, m, g in self.reachable],
             "strongest_gain_needed": self.strongest,
         }

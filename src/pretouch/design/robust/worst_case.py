@@ -5,8 +5,8 @@ Each uncertain input lies within an interval.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final
 
@@ -17,6 +17,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.uncertainty import Distribution, Interval, Uncertainty, sample_inputs
 
+from ..relaxation import Relaxation, relax_on_axis
 from ..search import GainAxis, Minimum, Scan, search_axis
 from ..search.box_maximum import CertifiedMaximum, Function, maximize_on_box
 from ..task import Task
@@ -28,6 +29,7 @@ _ROUNDS: Final = 30
 _SAME: Final = 1e-9  # two objectives within this relative difference are equal
 _TOLERANCE: Final = 1e-7  # relative tolerance of the certified maximum
 _DECIDING: Final = 1e-7  # encounters within this relative difference of the worst one are reported as deciding
+_RAISES: Final = 6  # most searches for one relaxation
 _STEP: Final = 1e-4  # step of differences that replace a gradient, as a share of an input's range
 
 
@@ -108,6 +110,48 @@ def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, 
             break
         points = np.concatenate([points, worse])
     return problem, scanned, minima, _worst(maxima[0], lower, tuple(box), problem, gain)
+
+
+def confirm_relaxations(problem: RobustProblem, relaxations: Sequence[Relaxation]) -> tuple[Relaxation, ...]:
+    """Raise limits further until a gain meets them for all values of the inputs.
+
+    A relaxation is computed from a finite set of encounters. With the raised limits, another encounter may be the worst
+    one.
+
+    Returns:
+        The relaxations with which the search finds a gain.
+    """
+    confirmed = []
+    for relaxation in relaxations:
+        tried: Relaxation | None = relaxation
+        for _ in range(_RAISES):
+            if tried is None:
+                break
+            raised = {limit.name: limit.raised for limit in tried.limits}
+            limits = tuple(
+                replace(r, constraint=replace(r.constraint, limit=raised.get(r.constraint.name, r.constraint.limit)))
+                for r in problem.limits
+            )
+            again, scanned, minima, _ = search_worst_case(problem.task.replace(constraints=limits), problem.axis)
+            if minima:
+                gain = float(problem.axis.gain(minima[0].coordinate))
+                confirmed.append(replace(tried, gain=gain))
+                break
+            more = relax_on_axis(
+                again.landscape, again.axis, scanned, [r.constraint for r in limits], number=problem.task.law.number
+            )
+            tried = _raised_further(tried, more)
+    return tuple(confirmed)
+
+
+def _raised_further(relaxation: Relaxation, more: Sequence[Relaxation]) -> Relaxation | None:
+    """Return a relaxation of the same limits with higher values; None if these limits do not suffice."""
+    for one in more:
+        higher = {limit.name: limit.raised for limit in one.limits}
+        if set(higher) <= {limit.name for limit in relaxation.limits}:
+            limits = (replace(limit, raised=higher.get(limit.name, limit.raised)) for limit in relaxation.limits)
+            return replace(relaxation, limits=tuple(limits))
+    return None
 
 
 def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:

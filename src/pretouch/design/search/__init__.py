@@ -9,7 +9,7 @@ encounters are scanned together (`many`). Over several free parameters, `local` 
 
 from .bands import HELD
 from .gain_axis import GainAxis
-from .minima import Minimum, refine, search_axis
+from .minima import Minimum, refine, scan_feasible, search_axis
 from .scan import MEASURED, RUNS, SAMPLED, Effort, Landscape, Scan, scan
 
 __all__ = [
@@ -24,5 +24,6 @@ __all__ = [
     "Scan",
     "refine",
     "scan",
+    "scan_feasible",
     "search_axis",
 ]

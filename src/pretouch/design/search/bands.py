@@ -39,7 +39,7 @@ def doubtful_bands(u: FloatArray, landscape: Landscape, finest: float, rounding:
         wide; infinite for an interval that need not be halved.
     """
     wide, count = np.diff(u), len(u)
-    worst = landscape.worst_ratio.reshape(-1, count).max(axis=0)
+    worst = landscape.violation
     objective = landscape.objective.reshape(-1, count)
     feasible, reached = worst <= HELD, np.isfinite(worst) & np.isfinite(objective).all(axis=0)
     doubt = np.full(count - 1, np.inf)

@@ -12,6 +12,8 @@ from pretouch._core.numbers import FloatArray
 from .bands import HELD
 from .trials import Trials
 
+_STARTS: Final = 6  # most searches for the least violation
+_APART: Final = 0.1  # share of the range by which their starts differ in some coordinate
 _FAR: Final = 1e3  # value of a row without contact; other rows are about 1
 _ITERATIONS: Final = 120
 _CLOSE: Final = 1e-6  # a limit or bound within this relative distance is active
@@ -56,6 +58,51 @@ def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> tuple[Flo
         [(0.0, 1.0)] * len(start),
     )
     return _to_feasible(trials, np.clip(minimum, 0.0, 1.0), lambda values: float(weights @ values))
+
+
+def reduce_violation(trials: Trials, start: FloatArray) -> FloatArray:
+    """Minimize the largest ratio |quantity| / limit.
+
+    Returns:
+        The point with the smaller violation of the start and the minimum.
+    """
+    # The search minimizes t subject to ratios <= t, which is smooth also where several ratios are equal.
+    count = len(trials.measures)
+    rows = _cached_rows(trials, np.ones(count + len(trials.constraints)))
+    up = np.append(np.zeros(len(start)), 1.0)
+    minimum = _minimize(
+        lambda z: float(z[-1]),
+        lambda _: up,
+        np.append(start, rows(start)[0][count:].max()),
+        (
+            lambda z: z[-1] - rows(z[:-1])[0][count:],
+            lambda z: np.column_stack([-rows(z[:-1])[1][count:], np.ones(len(trials.constraints))]),
+        ),
+        [*[(0.0, 1.0)] * len(start), (None, None)],
+    )[:-1]
+    both = np.stack([start, np.clip(minimum, 0.0, 1.0) if np.isfinite(minimum).all() else start])
+    return np.asarray(both[int(np.argmin(trials.landscape(both).violation))])
+
+
+def least_violations(trials: Trials, points: FloatArray, violation: FloatArray) -> FloatArray:
+    """Minimize the largest ratio |quantity| / limit from some points.
+
+    Args:
+        trials: the free parameters and their limits.
+        points: evaluated points, shape (n, size).
+        violation: the largest ratio of each.
+
+    Returns:
+        The minima, smallest violation first; empty without contact or without limits.
+    """
+    order = np.argsort(violation, kind="stable")
+    order = order[np.isfinite(violation[order])] if trials.constraints else order[:0]
+    starts: list[FloatArray] = []
+    for start in points[order]:
+        if len(starts) < _STARTS and all(np.abs(start - other).max() > _APART for other in starts):
+            starts.append(start)
+    minima = np.array([reduce_violation(trials, start) for start in starts]).reshape(-1, points.shape[1])
+    return minima[np.argsort(trials.landscape(minima).violation, kind="stable")] if len(minima) else minima
 
 
 def advance(

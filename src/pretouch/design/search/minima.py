@@ -62,14 +62,27 @@ def search_axis(
     Returns:
         The scan, and the feasible minima, best first.
     """
-    scanned = scan(evaluate, low, high, effort, start)
-    worst = scanned.landscape.worst_ratio
-    if not scanned.landscape.feasible.any() and np.isfinite(worst).any():
-        near = refine(lambda u: evaluate(u).worst_ratio, scanned.coordinate, worst, replace(effort, most=1), HELD)[0]
-        scanned = _insert(scanned, near.coordinate, evaluate)
-        if scanned.landscape.feasible.any():
-            scanned = scan(evaluate, low, high, effort, scanned)
+    scanned = scan_feasible(evaluate, low, high, effort, start)
     return scanned, refine(lambda u: evaluate(u).merit, scanned.coordinate, scanned.landscape.merit, effort)
+
+
+def scan_feasible(
+    evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT, start: Scan | None = None
+) -> Scan:
+    """Scan an axis, and refine the smallest violation if no scanned coordinate is feasible.
+
+    The arguments are those of `search_axis`, except that the objective may have several rows.
+
+    Returns:
+        The scan; it contains the coordinate with the smallest violation.
+    """
+    scanned = scan(evaluate, low, high, effort, start)
+    if scanned.landscape.feasible.any() or scanned.least_violation is None:
+        return scanned
+    once = replace(effort, most=1)
+    near = refine(lambda u: evaluate(u).violation, scanned.coordinate, scanned.landscape.violation, once, HELD)[0]
+    scanned = _insert(scanned, near.coordinate, evaluate)
+    return scan(evaluate, low, high, effort, scanned) if scanned.landscape.feasible.any() else scanned
 
 
 def _insert(scanned: Scan, coordinate: float, evaluate: Evaluate) -> Scan:

@@ -105,6 +105,15 @@ class Landscape(Value):
         return np.where(self.reached, worst, np.inf)
 
     @property
+    def violation(self) -> FloatArray:
+        """The largest constraint ratio for each value of the search variable, of all objectives together.
+
+        Like `worst_ratio`, but it has one dimension, and is infinite unless every objective is finite.
+        """
+        worst = self.worst_ratio
+        return np.asarray(worst.reshape(-1, worst.shape[-1]).max(axis=0))
+
+    @property
     def feasible(self) -> BoolArray:
         """True for feasible values of the search variable.
 
@@ -152,7 +161,7 @@ class Scan(Value):
 
         None if no coordinate results in contact.
         """
-        worst = self.landscape.worst_ratio
+        worst = self.landscape.violation
         best = int(np.argmin(worst))
         return float(self.coordinate[best]) if np.isfinite(worst[best]) else None
 

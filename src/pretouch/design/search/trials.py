@@ -14,6 +14,7 @@ from ..constraints import Constraint
 from ..problem import Criterion, GainProblem, along, ratio
 from .bands import HELD
 from .freedom import Freedom
+from .scan import Landscape
 
 _STEP: Final = 2e-4  # step in [0, 1] at which differences of order 4 are as accurate as the contacts
 _NODES: Final = np.arange(-2.0, 3.0)
@@ -59,6 +60,12 @@ class Trials:
         reached = np.asarray(result.reached)
         rows = self.rows_of(result)
         return np.where(reached[:, None], np.reshape(rows, (len(at), -1)), np.inf), reached
+
+    def landscape(self, at: FloatArray) -> Landscape:
+        """Return objectives and constraint ratios of each search point, for a scan along one coordinate."""
+        rows, _ = self.rows(at)
+        count = len(self.measures)
+        return Landscape(objective=rows[:, :count].T, ratios=rows[:, count:].T)
 
     def feasible(self, rows: FloatArray) -> BoolArray:
         """Return which search points are feasible.

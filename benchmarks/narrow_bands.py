@@ -2,15 +2,15 @@
 
     python -m benchmarks.narrow_bands --count 300 --seed 1
 
-Each random task has limits that leave a narrow band of feasible gains, 0.3 to 5 % wide, around a known gain: between two
-limits of which one allows weaker and one stronger gains, or around the smallest value of one quantity. The program prints
+Each random task has limits that leave a narrow band of feasible gains, 0.3 to 5 % wide, around a known gain: between a
+limit of strong gains and a limit of weak gains, or around the smallest value of one quantity. The program prints
 
 - the tasks that a search calls infeasible although one of 4,000 gains is feasible,
 - the tasks whose objective is higher than that of the best of the 4,000 gains, and
 - the tasks whose gain depends on the bounds, of three ranges that contain it (required: none; then the exit code is 0).
 
-It does so for designs of the motion model by compiled code and by the full search, for virtual drags, for robust designs
-with several risk measures and required probabilities, for fronts, and for designs of gain and admittance together.
+It does so for designs by compiled code and by the full search, for virtual drags, and for robust designs with several risk
+measures and required probabilities.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 

@@ -9,8 +9,8 @@ limit of strong gains and a limit of weak gains, or around the smallest value of
 - the tasks whose objective is higher than that of the best of the 4,000 gains, and
 - the tasks whose gain depends on the bounds, of three ranges that contain it (required: none; then the exit code is 0).
 
-It does so for designs by compiled code and by the full search, for virtual drags, and for robust designs with several risk
-measures and required probabilities.
+It does so for designs by compiled code and by the full search, for virtual drags, and for robust designs with several
+risk measures and required probabilities.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from command_text import command, curve
 
 import pretouch as pt
 from pretouch.cli import doctor
-from pretouch.config.parts import load_with_parts
+from pretouch.config.parts import load_with_parts, tasks_of_parts
 from pretouch.errors import InvalidInputError
 from pretouch.simulation import PARTS
 from pretouch.studio import page_file
@@ -226,6 +226,49 @@ def test_the_parts_get_their_own_chain_floor_and_scale() -> None:
         assert task.sensor.log_slope(0.02) == pytest.approx(slope)
 
 
+def test_the_parts_take_the_shape_of_a_fitted_curve_and_say_so() -> None:
+    fitted = pt.load_scenario(EXAMPLES / "fingertip.toml")
+    tasks, notes = tasks_of_parts(EXAMPLES / "fingertip.toml")
+    assert set(tasks) == set(PARTS)
+    assert "inverse-power curve that was fitted to sensor.csv" in notes[0]
+    assert ["[controller]" in notes[1], "[robot]" in notes[2]] == [True, True]
+    distances = np.linspace(0.0, 0.04, 9)
+    farthest, recess = 0.08, 0.01
+    for name, task in tasks.items():
+        part = PARTS[name]
+        assert task.calibration is None
+        assert np.allclose(task.sensor.log_slope(distances), fitted.sensor.log_slope(distances))
+        if part.signal is None:
+            continue
+        at, output = part.signal  # beyond the calibrated distances, the output falls with the square of the distance
+        known = min(at, farthest)
+        beyond = ((known + recess) / (at + recess)) ** 2
+        assert task.sensor.output(known) * beyond == pytest.approx(output)
+
+
+def test_the_parts_scale_the_points_of_a_curve_and_need_no_loop(tmp_path: Path) -> None:
+    text = (EXAMPLES / "approach.toml").read_text(encoding="utf-8")
+    points = [f"{d} mm" for d in range(0, 301, 20)]
+    outputs = [4.0 / (1 + d / 40) ** 2 for d in range(0, 301, 20)]
+    table = f"[sensor]\nmodel = 'table'\ndistances = {points}\noutputs = {outputs}\n[admittance]"
+    (tmp_path / "points.toml").write_text(table + text.split("[admittance]", 1)[1], encoding="utf-8")
+    for path in (tmp_path / "points.toml", EXAMPLES / "approach.toml"):
+        tasks, notes = tasks_of_parts(path)
+        assert len(notes) == 2
+        for name, task in tasks.items():
+            if PARTS[name].signal is not None:
+                at, output = PARTS[name].signal
+                assert task.sensor.output(at) == pytest.approx(output, rel=1e-6)
+            assert task.loop.law.conditioning.floor > 1e-9
+
+
+def test_which_part_for_a_calibrated_encounter_is_answered(tmp_path: Path) -> None:
+    answer = run("compare", EXAMPLES / "fingertip.toml", "--parts", "--runs", 5, folder=tmp_path)
+    assert (answer.returncode, answer.stderr) == (0, "")
+    assert "fitted to sensor.csv" in answer.stdout
+    assert "<svg" in (tmp_path / "fingertip-compare.html").read_text(encoding="utf-8")
+
+
 def test_a_better_verdict_is_better_than_a_lower_speed() -> None:
     """The stronger gain meets the limit in 95 % of the runs; the weaker one and the ideal one do not."""
     loop = pt.load_scenario(EXAMPLES / "loop.toml")
@@ -287,8 +330,6 @@ def test_parts_in_which_nothing_holds_end_with_1(tmp_path: Path) -> None:
         ([EXAMPLES / "loop.toml"], "--parts"),
         ([EXAMPLES / "loop.toml", EXAMPLES / "loop.toml"], "twice"),
         ([EXAMPLES / "loop.toml", EXAMPLES / "approach.toml"], "[chain]"),
-        ([EXAMPLES / "approach.toml", "--parts"], "[chain]"),
-        ([EXAMPLES / "fingertip.toml", "--parts"], "[chain]"),
         ([EXAMPLES / "loop.toml", "no.toml"], "no.toml"),
     ],
 )

@@ -21,7 +21,10 @@ def compare(
     shown: Presentation,
     *,
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", help="Scenario files (TOML) with [chain] and [controller].")
+        list[Path],
+        typer.Argument(
+            metavar="FILE...", help="Scenario files (TOML) with [chain] and [controller]; with --parts, any scenario."
+        ),
     ],
     parts: Annotated[
         bool, typer.Option("--parts", help="Compare the built-in sensor parts in the encounter of each file.")
@@ -32,9 +35,10 @@ def compare(
 ) -> None:
     """Compare sensors, control laws or robots: which one is best?
 
-    Verifies the gain of each file on its sampled loop, or with --parts with each built-in sensor part. Prints a table,
-    best first: a gain that holds is better than one that does not, and among equals the lower contact speed is
-    better. Writes a report with a figure, STEM-compare.html in this folder.
+    Verifies the gain of each file on its sampled loop. With --parts, each built-in sensor part takes the place of the
+    sensor chain of the file, with a curve of the same shape; a calibration gives the shape of its fitted curve. Prints
+    a table, best first: a gain that holds is better than one that does not, and among equals the lower contact speed
+    is better. Writes a report with a figure, STEM-compare.html in this folder.
 
     Exit status: 0 at least one candidate holds, 1 none does, 2 a mistake in the request.
     """
@@ -42,18 +46,18 @@ def compare(
 
     if shown.output is not None:
         refuse_input(shown.output, files)
-    tasks = _tasks(files, parts=parts)
+    tasks, notes = _tasks(files, parts=parts)
     print_progress(f"simulating {len(tasks)} candidates")
-    result = compare_candidates(tasks, runs=runs)
+    result = compare_candidates(tasks, runs=runs, notes=notes)
     default = f"{files[0].stem}-compare.html"
     shown.show(result, default, good=result.best is not None, inputs=files, lines=None)
 
 
-def _tasks(files: list[Path], *, parts: bool) -> dict[str, Task]:
-    """Return the design tasks of the compared candidates."""
+def _tasks(files: list[Path], *, parts: bool) -> tuple[dict[str, Task], tuple[str, ...]]:
+    """Return the design tasks of the compared candidates, and notes on what was assumed."""
     # Each key names the scenario file, the sensor part, or both.
     from pretouch.config import load_scenario  # noqa: PLC0415
-    from pretouch.config.parts import load_with_parts  # noqa: PLC0415
+    from pretouch.config.parts import tasks_of_parts  # noqa: PLC0415
 
     if not parts and len(files) < 2:
         raise InvalidInputError(
@@ -65,8 +69,9 @@ def _tasks(files: list[Path], *, parts: bool) -> dict[str, Task]:
     if len(set(names)) < len(names):
         raise InvalidInputError(f"found the file {names[0]} twice, expected different files")
     if not parts:
-        return {name: load_scenario(file) for name, file in zip(names, files, strict=True)}
-    of_parts = [(name, load_with_parts(file)) for name, file in zip(names, files, strict=True)]
+        return {name: load_scenario(file) for name, file in zip(names, files, strict=True)}, ()
+    of_parts = [(name, tasks_of_parts(file)) for name, file in zip(names, files, strict=True)]
+    notes = tuple(dict.fromkeys(note for _, found in of_parts for note in found.notes))
     if len(of_parts) == 1:
-        return of_parts[0][1]
-    return {f"{name} {part}": task for name, tasks in of_parts for part, task in tasks.items()}
+        return of_parts[0][1].tasks, notes
+    return {f"{name} {part}": task for name, found in of_parts for part, task in found.tasks.items()}, notes

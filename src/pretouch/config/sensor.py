@@ -55,6 +55,20 @@ def sensor_variants(*, foreign: bool = False) -> dict[str, Section]:
     }
 
 
+def parameter_texts(sensor: SensorModel) -> dict[str, str]:
+    """Return the parameters of a sensor curve as texts with units."""
+    units = sensor.parameter_units
+    return {name: f"{float(value)!r} {units[name]}".strip() for name, value in sensor.parameters.items()}
+
+
+def keys_of_curve(sensor: SensorModel) -> dict[str, Any]:
+    """Return the keys of the section [sensor] that describe a fitted curve without its calibration."""
+    curve, recess = sensor.bare
+    geometry = {"recess": f"{recess!r} m"} if recess else {}
+    farthest = f"{float(sensor.valid_range[1])!r} m"
+    return {"model": curve.name, **parameter_texts(curve), **geometry, "maximum_distance": farthest}
+
+
 def _points(unit: str) -> Key:
     """Make the key for a list of distances or outputs."""
     if unit != "output":

@@ -45,7 +45,8 @@ def candidates(comparison: CandidateComparison) -> Figure:
         holds = c.status in {VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY}
         style = _HOLDS if holds else _FAILS
         x, speed = 1e3 * c.mean_of("largest_excursion"), c.contact_speed
-        curves.append(Curve(x=[x], y=[speed], low=[speed], high=[c.high_contact_speed], kind="points", style=style))
+        high = max(speed, c.high_contact_speed)  # rounding may put the quantile of equal speeds below their mean
+        curves.append(Curve(x=[x], y=[speed], low=[speed], high=[high], kind="points", style=style))
         marks.append(Mark(x=x, y=speed, label=c.name, style=style, shape="dot" if holds else "ring"))
     return panel_figure(
         containing(

@@ -22,7 +22,6 @@ from .opened_files import OpenedFiles, change_text
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, SensorFit
     from pretouch.design import Task
-    from pretouch.sensors import SensorModel
 
 SECTIONS: Final = (
     *("sensor", "admittance", "obstacle", "plant", "reference", "objective", "gain", "law", "constraints"),
@@ -189,9 +188,11 @@ def _fit_as_dict(fit: SensorFit, verdict: str) -> dict[str, Any]:
 
     It has the data of the drawing and the scenario keys of the fitted curve.
     """
+    from pretouch.config.sensor import parameter_texts  # noqa: PLC0415
+
     sensor, window = fit.sensor, fit.window
     drawn = np.linspace(window.l_min, window.l_max, _POINTS)
-    fields = {f"sensor.{name}": text for name, text in parameters_of(sensor).items()}
+    fields = {f"sensor.{name}": text for name, text in parameter_texts(sensor).items()}
     largest = f"{sensor.valid_range[1]!r} m"
     return {
         "verdict": verdict,
@@ -208,12 +209,6 @@ def _fit_as_dict(fit: SensorFit, verdict: str) -> dict[str, Any]:
         "fields": {"sensor.model": fit.model, **fields, "sensor.maximum_distance": largest},
         "starts_at": window.l_min,
     }
-
-
-def parameters_of(sensor: SensorModel) -> dict[str, str]:
-    """Return the parameters of a sensor curve as texts with units."""
-    units = sensor.parameter_units
-    return {name: f"{float(value)!r} {units[name]}".strip() for name, value in sensor.parameters.items()}
 
 
 def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from pretouch._core.errors import InvalidInputError
 from pretouch.motion.laws import DAMPER, DRAG
 
-from .answers import LIMITS, SECTIONS, parameters_of, ratio_of_drag, texts_of
+from .answers import LIMITS, SECTIONS, ratio_of_drag, texts_of
 from .curves import IN_THE_PAGE
 
 if TYPE_CHECKING:
@@ -98,11 +98,9 @@ def _fitted_curve(task: Task) -> dict[str, Any]:
 
     Distances count from the contact surface.
     """
-    curve, recess = task.sensor.bare
-    fields = {"sensor.model": curve.name} | {f"sensor.{name}": text for name, text in parameters_of(curve).items()}
-    if recess:
-        fields["sensor.recess"] = f"{recess!r} m"
-    return {**fields, "sensor.maximum_distance": f"{float(task.sensor.valid_range[1])!r} m"}
+    from pretouch.config.sensor import keys_of_curve  # noqa: PLC0415 - only when a file is read
+
+    return {f"sensor.{name}": text for name, text in keys_of_curve(task.sensor).items()}
 
 
 def _without(section: str, fields: dict[str, Any]) -> dict[str, Any]:

@@ -125,10 +125,12 @@ class CandidateComparison(Described, Value):
     Args:
         candidates: the candidates, best first.
         warnings: why the results of the candidates may not be comparable.
+        notes: what was assumed about the candidates.
     """
 
     candidates: tuple[Candidate, ...]
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     page: ClassVar[str] = "pretouch.verification.candidates_page:candidates_page"
 
@@ -170,6 +172,7 @@ class CandidateComparison(Described, Value):
                 "best": best,
                 "candidates": [c.to_dict() for c in self.candidates],
                 "warnings": self.warnings,
+                "notes": self.notes,
             }
         )
         return document
@@ -179,7 +182,9 @@ class CandidateComparison(Described, Value):
 
 
 @check_arguments
-def compare_candidates(tasks: Mapping[str, Task], *, runs: int | None = None) -> CandidateComparison:
+def compare_candidates(
+    tasks: Mapping[str, Task], *, runs: int | None = None, notes: Sequence[str] = ()
+) -> CandidateComparison:
     """Verify and rank several tasks, such as different sensors.
 
     Each task gets the gain that it names, or else its own designed gain, which has the required gain margin.
@@ -187,6 +192,7 @@ def compare_candidates(tasks: Mapping[str, Task], *, runs: int | None = None) ->
     Args:
         tasks: the tasks by the names of the candidates; all of them need a sampled loop.
         runs: simulated encounters of each candidate; None for the number of each task.
+        notes: sentences on what was assumed about the candidates, which the report repeats.
 
     Returns:
         The candidates from best to worst, each with its verdict.
@@ -204,7 +210,9 @@ def compare_candidates(tasks: Mapping[str, Task], *, runs: int | None = None) ->
             )
     results = [_verified(name, task, runs) for name, task in tasks.items()]
     return CandidateComparison(
-        candidates=tuple(sorted(results, key=_rank)), warnings=tuple(_differences(list(tasks.values())))
+        candidates=tuple(sorted(results, key=_rank)),
+        warnings=tuple(_differences(list(tasks.values()))),
+        notes=tuple(notes),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from pretouch._core.blocks import Cell, Measured, Page, PageTable, Picture
+from pretouch._core.blocks import Cell, Listing, Measured, Page, PageTable, Picture
 
 from .candidates import Candidate, CandidateComparison
 
@@ -40,6 +40,7 @@ def candidates_page(comparison: CandidateComparison) -> Page:
         blocks=(
             picture if drawn else None,
             PageTable(head=_HEAD, rows=tuple(map(_row, comparison.candidates)), note=_NOTE, brief=True),
+            Listing(items=comparison.notes, brief=True) if comparison.notes else None,
             PageTable(head=("candidate", "main reason"), rows=reasons, wraps=True) if reasons else None,
         ),
     )

@@ -269,7 +269,7 @@ THROWN = Scenario(
             {"scenario": THROWN, "bounds": (-2.0, -0.01)},
             [
                 " scanned gains, the encounter ended without contact. The distance",
-                "the optimum lies at the edge of contact",
+                "the lowest objective lies at the edge of contact",
             ],
         ),
         ({"scenario": THROWN, "bounds": (-0.1, -0.01)}, ["lies on its bound"]),

@@ -255,9 +255,11 @@ _TABLE: Final = (
         "PT302",
         "The optimum lies at the edge of contact",
         "With a slightly stronger gain, the object does not reach the robot.",
-        "A small error of the sensor decides whether there is a contact.",
+        "A small error of the sensor decides whether there is a contact. The designed gain therefore keeps a distance "
+        "of 1 % of the gain and the rounding of its printed digits.",
         "Limit the excursion, or use `pretouch robust`, which weighs both cases.",
-        "the optimum lies at the edge of contact: with a slightly stronger gain, the object is missed",
+        "the lowest objective lies at the edge of contact, D_p = -0.4458 N s: with a slightly stronger gain, the "
+        "object is missed",
     ),
     (
         "PT303",
@@ -330,6 +332,28 @@ _TABLE: Final = (
         "The ratio of contact speed to approach speed holds for a constant velocity within the designed range.",
         "Use the bound for accelerated approaches (`contact_speed_bound`), or raise `largest_speed`.",
         "the virtual drag was designed for approach speeds up to 0.5 m/s, but this object approaches at 0.8 m/s",
+    ),
+    (
+        "PT312",
+        "The lowest objective lies next to a jump",
+        "At some gain, the objective, a limited quantity or the contact itself changes suddenly. The lowest objective "
+        "lies directly next to this gain, for example because an object nearly stops just before the contact.",
+        "A small error of the sensor or of the encounter decides which side of the jump occurs. The designed gain "
+        "therefore keeps a distance of 1 % of the gain and the rounding of its printed digits.",
+        "Compare the two values in the warning. Use `pretouch robust` with the uncertainty of the encounter, which "
+        "weighs both sides.",
+        "the lowest objective lies next to a jump at D_p = -0.4458 N s: contact at 0.03371 m/s with a slightly "
+        "stronger gain, at 0 m/s with a weaker one",
+    ),
+    (
+        "PT313",
+        "No gain keeps a distance from a jump",
+        "The optimum lies directly next to a jump of the objective, of a limited quantity or of contact, and the range "
+        "of feasible gains is too narrow for a distance of 1 %.",
+        "A small error of the sensor or of the encounter decides which side of the jump occurs.",
+        "Relax a limit, or widen the bounds of the gain.",
+        "the lowest objective lies next to a jump at D_p = -0.4458 N s. No feasible gain stays "
+        "0.0047 N s (1 %) away from it",
     ),
     (
         "PT316",

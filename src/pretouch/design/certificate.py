@@ -114,7 +114,8 @@ class Certificate(Value):
         bracket: two gains that enclose the optimum.
         stationarity: |df/d ln|D_p|| / f at an optimum inside the bounds, which should be 0; None on a limit.
         at: location of the optimum: "interior", "bound", "edge of contact", "corner" (inside, at a corner or a jump of
-            the objective, as a sampled loop may have) or the name of the active constraint.
+            the objective, as a sampled loop may have), "reserve" (at the smallest distance from a jump) or the name of
+            the active constraint.
     """
 
     scanned: int

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, wraps
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from pretouch.motion import ContactResult
 
 from .certificate import ACTIVE, Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
 from .constraints import Constraint
+from .gain_jump import GainJump, describe_jump
 from .problem import Answer, GainProblem
 from .relaxation import Relaxation, relax_on_axis
 from .search import Minimum, Scan, refine, search_axis
@@ -23,6 +24,7 @@ from .search.many import design_many, settle_one
 from .sensitivity import gain_sensitivities
 
 R = TypeVar("R")
+_AT_RESERVE: Final = 1e-9  # distance in u from the end of a reserve within which an optimum lies at this end
 
 # On a loop, an objective counts as smooth if |df/du| / f at its optimum is at most this, by differences over 0.2 of u.
 # Ripples of the relative size r make |df/du| / f about sqrt(2 r f_uu / f).
@@ -110,7 +112,8 @@ class GainEvidence(Answer):
 
     @_part
     def _search(self) -> tuple[Scan, list[Minimum]]:
-        return search_axis(self.problem.landscape, *self.problem.axis.span)
+        axis = self.problem.axis
+        return search_axis(self.problem.landscape, *axis.span, reserve=axis.reserve)
 
     @_part
     def nearest_gain(self) -> float | None:
@@ -209,7 +212,7 @@ class GainEvidence(Answer):
         """The location of the optimal gain: inside the bounds, or on a limit.
 
         Returns:
-            `interior`, `bound`, `corner`, `edge of contact`, or the name of the active constraint.
+            `interior`, `bound`, `corner`, `edge of contact`, `reserve`, or the name of the active constraint.
         """
         if self._is_settled_inside() or not self.minima or not self.minima[0].edge:
             return "interior"
@@ -219,6 +222,8 @@ class GainEvidence(Answer):
             return active
         if self.problem.axis.is_end(best.coordinate):
             return "bound"
+        if best.jump is not None and min(abs(end - best.coordinate) for end in best.jump.ends) < _AT_RESERVE:
+            return "reserve"
         reached = self.problem.landscape(np.array(best.bracket)).reached
         return "corner" if reached.all() else "edge of contact"
 
@@ -230,6 +235,17 @@ class GainEvidence(Answer):
         p = self.problem
         free = self.settled is not None and self.gain is not None and not p.task.limits
         return free and not p.axis.is_end(float(p.axis.coordinate(self.gain)))
+
+    @_part
+    def jump(self) -> GainJump | None:
+        """The jump of the objective, of a constraint or of contact, next to which the lowest objective lies.
+
+        Returns:
+            The jump, from which the designed gain keeps a distance; None without a jump.
+        """
+        if self.settled is not None or not self.minima:  # a fast search settles only smooth optima
+            return None
+        return describe_jump(self.problem, self.minima[0].jump)
 
     @_part
     def certificate(self) -> Certificate | None:
@@ -267,7 +283,7 @@ class GainEvidence(Answer):
         Returns:
             One entry per input; empty if the optimum is not differentiable.
         """
-        if self.gain is None or self.place == "corner":
+        if self.gain is None or self.place in {"corner", "reserve"}:
             return ()
         p = self.problem
         if p.task.evaluate is not None and self.place == "interior" and not self._is_smooth():

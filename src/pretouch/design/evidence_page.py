@@ -24,6 +24,7 @@ _PLACES: Final = {
     "interior": "inside the bounds, where the objective is stationary",
     "bound": "on a bound of the gain: a wider range may contain a better gain",
     "edge of contact": "at the edge of contact: with any stronger gain there is no contact",
+    "reserve": "at the smallest distance that a gain keeps from a jump of the objective",
     "corner": "inside the bounds, at a corner or a jump of the objective, where no derivative exists",
 }
 

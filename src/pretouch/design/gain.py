@@ -176,7 +176,7 @@ class GainDesign(GainEvidence):
         if self.scenario.shape:
             return answer
         names = ("method", "objective_parts", "result", "no_mitigation", "nearest", "ideal", "damping_at_contact")
-        more = ("bounds", "constraints", "relaxations", "certificate", "sensitivities", "sensor", "trade_off")
+        more = ("bounds", "constraints", "relaxations", "jump", "certificate", "sensitivities", "sensor", "trade_off")
         details = {_KEYS.get(name, name): getattr(self, name) for name in (*names, *more, "warnings")}
         document: dict[str, Any] = plain({**answer, "objective_name": self.definition.name, **details})
         return document
@@ -227,7 +227,9 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
             "PT301",
             at_bound_in_words(design.problem.task, design.gain or 0.0),
         )
-    if design.certificate is not None and design.certificate.at == "edge of contact":
+    if design.jump is not None:
+        yield design.jump.warning(design.number)
+    if design.certificate is not None and design.certificate.at == "edge of contact" and design.jump is None:
         yield caution(
             "PT302", "the optimum lies at the edge of contact: with a slightly stronger gain, the object is missed"
         )

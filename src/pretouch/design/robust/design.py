@@ -17,6 +17,7 @@ from pretouch.uncertainty.ensemble import check_draw, check_nominal
 
 from ..certificate import DesignStatus
 from ..gain import GainDesign
+from ..gain_jump import describe_jump
 from ..problem import GainProblem
 from ..search import MEASURED, SAMPLED, GainAxis, search_axis
 from ..task import Task, with_file_location
@@ -92,7 +93,9 @@ def design_robust_gain(task: Task) -> RobustDesign:
     else:
         problem = RobustProblem.over(task, axis, _draw(task, samples, seed, options.sampling), count=samples)
         effort = MEASURED if evaluate is None else SAMPLED
-        searched, minima = search_axis(problem.landscape, problem.lowest_needed(), axis.span[1], effort)
+        searched, minima = search_axis(
+            problem.landscape, problem.lowest_needed(), axis.span[1], effort, reserve=axis.reserve
+        )
     local_minima = tuple((float(axis.gain(m.coordinate)), m.value) for m in minima)
     contact = searched.landscape.reached.any()
     return RobustDesign(
@@ -104,6 +107,7 @@ def design_robust_gain(task: Task) -> RobustDesign:
         worst=worst,
         fresh=fresh,
         scan=searched,
+        jump=describe_jump(problem, minima[0].jump, contact=False) if minima else None,
     )
 
 

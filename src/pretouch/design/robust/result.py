@@ -22,6 +22,7 @@ from pretouch.uncertainty import Uncertainty
 from pretouch.uncertainty.ensemble import names_of, share_in_words
 
 from ..certificate import DesignStatus
+from ..gain_jump import GainJump
 from ..problem import Answer
 from ..relaxation import Relaxation, relax_on_axis
 from ..search import MEASURED, SAMPLED, Scan
@@ -54,6 +55,7 @@ class RobustDesign(Answer):
         problem: the problem on the samples of the design.
         fresh: the problem on fresh samples, independent of the design.
         scan: the scanned gains with measure and constraints.
+        jump: the jump from which the gain keeps a distance; None without one.
     """
 
     problem: RobustProblem
@@ -64,6 +66,7 @@ class RobustDesign(Answer):
     worst: WorstEncounter | None
     fresh: RobustProblem
     scan: Scan
+    jump: GainJump | None
 
     page: ClassVar[str] = "pretouch.design.robust.page:robust_page"
 
@@ -348,6 +351,7 @@ class RobustDesign(Answer):
         others = {
             "objective_name": self.definition.name,
             "relaxations": self.relaxations,
+            "jump": self.jump,
             "reachable": [{"name": r.constraint.name, "magnitude": m, "gain": g} for r, m, g in self.reachable],
             "strongest_gain_needed": self.strongest,
         }
@@ -384,6 +388,8 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
     v = design.validation
     if v is None or design.gain is None:
         return
+    if design.jump is not None:
+        yield design.jump.warning(design.number)
     if v.reached < 1:
         yield caution(
             "PT309",

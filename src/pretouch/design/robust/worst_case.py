@@ -41,7 +41,8 @@ class WorstEncounter(Value):
         inputs: the inputs of the encounter by name, in SI.
         value: its objective.
         bound: upper bound of the objective of all possible encounters, certified by the search over boxes.
-        lower: no gain has a smaller worst case than this bound, which follows from `encounters` alone.
+        lower: no gain has a smaller worst case than this bound, which follows from `encounters` alone, except next to a
+            jump from which the gain keeps a distance.
         boxes: number of boxes of inputs in the search.
         monotone: inputs in which the objective only grows (1) or only falls (-1) over the whole box.
         encounters: the encounters that decide the gain, as rows of inputs in the order of `inputs`.
@@ -96,7 +97,7 @@ def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, 
     points = _first_points(box)
     for _ in range(_ROUNDS):
         problem = RobustProblem.over(task, axis, dict(zip(box, points.T, strict=True)))
-        scanned, minima = search_axis(problem.landscape, problem.lowest_needed(), problem.axis.span[1])
+        scanned, minima = search_axis(problem.landscape, problem.lowest_needed(), axis.span[1], reserve=axis.reserve)
         if not minima:
             return problem, scanned, minima, None
         gain, lower = float(problem.axis.gain(minima[0].coordinate)), minima[0].value

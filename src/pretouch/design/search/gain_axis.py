@@ -16,6 +16,8 @@ from pretouch._core.numbers import BoolArray, FloatArray, finite
 from pretouch._core.units import pretty_unit
 from pretouch.motion import LawNumber
 
+from .jumps import RESERVE
+
 _ROUNDING = 16 * np.finfo(np.float64).eps  # relative rounding of u: sinh(asinh) is exact to 4 units on every processor
 
 _AT_END = 1e-9  # distance from a bound, as a share of the range of u, within which u counts as the bound
@@ -104,6 +106,11 @@ class GainAxis:
         """Return True for search values that equal a bound of the gain."""
         low, high = self.span
         return np.asarray(np.minimum(np.abs(coordinate - low), np.abs(coordinate - high)) <= _AT_END * (high - low))
+
+    def reserve(self, coordinate: float) -> float:
+        """Return the distance in u that stands for the reserve of a gain from a jump."""
+        gain = float(self.gain(coordinate))
+        return RESERVE * abs(gain) / self.stretch(gain)
 
     def stretch(self, gain: float) -> float:
         """Return the derivative of the gain with respect to the search variable."""

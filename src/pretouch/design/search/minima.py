@@ -13,6 +13,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 
 from .bands import HELD
+from .jumps import Jump, away_from, find_jump
 from .polynomials import FIT, NODES, minimize_polynomials
 from .scan import EXACT, Effort, Evaluate, Scan, scan
 
@@ -20,6 +21,8 @@ _LOOP_ROUNDING: Final = 1e-12  # relative rounding error of an objective from so
 _ROUNDED: Final = 1e-5  # largest allowed error by rounding, relative to the range; a corner has 100 times that error
 _NARROWEST: Final = 1e-9  # smallest interval in which a polynomial exceeds rounding
 _WIDEST: Final = 0.1  # largest interval of u for a polynomial
+
+_MOST_JUMPS: Final = 8
 
 OnAxis: TypeAlias = Callable[[FloatArray], FloatArray]
 """Function that maps coordinates to values; infinite where it is undefined."""
@@ -35,16 +38,24 @@ class Minimum(Value):
         bracket: the scanned coordinates on both sides of the minimum.
         edge: whether the function is not smooth at the minimum: at an edge of feasibility, at an end of the axis, at a
             corner or at a jump.
+        jump: the jump from which this minimum keeps a distance, and next to which a lower one lies; None without one.
     """
 
     coordinate: float
     value: float
     bracket: tuple[float, float]
     edge: bool
+    jump: Jump | None = None
 
 
 def search_axis(
-    evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT, start: Scan | None = None
+    evaluate: Evaluate,
+    low: float,
+    high: float,
+    effort: Effort = EXACT,
+    start: Scan | None = None,
+    *,
+    reserve: Callable[[float], float] | None = None,
 ) -> tuple[Scan, list[Minimum]]:
     """Find the local minima of a function of one variable within its limits.
 
@@ -58,12 +69,41 @@ def search_axis(
         high: end of the axis.
         effort: settings of the search.
         start: a scan to continue; a new one by default.
+        reserve: the distance from jumps that the best minimum keeps, as a function of its coordinate; none by default.
 
     Returns:
         The scan, and the feasible minima, best first.
     """
     scanned = scan_feasible(evaluate, low, high, effort, start)
-    return scanned, refine(lambda u: evaluate(u).merit, scanned.coordinate, scanned.landscape.merit, effort)
+    minima = refine(lambda u: evaluate(u).merit, scanned.coordinate, scanned.landscape.merit, effort)
+    return scanned, minima if reserve is None else _keep_reserve(evaluate, scanned, minima, effort, reserve)
+
+
+def _keep_reserve(
+    evaluate: Evaluate, scanned: Scan, minima: list[Minimum], effort: Effort, reserve: Callable[[float], float]
+) -> list[Minimum]:
+    """Replace the best minimum by the best one that keeps a distance from all jumps.
+
+    Returns:
+        The minima, best first. The best one has the jump next to the lowest minimum; it is not avoided if nothing
+        feasible keeps the distance.
+    """
+    first, jumps, ends = minima, list[Jump](), scanned.coordinate[[0, -1]]
+    while minima and len(jumps) < _MOST_JUMPS:
+        at = minima[0].coordinate
+        jump = find_jump(evaluate, at, reserve(at), float(ends[0]), float(ends[1]))
+        if jump is None:
+            break
+        jumps.append(jump)
+        merit = away_from(evaluate, jumps)
+        borders = [end for one in jumps for end in one.ends if ends[0] <= end <= ends[1]]
+        u = np.union1d(scanned.coordinate, borders)
+        minima = refine(merit, u, merit(u), effort)
+    if not jumps:
+        return minima
+    if not minima:
+        return [replace(first[0], jump=replace(jumps[0], avoided=False)), *first[1:]]
+    return [replace(minima[0], jump=jumps[0]), *minima[1:]]
 
 
 def scan_feasible(

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, BinaryIO, Final
 import numpy as np
 
 from calibration_cases import PEDESTAL, Array, Case, cases, report
-from pretouch.report.labels import label_inside, label_near
 from pretouch.report.new_figure import new_figure
 from pretouch.report.style import BASELINE, CHOSEN, INK, QUIET, drawing, log_axis, span
 
@@ -39,30 +38,21 @@ def output_panel(axes: Axes, case: Case) -> None:
     _distance_axis(axes, case)
     axes.set_ylabel("output [counts]" if found.offset is None else "output above the offset [counts]")
     log_axis(axes, "y", low, high)
-    axes.plot(every * 1e3, truth, color=_TRUTH, linewidth=4.5, zorder=1.2, solid_capstyle="butt")
+    axes.plot(every * 1e3, truth, color=_TRUTH, linewidth=4.5, zorder=1.2, solid_capstyle="butt", label="true curve")
     shown = np.clip(signal, 1.12 * low, None)
     few = len(readings.distinct_distances) < 100
     style = {"linestyle": "None", "markersize": 3.6 if few else 1.2, "zorder": 2.2}
     kept = ~left_out & (signal > low)
     place = readings.distances * 1e3
     axes.plot(place[kept], shown[kept], "o", color=INK, markerfacecolor="white", markeredgewidth=0.7, **style)
-    axes.plot(place[left_out], shown[left_out], "X", color=BASELINE, **{**style, "markersize": 4.8, "zorder": 3.5})
+    if left_out.any():
+        worn = {**style, "markersize": 4.8, "zorder": 3.5}
+        axes.plot(place[left_out], shown[left_out], "X", color=BASELINE, label="left out", **worn)
     if found.best is not None:
         inside = np.linspace(*found.best.sensor.valid_range, _FINE)
         fitted = found.best.sensor.output(inside)
-        axes.plot(inside * 1e3, fitted, color=CHOSEN, linewidth=1.6, zorder=3)
-        label_near(
-            axes,
-            inside[::12] * 1e3,
-            fitted[::12],
-            f"fitted: {found.best.model}",
-            color=CHOSEN,
-            size=_SMALL,
-        )
-    if left_out.any():
-        label_near(axes, place[left_out], shown[left_out], "left out", color=BASELINE, size=_SMALL)
-    label_near(axes, every[::-6] * 1e3, truth[::-6], "true curve", color=QUIET, size=_SMALL, side=-1)
-    _name_window(axes, case, np.geomspace(0.85 * high, 1.6 * low, 30))
+        axes.plot(inside * 1e3, fitted, color=CHOSEN, linewidth=1.6, zorder=3, label=f"fitted: {found.best.model}")
+    _legend(axes)
 
 
 def slope_panel(axes: Axes, case: Case, wrong: Callable[[Array], Array] | None = None, title: str = "") -> None:
@@ -86,35 +76,16 @@ def slope_panel(axes: Axes, case: Case, wrong: Callable[[Array], Array] | None =
     low, high = span(np.concatenate(drawn), 0.1)
     axes.set_ylim(low, high)
     axes.axhline(0, color=QUIET, linewidth=0.7, zorder=1.1)
-    axes.plot(every * 1e3, truth, color=_TRUTH, linewidth=4.5, zorder=1.2, solid_capstyle="butt")
-    axes.fill_between(known.distances * 1e3, low_band, high_band, color=CHOSEN, alpha=0.22, linewidth=0, zorder=1.4)
-    axes.plot(between * 1e3, local, "o", color=INK, markerfacecolor="white", markersize=3.4, zorder=2.2)
-    axes.plot(inside * 1e3, fitted, color=CHOSEN, linewidth=1.6, zorder=3)
+    axes.plot(every * 1e3, truth, color=_TRUTH, linewidth=4.5, zorder=1.2, solid_capstyle="butt", label="true g")
+    band = {"color": CHOSEN, "alpha": 0.22, "linewidth": 0, "zorder": 1.4, "label": "known to this (95 %)"}
+    axes.fill_between(known.distances * 1e3, low_band, high_band, **band)
+    dots = {"color": INK, "markerfacecolor": "white", "markersize": 3.4, "zorder": 2.2}
+    axes.plot(between * 1e3, local, "o", label="of neighboring readings", **dots)
+    axes.plot(inside * 1e3, fitted, color=CHOSEN, linewidth=1.6, zorder=3, label="fitted")
     if wrong is not None:
-        axes.plot(every * 1e3, wrong(every), color=BASELINE, linestyle=(0, (5, 1.6)), linewidth=1.6, zorder=3)
-        label_near(
-            axes,
-            every[::8] * 1e3,
-            wrong(every[::8]),
-            "curve through all readings",
-            color=BASELINE,
-            size=_SMALL,
-        )
-    label_near(axes, inside[::-9] * 1e3, fitted[::-9], "fitted", color=CHOSEN, size=_SMALL)
-    middle = slice(None, None, 2)
-    if float(known.uncertainty.max()) > 0.1:
-        label_near(
-            axes,
-            known.distances[middle] * 1e3,
-            low_band[middle],
-            "known to this (95 %)",
-            color=CHOSEN,
-            size=_SMALL,
-            side=-1,
-        )
-    label_near(axes, every[::6] * 1e3, truth[::6], "true g", color=QUIET, size=_SMALL, side=-1)
-    label_near(axes, between * 1e3, local, "of neighboring readings", color=INK, size=_SMALL)
-    _name_window(axes, case, np.linspace(high - 0.04 * (high - low), low + 0.05 * (high - low), 30))
+        dashed = {"color": BASELINE, "linestyle": (0, (5, 1.6)), "linewidth": 1.6, "zorder": 3}
+        axes.plot(every * 1e3, wrong(every), label="curve through all readings", **dashed)
+    _legend(axes)
 
 
 def residual_panel(axes: Axes, case: Case) -> None:
@@ -133,15 +104,12 @@ def residual_panel(axes: Axes, case: Case) -> None:
     _distance_axis(axes, case, last=_SHOWN)
     axes.set_ylabel("off the fitted curve [% of the signal]")
     axes.set_ylim(-14, 14)
-    axes.axhline(0, color=CHOSEN, linewidth=1.6, zorder=1.5)
-    axes.plot(every * 1e3, truth, color=_TRUTH, linewidth=4.5, zorder=1.2)
+    axes.axhline(0, color=CHOSEN, linewidth=1.6, zorder=1.5, label="fitted")
+    axes.plot(every * 1e3, truth, color=_TRUTH, linewidth=4.5, zorder=1.2, label="true curve")
     inside = np.abs(share) < 13.8
-    axes.plot(distance[inside] * 1e3, share[inside], ".", color=QUIET, markersize=3.0, zorder=2)
-    axes.plot(places * 1e3, means, "o", color=INK, markersize=4.6, zorder=3)
-    label_near(axes, places * 1e3, means, "means", color=INK, size=_SMALL, weight="bold")
-    label_near(axes, distance[inside] * 1e3, share[inside], "readings", color=QUIET, size=_SMALL)
-    label_near(axes, every[::-9] * 1e3, np.zeros(len(every[::-9])), "fitted", color=CHOSEN, size=_SMALL)
-    label_near(axes, every[::9] * 1e3, truth[::9], "true curve", color=QUIET, size=_SMALL)
+    axes.plot(distance[inside] * 1e3, share[inside], ".", color=QUIET, markersize=3.0, zorder=2, label="readings")
+    axes.plot(places * 1e3, means, "o", color=INK, markersize=4.6, zorder=3, label="means")
+    _legend(axes)
 
 
 _SHOWN: Final = 0.036  # of distances where residuals are of interest [m]
@@ -155,24 +123,11 @@ def _distance_axis(axes: Axes, case: Case, last: float | None = None) -> None:
     axes.locator_params(axis="x", nbins=6)
     window = report(case.name).window.distances
     if window and last is None:
-        axes.axvspan(window[0] * 1e3, window[-1] * 1e3, color=_WINDOW, linewidth=0, zorder=0)
+        axes.axvspan(window[0] * 1e3, window[-1] * 1e3, color=_WINDOW, linewidth=0, zorder=0, label="usable window")
 
 
-def _name_window(axes: Axes, case: Case, heights: Array) -> None:
-    window = report(case.name).window.distances
-    if window:
-        x, y = np.meshgrid(np.linspace(0.9, 0.1, 9), heights)
-        left, right = 1e3 * window[0], 1e3 * window[-1]
-        places = np.concatenate([left + (right - left) * x.ravel(), [left, right]])
-        label_inside(
-            axes,
-            places,
-            np.concatenate([y.ravel(), heights[:2]]),
-            "usable window",
-            color=QUIET,
-            size=_SMALL,
-            fill=_WINDOW,
-        )
+def _legend(axes: Axes) -> None:
+    axes.legend(frameon=False, fontsize=_SMALL, labelcolor="linecolor", handlelength=1.6)
 
 
 def _left_out(case: Case) -> Array:

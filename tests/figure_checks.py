@@ -27,7 +27,8 @@ def visible_texts(figure: Figure) -> list[tuple[str, Bbox]]:
 
 def _texts_of(axes: Axes) -> list[Text]:
     found = [axes.title, axes._left_title, axes._right_title, axes.xaxis.label, axes.yaxis.label, *axes.texts]
-    found += axes.get_legend().get_texts() if axes.get_legend() else []
+    if axes.get_legend():
+        found += [axes.get_legend().get_title(), *axes.get_legend().get_texts()]
     for axis in (axes.xaxis, axes.yaxis):
         low, high = sorted(axis.get_view_interval())
         air = 1e-9 * (high - low)

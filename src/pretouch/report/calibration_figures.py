@@ -24,7 +24,7 @@ _WINDOW: Final = "#eef4f9"
 _FINE: Final = 120
 _TWO_SIGMA: Final = 2.0
 _BARS: Final = "\u00b12 standard deviations"
-_LEAST: Final = 1.6  # inch, least height of a panel
+_ROOM: Final = 5.9  # inch, width of all panels of a row
 
 
 class _Points(NamedTuple):
@@ -50,27 +50,31 @@ def calibration(report: CalibrationReport) -> Figure:
     with drawing():
         from matplotlib.lines import Line2D  # noqa: PLC0415 - imported when something is drawn, as the next one
 
-        from .panel_layout import arrange, legend_above  # noqa: PLC0415
+        from .panel_drawing import Entry, add_legend  # noqa: PLC0415
 
+        parts: tuple[tuple[str, Any], ...] = ((f"Readings: {report.verdict}", _draw_readings),)
         if report.fits:
-            figure = new_figure(7.4, 7.0)
-            for i, draw in enumerate((_draw_readings, _draw_log_output, _draw_slope, _draw_residuals)):
-                draw(figure.add_subplot(2, 2, i + 1), report)
-        else:
-            figure = new_figure(7.4, 3.4)
-            _draw_readings(figure.add_subplot(), report)
-        arrange(figure, _LEAST)
-        for axes in figure.axes:
-            lines, labels = axes.get_legend_handles_labels()
-            colors: list[Any] = [line.get_color() if isinstance(line, Line2D) else LIMIT for line in lines]
-            legend_above(axes, list(zip(labels, colors, lines, strict=True)))
-        arrange(figure, _LEAST)
+            parts = (
+                ("Readings and their use", _draw_readings),
+                ("Signal, logarithmic", _draw_log_output),
+                ("Slope g: the damping force is D\u209a g l\u2032", _draw_slope),
+                ("Residuals of the models", _draw_residuals),
+            )
+        figure = new_figure(7.4, 7.8 if report.fits else 3.6)
+        figure.set_layout_engine("constrained", w_pad=0.06, h_pad=0.06)
+        side = 2 if report.fits else 1
+        for i, (title, draw) in enumerate(parts):
+            axes = figure.add_subplot(side, side, i + 1)
+            draw(axes, report)
+            handles, labels = axes.get_legend_handles_labels()
+            colors = [str(line.get_color()) if isinstance(line, Line2D) else LIMIT for line in handles]
+            add_legend(axes, [Entry(*each) for each in zip(labels, colors, handles, strict=True)], title, _ROOM / side)
     return figure
 
 
 def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
     """Draw all calibration readings and the fitted sensor curves."""
-    scale = _set_up(axes, report, "Readings and their use" if report.fits else f"Readings: {report.verdict}")
+    scale = _set_up(axes, report)
     outputs = report.calibration.outputs
     axes.set_ylabel(f"output [{_unit(report)}]", parse_math=False)
     levels = [level for level, *_ in _levels(report)]
@@ -88,7 +92,7 @@ def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
 
 def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
     """Draw the sensor readings, minus their offset, on a logarithmic axis."""
-    scale = _set_up(axes, report, "Signal, logarithmic", zoom=True)
+    scale = _set_up(axes, report, zoom=True)
     points = _points(report)
     axes.set_ylabel(f"output \u2212 offset [{_unit(report)}], log. axis", parse_math=False)
     value = np.exp(points.log_output)
@@ -101,7 +105,7 @@ def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
 
 def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
     """Draw the slope of the log output versus the distance."""
-    scale = _set_up(axes, report, "Slope g: the damping force is D\u209a g l\u2032", zoom=True)
+    scale = _set_up(axes, report, zoom=True)
     points = _points(report)
     axes.set_ylabel("slope g = d ln \u03be / dl [1/m]")
     middle = (points.distance[1:] + points.distance[:-1]) / 2
@@ -120,7 +124,7 @@ def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
 
 def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
     """Draw the residuals of each fitted sensor curve."""
-    scale = _set_up(axes, report, "Residuals of the models", zoom=True)
+    scale = _set_up(axes, report, zoom=True)
     points = _points(report)
     axes.set_ylabel("residual of ln \u03be [1]")
     bounds = _TWO_SIGMA * points.deviation
@@ -146,12 +150,11 @@ def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
         )
 
 
-def _set_up(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = False) -> Scale:
-    """Set the title and the distance axis of a calibration plot."""
+def _set_up(axes: Axes, report: CalibrationReport, *, zoom: bool = False) -> Scale:
+    """Set the distance axis of a calibration plot."""
     distances = report.calibration.distances
     scale = scale_for("m", float(distances.max()))
     axes.locator_params(nbins=6)
-    axes.set_title(title, y=1.0)
     axes.set_xlabel(f"distance l [{scale.unit}]")
     window = np.array(report.window.distances)
     axes.set_xlim(*span((window if zoom else distances) / scale.factor, 0.06))

@@ -1,69 +1,180 @@
-"""Draw curves, bands, points and lines in a figure panel."""
+"""Draw the panels of a figure: curves, points, ranges and maps, with a legend above each panel.
+
+Matplotlib's constrained layout makes room for all texts. The end of a curve, and points that a legend cannot tell
+apart, are named where they are.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import textwrap
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.font_manager import FontProperties
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from pretouch._core.numbers import FloatArray
 
-from .labels import dense_points
+from .new_figure import new_figure
 from .style import BLOCKED, CURVES, INK, LIMIT, MARKERS, QUIET, log_axis, minus, minus_signs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.contour import ContourSet
+    from matplotlib.figure import Figure
 
-    from .panels import Curve, Panel
+    from .panels import Curve, Map, Mark, Panel
 
-
+_WIDTH: Final = 7.4  # inch
+_WIDTH_OF_ONE: Final = 5.2
+_BESIDE: Final = 0.75  # inch of a panel for its vertical axis
+_BELOW: Final = 0.45  # inch of a panel for its horizontal axis
+_LINE_HEIGHT: Final = 0.16  # inch of a line of a legend
+_LETTER: Final = 0.06  # inch, mean width of a letter of 8 pt
+_TITLE: Final = 11.0  # pt, size of plain letters as wide as the bold letters of a title
+_SAMPLE: Final = 6  # letters that have the width of the line sample of a legend and the space around it
 _FAINT: Final = "#b4b4b4"
 _HATCHED: Final = "#bdbdbd"
 _SHAPES: Final = {"dot": ("o", True), "ring": ("o", False), "square": ("s", True)}
 _MARKER_SIZES: Final = {"o": 4.4, "s": 4.0, "^": 5.0, "D": 3.8, "v": 5.0}
-_ANCHORS: Final = 25
-_CLOSE: Final = 20.0  # pixels between reference lines, below which there is no room for a name
-_APART: Final = 8.0  # least pixels to other curves, so that a name is not ambiguous
-_CLEAR: Final = 30.0  # pixels to the nearest other curve, beyond which more distance has no advantage
-_LETTER: Final = 6.6  # pixels, width of a letter of 8 pt
-_MOST_ROOM: Final = 0.25  # of the width of a panel, for texts at the ends of curves
 _DIGITS: Final = 1e-3, 1e5  # an axis whose largest number is outside gets a power of ten
-
-
+_AT_EDGE: Final = 0.05  # share of a panel at its edge in which a contour line gets no number
+_SHORT: Final = 18  # letters of the longest name of a point that is written next to it
+_AT_TOP, _AT_BOTTOM = 0.9, 0.12  # shares of the height from which a text is below, and below which it is above
+_TEXT_HEIGHT: Final = 0.14  # inch between texts at the ends of curves
+_LINE: Final[dict[str, Any]] = {"color": LIMIT, "linestyle": ":", "linewidth": 1.1, "zorder": 2}
 _SPANS: Final[dict[str, dict[str, Any]]] = {
     "blocked": {"facecolor": BLOCKED, "edgecolor": _HATCHED, "hatch": "/////"},
     "missing": {"facecolor": BLOCKED, "edgecolor": _HATCHED, "hatch": "\\\\\\\\"},
     "used": {"facecolor": "#eef4f9"},
 }
-"""The fill style of a range of the horizontal axis, by its kind."""
+_SHADES: Final = ("#7fb2d6", "#ffffff")  # from low to high: dark enough to be distinct, light enough for text
+_LEVELS: Final = 8
+_CROWDED: Final = 0.6  # share of the map between two levels, from which the levels are quantiles
 
 
-class Name(NamedTuple):
-    """Label of a plot item, with its possible anchor points."""
+class Entry(NamedTuple):
+    """An entry of a legend: its text, the color of the text, and what it names."""
 
     text: str
     color: str
-    x: FloatArray
-    y: FloatArray
-    sample: dict[str, Any]
-    kind: str
-    side: int = 1
-    listed: str = ""
+    handle: Any
 
 
-class _Look(NamedTuple):
-    color: str
-    dashes: Any
-    marker: str
+def draw_figure(panels: Sequence[Panel], columns: int, height: float) -> Figure:
+    """Draw panels in a grid, with a legend above each of them.
+
+    Args:
+        panels: the panels, row by row.
+        columns: largest number of panels in a row.
+        height: height of a row [inch], without legends.
+
+    Returns:
+        The figure.
+    """
+    width = _WIDTH_OF_ONE if len(panels) == 1 < columns else _WIDTH
+    columns = min(columns, len(panels))
+    rows, room = -(-len(panels) // columns), width / columns - _BESIDE
+    entries = [list(_entries(panel)) for panel in panels]
+    titles = [_wrapped(panel.title, room, _TITLE).count("\n") for panel in panels]
+    lines = max(_legend_shape(each, room)[1] + more for each, more in zip(entries, titles, strict=True))
+    figure = new_figure(width, rows * (height + _LINE_HEIGHT * lines))
+    figure.set_layout_engine("constrained", w_pad=0.06, h_pad=0.06)
+    for i, (panel, listed) in enumerate(zip(panels, entries, strict=True)):
+        axes = figure.add_subplot(rows, columns, i + 1)
+        contours = None if panel.map is None else _draw_map(axes, panel.map)
+        _draw_panel(axes, panel, room, height - _BELOW)
+        if contours is not None:
+            _number_contours(axes, contours)
+        add_legend(axes, listed, panel.title, room)
+    figure.align_ylabels()
+    return figure
 
 
-def draw_panel(axes: Axes, panel: Panel) -> None:
-    """Draw everything in a plot except the names of its curves.
+def add_legend(axes: Axes, entries: Sequence[Entry], title: str, room: float) -> None:
+    """Write a legend between a panel and its title, in as many columns as fit.
 
-    The limits of the axes are set as well.
+    Args:
+        axes: the panel.
+        entries: the entries; without any, only the title is written.
+        title: title of the panel; empty for none.
+        room: width of the panel [inch].
+    """
+    if not entries:
+        axes.set_title(_wrapped(title, room, _TITLE), parse_math=False)
+        return
+    columns, _ = _legend_shape(entries, room)
+    legend = axes.legend(
+        [entry.handle for entry in entries],
+        [str(i) for i in range(len(entries))],  # Matplotlib would read a text that begins with "_"
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        frameon=False,
+        alignment="left",
+        fontsize=8.0,
+        borderpad=0.0,
+        borderaxespad=0.4,
+        handlelength=2.0,
+        labelspacing=0.3,
+        columnspacing=1.2,
+    )
+    for text, entry in zip(legend.get_texts(), entries, strict=True):
+        text.set(parse_math=False, text=_wrapped(entry.text, room - _SAMPLE * _LETTER, 8.0), color=entry.color)
+    if title:
+        legend.set_title(_wrapped(title, room, _TITLE), FontProperties(size=9.0, weight="bold"))
+        legend.get_title().set_parse_math(False)
+
+
+def _legend_shape(entries: Sequence[Entry], room: float) -> tuple[int, int]:
+    """Return the largest number of columns that fit, and the number of lines."""
+    wrapped = [_wrapped(entry.text, room - _SAMPLE * _LETTER, 8.0).split("\n") for entry in entries]
+    letters = [max(map(len, lines)) + _SAMPLE for lines in wrapped]
+    for columns in range(min(len(entries), 4), 1, -1):
+        if sum(int(max(part)) for part in np.array_split(letters, columns)) * _LETTER <= room:
+            break
+    else:
+        columns = 1
+    return columns, -(-sum(map(len, wrapped)) // columns)
+
+
+def _entries(panel: Panel) -> Iterator[Entry]:
+    """Yield the legend entries of a panel."""
+    for curve, look in _looks(panel):
+        if curve.label:
+            color = QUIET if curve.quiet else look.color
+            yield Entry(_in_one_line(curve.label), color, Line2D([], [], **_curve_style(curve, look)))
+    for mark in panel.marks:
+        if mark.label and not _is_written(mark):
+            yield Entry(_in_one_line(mark.label), _color(mark.style), _mark_sample(mark))
+    for span in panel.spans:
+        if span.label:
+            yield Entry(minus_signs(span.label), LIMIT, Patch(**_SPANS[span.kind], linewidth=0))
+    for lines, label in ((panel.levels, panel.y_label), (panel.positions, panel.x_label)):
+        for text, at in lines.items():
+            if text.strip():
+                yield Entry(_with_value(minus_signs(text), at, label), LIMIT, Line2D([], [], **_LINE))
+
+
+def _in_one_line(text: str) -> str:
+    return minus_signs(text).replace("\n", ", ")
+
+
+def _is_written(mark: Mark) -> bool:
+    """Return True if the name of a point is short enough to be written next to it."""
+    return 0 < len(mark.label) <= _SHORT and "\n" not in mark.label
+
+
+def _draw_panel(axes: Axes, panel: Panel, width: float, height: float) -> None:
+    """Draw everything in a panel except its legend.
+
+    Width and height [inch] are those of the panel without its labels.
     """
     zoomed = panel.x_limits is not None or panel.y_limits is not None
     for curve, look in _looks(panel):
@@ -74,36 +185,18 @@ def draw_panel(axes: Axes, panel: Panel) -> None:
         axes.axhline(at, **_LINE)
     for at in panel.positions.values():
         axes.axvline(at, **_LINE)
-    for which in ("y", "x"):  # the space for texts along x depends on the limits of y
-        _set_axis(axes, panel, which)
-    for curve, look in _looks(panel):
-        if curve.end:
-            _draw_end(axes, curve, look)
+    for which, room in (("y", height), ("x", width)):
+        _set_axis(axes, panel, which, room)
     for mark in panel.marks:
         axes.plot([mark.x], [mark.y], clip_on=False, **_mark_style(mark))
+    texts = [_Text(mark.label, mark.x, mark.y, _color(mark.style), False) for mark in panel.marks if _is_written(mark)]
+    _write(axes, [*texts, *_draw_ends(axes, panel)], width, height)
 
 
-def names_of(axes: Axes, panel: Panel) -> list[Name]:
-    """Return all labels to write into a plot."""
-    # Limits and position of the axes must be final.
-    names = [
-        Name(mark.label, _color(mark.style), np.array([mark.x]), np.array([mark.y]), _mark_style(mark), "point")
-        for mark in panel.marks
-        if mark.label
-    ]
-    names += [*_span_names(axes, panel), *_end_names(panel)]
-    looks = list(_looks(panel))
-    paths = [_path(axes, curve) for curve, _ in looks]
-    for i, (curve, look) in enumerate(looks):
-        if curve.label:
-            others = [path for k, path in enumerate(paths) if k != i and not looks[k][0].quiet]
-            points = axes.transData.inverted().transform(best_anchors(paths[i], others))
-            color = QUIET if curve.quiet else look.color
-            names.append(Name(curve.label, color, points[:, 0], points[:, 1], _curve_sample(curve, look), "curve"))
-    return [n._replace(text=minus_signs(n.text)) for n in (*names, *_line_names(axes, panel)) if n.text.strip()]
-
-
-_LINE: Final[dict[str, Any]] = {"color": LIMIT, "linestyle": ":", "linewidth": 1.1, "zorder": 2}
+class _Look(NamedTuple):
+    color: str
+    dashes: Any
+    marker: str
 
 
 def _looks(panel: Panel) -> Iterator[tuple[Curve, _Look]]:
@@ -122,7 +215,7 @@ def _color(style: int | None) -> str:
     return INK if style is None else CURVES[style][0]
 
 
-def _mark_style(mark: Any) -> dict[str, Any]:
+def _mark_style(mark: Mark) -> dict[str, Any]:
     marker, filled = _SHAPES[mark.shape]
     color = _color(mark.style)
     return {
@@ -136,7 +229,11 @@ def _mark_style(mark: Any) -> dict[str, Any]:
     }
 
 
-def _curve_sample(curve: Curve, look: _Look) -> dict[str, Any]:
+def _mark_sample(mark: Mark) -> Line2D:
+    return Line2D([], [], **_mark_style(mark))
+
+
+def _curve_style(curve: Curve, look: _Look) -> dict[str, Any]:
     """Return the Matplotlib line style of a curve."""
     return {
         "color": look.color,
@@ -155,7 +252,7 @@ def _xy(curve: Curve) -> tuple[FloatArray, FloatArray]:
 
 def _draw_curve(axes: Axes, curve: Curve, look: _Look, *, clipped: bool) -> None:
     x, y = _xy(curve)
-    style = _curve_sample(curve, look)
+    style = _curve_style(curve, look)
     axes.plot(x, y, clip_on=clipped, **style)
     if curve.low is not None and curve.high is not None:
         low, high = np.asarray(curve.low, float), np.asarray(curve.high, float)
@@ -170,120 +267,112 @@ def _draw_curve(axes: Axes, curve: Curve, look: _Look, *, clipped: bool) -> None
             axes.plot(x[alone], y[alone], **{**style, "linestyle": "None", "marker": "o", "markersize": 3.0})
 
 
-def _draw_end(axes: Axes, curve: Curve, look: _Look) -> None:
-    x, y = (values[curve.known][-1] for values in _xy(curve))
+class _Text(NamedTuple):
+    """A text next to a point of a panel."""
+
+    text: str
+    x: float
+    y: float
+    color: str
+    falls: bool  # whether the curve falls toward the point, so that the text is better below it
+
+
+def _draw_ends(axes: Axes, panel: Panel) -> Iterator[_Text]:
+    """Mark the ends of curves inside the limits; yield each text once, at its rightmost end."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    if left <= x <= right and low <= y <= high:
-        size, zorder = (3.6, 2.8) if curve.quiet else (5.5, 5.0)
-        axes.plot([x], [y], "o", color=look.color, markersize=size, markeredgewidth=0, zorder=zorder, clip_on=False)
-
-
-def _span_names(axes: Axes, panel: Panel) -> Iterator[Name]:
-    """Yield the labels of hatched or shaded ranges of a plot."""
-    (x0, bottom), (x1, top) = axes.bbox.get_points()
-    for span in panel.spans:
-        ends = axes.get_xaxis_transform().transform([(span.start, 0.5), (span.end, 0.5)])
-        left, right = max(ends[0, 0], x0), min(ends[1, 0], x1)
-        across = left + (right - left) * np.array([0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9, 0.0, 1.0])
-        x, y = np.meshgrid(across, bottom + (top - bottom) * np.linspace(0.93, 0.07, 15))
-        x, y = axes.transData.inverted().transform(np.column_stack([x.ravel(), y.ravel()])).T
-        sample = {"color": _HATCHED, "linewidth": 5.0, "markerfacecolor": _SPANS[span.kind]["facecolor"]}
-        yield Name(span.label, LIMIT, x, y, sample, "span")
-
-
-def _end_names(panel: Panel) -> list[Name]:
-    """Return the labels at the ends of curves.
-
-    Several curves with the same label share one label.
-    """
-    ends: dict[str, list[tuple[Curve, _Look]]] = {}
+    ends: dict[str, list[_Text]] = {}
     for curve, look in _looks(panel):
-        if curve.end:
-            ends.setdefault(curve.end, []).append((curve, look))
-    names = []
-    for text, sharing in ends.items():
-        loud = [look.color for curve, look in sharing if not curve.quiet]
-        color = loud[0] if len(set(loud)) == 1 else INK if loud else QUIET
-        points = np.array([[values[curve.known][-1] for values in _xy(curve)] for curve, _ in sharing])
-        sample = {"color": color, "linestyle": "None", "marker": "o", "markersize": 5.5, "markeredgewidth": 0.0}
-        points = points[np.argsort(-points[:, 0], kind="stable")]
-        names.append(Name(text, color, points[:, 0], points[:, 1], sample, "point"))
-    return names
+        x, y = (values[curve.known] for values in _xy(curve))
+        if not curve.end or not (left <= x[-1] <= right and low <= y[-1] <= high):
+            continue
+        size, zorder = (3.6, 2.8) if curve.quiet else (5.5, 5.0)
+        style: dict[str, Any] = {"markersize": size, "markeredgewidth": 0, "zorder": zorder, "clip_on": False}
+        axes.plot(x[-1:], y[-1:], "o", color=look.color, **style)
+        color = QUIET if curve.quiet else look.color
+        end = _Text(curve.end, float(x[-1]), float(y[-1]), color, bool(y[-1] < y[-1 - len(y) // 10]))
+        ends.setdefault(curve.end, []).append(end)
+    for sharing in ends.values():
+        colors = {end.color for end in sharing} - {QUIET}
+        yield max(sharing)._replace(color=colors.pop() if len(colors) == 1 else INK if colors else QUIET)
 
 
-def _line_names(axes: Axes, panel: Panel) -> Iterator[Name]:
-    """Yield the labels of reference lines in a plot."""
-    (x0, y0), (x1, y1) = axes.bbox.get_points()
-    shares = np.concatenate([[0.99, 0.01], np.linspace(0.95, 0.05, 19)])
-    pixels = np.column_stack([x0 + shares * (x1 - x0), y0 + shares * (y1 - y0)])
-    across, upward = axes.transData.inverted().transform(pixels).T
-    for text, at in panel.levels.items():
-        heights = [axes.transData.transform((across[0], level))[1] for level in (at, *panel.levels.values())]
-        side = -1 if any(0 < height - heights[0] < _CLOSE for height in heights) else 1
-        yield Name(text, LIMIT, across, np.full(21, at), _LINE, "line", side, _with_value(text, at, panel.y_label))
-    for text, at in panel.positions.items():
-        yield Name(text, LIMIT, np.full(21, at), upward, _LINE, "line", -1, _with_value(text, at, panel.x_label))
+def _write(axes: Axes, texts: Sequence[_Text], width: float, height: float) -> None:
+    """Write texts next to their points, one above the other where they would touch."""
+    boxes: list[
+        tuple[float, float, float, float]
+    ] = []  # left, right, bottom and top of the texts written so far [inch]
+    places = _shares(axes, [(text.x, text.y) for text in texts])
+    for i in np.argsort(places[:, 1], kind="stable"):
+        (across, up), text = places[i], texts[i]
+        lines = text.text.split("\n")
+        size = np.array([_LETTER * max(map(len, lines)), _TEXT_HEIGHT * len(lines)])
+        at_bottom = up < _AT_BOTTOM
+        above = at_bottom or not (up > _AT_TOP or text.falls)
+        to_right = at_bottom or across * width + size[0] < width
+        left = across * width + (0.08 if to_right else -0.08 - size[0])
+        bottom = up * height + (0.04 if above else -0.04 - size[1])
+        more = 0.0
+        while any(
+            left < x1 and x0 < left + size[0] and bottom + more < y1 and y0 < bottom + more + size[1]
+            for x0, x1, y0, y1 in boxes
+        ):
+            more += _TEXT_HEIGHT / 2 if above else -_TEXT_HEIGHT / 2
+        boxes.append((left, left + size[0], bottom + more, bottom + more + size[1]))
+        label = axes.annotate(
+            minus_signs(text.text),
+            (text.x, text.y),
+            xytext=(6.0 if to_right else -6.0, (3.0 if above else -3.0) + 72 * more),
+            textcoords="offset points",
+            ha="left" if to_right else "right",
+            va="bottom" if above else "top",
+            color=text.color,
+            fontsize=8.0,
+            annotation_clip=False,
+            parse_math=False,
+            zorder=6,
+        )
+        label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+
+
+def _shares(axes: Axes, places: Sequence[Any]) -> FloatArray:
+    """Return places of a panel as shares of its width and height, shape (n, 2)."""
+    pixels = axes.transData.transform(np.reshape(np.asarray(places, float), (-1, 2)))
+    return np.asarray(axes.transAxes.inverted().transform(pixels))
 
 
 def _with_value(text: str, at: float, label: str) -> str:
-    """Add the value of a reference line to its name."""
-    # All reference lines look alike in a legend.
+    """Add the value of a reference line to its name, because all reference lines look alike."""
     unit = label.rpartition("[")[2].partition("]")[0]
     number = minus(f"{at:.4g}")
     return f"{text} (at {number if unit == '1' else f'{number} {unit}'})"
 
 
-def _path(axes: Axes, curve: Curve) -> FloatArray:
-    """Return points along the visible part of a curve [pixel]."""
-    x, y = _xy(curve)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], curve.known, [False]]).astype(int)))
-    runs = [slice(*run) for run in edges.reshape(-1, 2)]
-    pixels = [np.asarray(axes.transData.transform(np.column_stack([x[run], y[run]]))) for run in runs]
-    return inside(axes, np.concatenate(pixels if curve.kind == "points" else [dense_points(run) for run in pixels]))
+def _wrapped(text: str, room: float, size: float) -> str:
+    """Break a text into lines for a width [inch]; a unit stays whole."""
+    head, bracket, unit = text.partition("[")
+    width = max(12, int(room / (_LETTER * size / 8.0)))
+    whole = head + bracket + unit.replace(" ", "\u00a0")
+    lines = textwrap.wrap(whole, width, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(lines).replace("\u00a0", " ")
 
 
-def inside(axes: Axes, path: FloatArray) -> FloatArray:
-    """Return only the points inside the axes of a plot [pixel]."""
-    low, high = axes.bbox.get_points()
-    return np.asarray(path[((path >= low) & (path <= high)).all(axis=1)])
-
-
-def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
-    """Return possible positions for the label of a curve.
-
-    Positions far from other curves come first.
-    """
-    # Points near two thirds of the length are preferred.
-    if not len(path):
-        return path
-    share = np.linspace(0.02, 0.98, _ANCHORS)
-    anchors = path[np.unique((share * (len(path) - 1)).round().astype(int))]
-    share = np.linspace(0.02, 0.98, len(anchors))
-    score = -8.0 * np.abs(share - 0.65)
-    if any(len(other) for other in others):
-        other_points = np.concatenate(others)
-        nearest = np.sqrt(((anchors[:, None] - other_points) ** 2).sum(axis=2)).min(axis=1)
-        score += np.minimum(nearest, _CLEAR)
-        if (nearest > _APART).any():
-            anchors, score = anchors[nearest > _APART], score[nearest > _APART]
-    return np.asarray(anchors[np.argsort(-score, kind="stable")])
-
-
-def _set_axis(axes: Axes, panel: Panel, which: str) -> None:
+def _set_axis(axes: Axes, panel: Panel, which: str, room: float) -> None:
     """Set limits, ticks and label of an axis.
 
     Very large or small values get a power of ten in the unit.
     """
     logarithmic, limits = getattr(panel, f"{which}_log"), getattr(panel, f"{which}_limits")
-    low, high = limits or _data_limits(axes, panel, which)
+    low, high = limits or _data_limits(panel, which)
     label = getattr(panel, f"{which}_label")
     if logarithmic:
         log_axis(axes, which, low, high)
     else:
         axis = axes.xaxis if which == "x" else axes.yaxis
         (axes.set_xlim if which == "x" else axes.set_ylim)(low, high)
-        axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
         largest = max(abs(low), abs(high))
+        letters = len(f"{largest:.0f}") + max(0, math.ceil(-math.log10((high - low) / 6))) + 2
+        most = 6 if which == "y" else max(2, min(6, int(room / (letters * _LETTER))))
+        axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 2.5, 5, 10]))
         formatter = ScalarFormatter(useOffset=False, useMathText=False)
         formatter.set_scientific(False)
         if not _DIGITS[0] <= largest < _DIGITS[1]:
@@ -293,7 +382,7 @@ def _set_axis(axes: Axes, panel: Panel, which: str) -> None:
             label = _with_power(label, power)
         axis.set_major_formatter(formatter)
         axis.get_offset_text().set_visible(False)
-    (axes.set_xlabel if which == "x" else axes.set_ylabel)(label, parse_math=False)
+    (axes.set_xlabel if which == "x" else axes.set_ylabel)(_wrapped(label, room, 8.5), parse_math=False)
 
 
 def _with_power(label: str, power: int) -> str:
@@ -314,7 +403,7 @@ def _within_limits(curve: Curve, panel: Panel, which: str) -> Any:
     return within if within.any() else np.ones(len(values), dtype=bool)
 
 
-def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
+def _data_limits(panel: Panel, which: str) -> tuple[float, float]:
     """Return axis limits that contain everything in the plot."""
     if panel.map is not None:
         coordinates = np.asarray(getattr(panel.map, which))
@@ -329,7 +418,7 @@ def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
     values = values[np.isfinite(values)]
     low, high = float(values.min()), float(values.max())
     dotted = any(curve.kind != "line" for curve in panel.curves)
-    before, after = (0.08, 0.08) if which == "y" else (0.03 if dotted else 0.0, 0.03 + _room_for_ends(axes, panel))
+    before, after = (0.08, 0.08) if which == "y" else (0.03 if dotted else 0.0, 0.03)
     if getattr(panel, f"{which}_log"):
         reach = math.log(high / low) or math.log(4.0)
         return low * math.exp(-before * reach), high * math.exp(after * reach)
@@ -343,10 +432,43 @@ def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
     return start, end
 
 
-def _room_for_ends(axes: Axes, panel: Panel) -> float:
-    """Return the label width as a fraction of the remaining plot width."""
-    low, high = axes.get_ylim()
-    down = [c.end for c in panel.curves if c.end and np.asarray(c.y, float)[c.known][-1] < low + 0.05 * (high - low)]
-    width = _LETTER * max((len(line) for text in down for line in text.split("\n")), default=0)
-    share = width / max(axes.bbox.width - width, 1.0)
-    return share if share < _MOST_ROOM else 0.0
+def _draw_map(axes: Axes, shown: Map) -> ContourSet | None:
+    """Draw a quantity as a map with shades and contour lines, as the background of a panel; return the lines."""
+    axes.patch.set(facecolor=BLOCKED, edgecolor=QUIET, hatch="////", linewidth=0)  # visible where there is no value
+    values = np.ma.masked_invalid(shown.values)
+    low, high = float(values.min()), float(values.max())
+    levels = _contour_levels(values.compressed()) if low < high else np.array([low - 1.0, low + 1.0])
+    shades = LinearSegmentedColormap.from_list("pretouch", _SHADES if low < high else _SHADES[1:] * 2)
+    filled = axes.contourf(shown.x, shown.y, values, levels=levels, cmap=shades, zorder=0.7)
+    if low == high:
+        axes.text(0.5, 0.5, minus(f"{low:.4g} everywhere"), transform=axes.transAxes, ha="center", color=INK)
+        return None
+    inner = levels[(levels > low) & (levels < high)]
+    return axes.contour(filled, levels=inner, colors=INK, linewidths=0.8, linestyles="solid", zorder=0.9)
+
+
+def _number_contours(axes: Axes, contours: ContourSet) -> None:
+    """Write the value of each contour line at its middle, except at the edge of the panel."""
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
+    for level, parts in zip(contours.levels, contours.allsegs, strict=True):
+        middle = max(parts, key=len, default=np.full((1, 2), np.nan))
+        place = middle[len(middle) // 2]
+        if (np.abs(_shares(axes, [place])[0] - 0.5) < 0.5 - _AT_EDGE).all():
+            axes.text(
+                place[0], place[1], minus(f"{level:.4g}"), fontsize=7.5, ha="center", va="center", bbox=box, zorder=1
+            )
+
+
+def _contour_levels(values: FloatArray) -> FloatArray:
+    """Choose the contour levels of a map."""
+    # The levels are equally spaced, or quantiles if most values are close together.
+    low, high = float(values.min()), float(values.max())
+    even = np.asarray(MaxNLocator(_LEVELS).tick_values(low, high))
+    if np.histogram(values, even)[0].max() < _CROWDED * values.size:
+        return even
+    digits = 1 - int(np.floor(np.log10(max(abs(low), abs(high)))))
+    for finer in range(digits, digits + 6):
+        inner = np.unique(np.round(np.quantile(values, np.linspace(0, 1, _LEVELS)[1:-1]), finer))
+        if len(inner) >= _LEVELS // 2:
+            break
+    return np.unique(np.concatenate([even[:1], inner[(inner > even[0]) & (inner < even[-1])], even[-1:]]))

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 def panel_figure(*panels: Panel, columns: int = 2, height: float = 3.3) -> Figure:
     """Draw one or several plots in a grid.
 
-    The name of each curve is written next to the curve. A name is written above its panel if there is no free place
-    next to its curve. If the numbers on an axis are very small or very large, the label of this axis has a power of
-    ten.
+    A legend above each panel names curves, ranges, reference lines and points. Points that look alike, and the ends of
+    curves, are named where they are. If the numbers on an axis are very small or very large, the label of this axis has
+    a power of ten.
 
     Args:
         panels: the panels, row by row.
         columns: number of panels per row, 1 to 4.
-        height: height of a row [inch], at least 1; a row grows if labels would take more than half of it.
+        height: height of a row [inch] without its legends, at least 1.
 
     Returns:
         A figure, 7.4 inch wide (5.2 inch for a single panel with `columns` above 1). Notebooks show it, and `savefig`
@@ -62,7 +62,7 @@ def panel_figure(*panels: Panel, columns: int = 2, height: float = 3.3) -> Figur
         raise InvalidInputError(
             f"height: found a row height of {height:g} inch, but each row of plots needs at least 1 inch"
         )
-    from .panel_layout import draw_figure  # noqa: PLC0415 - Matplotlib is imported when something is drawn
+    from .panel_drawing import draw_figure  # noqa: PLC0415 - Matplotlib is imported when something is drawn
 
     with drawing():
         return draw_figure(shown, int(columns), float(height))

@@ -6,11 +6,14 @@ STAMP := $(VENV)/.installed
 # what the compiled core is made of: built by pip, with the machine's compiler or, where there is none, one that pip brings
 NATIVE := native/build.py $(wildcard native/*/*.c native/*/*.h native/*/*.cpp native/*/*.hpp)
 JOBS ?= 2
-# what to test, as on which kind of processor (generic, avx2, native), and how (ORDER=shuffled: in another order each time)
+# what to test, which part of it (quick, slow, all), as on which kind of processor (generic, avx2, native), and how
+# (ORDER=shuffled: in another order each time)
 TESTS ?=
 PROCESSOR ?= native
 ORDER ?= fixed
-PYTEST = $(BIN)/python .ci/processor.py $(PROCESSOR) $(BIN)/python -m pytest -n $(JOBS) --dist worksteal \
+PART ?= quick
+CASES = $(if $(filter quick,$(PART)),-m "not thorough",$(if $(filter slow,$(PART)),-m thorough))
+PYTEST = $(BIN)/python .ci/processor.py $(PROCESSOR) $(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(CASES) \
 	$(if $(filter shuffled,$(ORDER)),-p randomly)
 # how many random cases `make fuzz` tries, and from which seed (none: another one each time, printed)
 ENCOUNTERS ?= 1000000
@@ -22,11 +25,12 @@ ONLY ?=
 
 DOCS := $(VENV)/.docs
 
-.PHONY: help page demo check test docs sanitize fuzz mutants benchmark clean
+.PHONY: help page demo check test test-all docs sanitize fuzz mutants benchmark clean
 
 help:
 	@echo "make demo       fit a sensor, design gains, check the letter, write reports to demo-output/"
-	@echo "make test       everything that CI runs: check, then all tests"
+	@echo "make test       check, then the quick tests: a few minutes"
+	@echo "make test-all   check, then all tests"
 	@echo "make page       build the compiled core for the page of pretouch studio (WebAssembly)"
 	@echo "make check      formatting, lint, types, import contract"
 	@echo "make sanitize   the tests of the compiled core with checks of addresses and undefined behavior"
@@ -59,6 +63,9 @@ check: $(STAMP)
 
 test: check
 	$(PYTEST) $(TESTS)
+
+test-all: PART = all
+test-all: test
 
 # the tests that reach the compiled core, on a library that checks addresses and undefined behavior (needs gcc)
 SANITIZED ?= tests/agreement tests/faults

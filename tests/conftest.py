@@ -1,7 +1,8 @@
-"""What the tests share: the letter's sensors and encounter."""
+"""What the tests share: the letter's sensors and encounter, and which tests are slow."""
 
 from __future__ import annotations
 
+from collections import Counter
 from importlib.util import find_spec
 
 import pytest
@@ -39,10 +40,19 @@ def letter_encounter() -> Scenario:
     )
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip the examples of verbs whose libraries are an extra, where they are not installed."""
+    """Mark what `make test` leaves out, and skip examples of verbs whose libraries are an extra, if it is missing."""
     for library, extra, example in EXAMPLES:
         if find_spec(library) is None:
             for item in items:
                 if item.name == example:
                     item.add_marker(pytest.mark.skip(reason=f"needs the extra '{extra}'"))
+    cases: Counter[str] = Counter()
+    for item in items:
+        slow = item.get_closest_marker("slow")
+        if slow is not None:
+            function = item.nodeid.partition("[")[0]
+            cases[function] += 1
+            if cases[function] > slow.kwargs.get("keep", 0):
+                item.add_marker(pytest.mark.thorough)

@@ -50,7 +50,7 @@ def calibration(report: CalibrationReport) -> Figure:
     with drawing():
         from matplotlib.lines import Line2D  # noqa: PLC0415 - imported when something is drawn, as the next one
 
-        from .panel_drawing import Entry, add_legend  # noqa: PLC0415
+        from .panel_drawing import LegendEntry, add_legend  # noqa: PLC0415
 
         parts: tuple[tuple[str, Any], ...] = ((f"Readings: {report.verdict}", _draw_readings),)
         if report.fits:
@@ -68,7 +68,7 @@ def calibration(report: CalibrationReport) -> Figure:
             draw(axes, report)
             handles, labels = axes.get_legend_handles_labels()
             colors = [str(line.get_color()) if isinstance(line, Line2D) else LIMIT for line in handles]
-            add_legend(axes, [Entry(*each) for each in zip(labels, colors, handles, strict=True)], title, _ROOM / side)
+            add_legend(axes, [LegendEntry(*each) for each in zip(labels, colors, handles, strict=True)], title, _ROOM / side)
     return figure
 
 

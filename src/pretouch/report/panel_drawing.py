@@ -59,7 +59,7 @@ _LEVELS: Final = 8
 _CROWDED: Final = 0.6  # share of the map between two levels, from which the levels are quantiles
 
 
-class Entry(NamedTuple):
+class LegendEntry(NamedTuple):
     """An entry of a legend: its text, the color of the text, and what it names."""
 
     text: str
@@ -97,7 +97,7 @@ def draw_figure(panels: Sequence[Panel], columns: int, height: float) -> Figure:
     return figure
 
 
-def add_legend(axes: Axes, entries: Sequence[Entry], title: str, room: float) -> None:
+def add_legend(axes: Axes, entries: Sequence[LegendEntry], title: str, room: float) -> None:
     """Write a legend between a panel and its title, in as many columns as fit.
 
     Args:
@@ -132,7 +132,7 @@ def add_legend(axes: Axes, entries: Sequence[Entry], title: str, room: float) ->
         legend.get_title().set_parse_math(False)
 
 
-def _legend_shape(entries: Sequence[Entry], room: float) -> tuple[int, int]:
+def _legend_shape(entries: Sequence[LegendEntry], room: float) -> tuple[int, int]:
     """Return the largest number of columns that fit, and the number of lines."""
     wrapped = [_wrapped(entry.text, room - _SAMPLE * _LETTER, 8.0).split("\n") for entry in entries]
     letters = [max(map(len, lines)) + _SAMPLE for lines in wrapped]
@@ -144,22 +144,22 @@ def _legend_shape(entries: Sequence[Entry], room: float) -> tuple[int, int]:
     return columns, -(-sum(map(len, wrapped)) // columns)
 
 
-def _entries(panel: Panel) -> Iterator[Entry]:
+def _entries(panel: Panel) -> Iterator[LegendEntry]:
     """Yield the legend entries of a panel."""
     for curve, look in _looks(panel):
         if curve.label:
             color = QUIET if curve.quiet else look.color
-            yield Entry(_in_one_line(curve.label), color, Line2D([], [], **_curve_style(curve, look)))
+            yield LegendEntry(_in_one_line(curve.label), color, Line2D([], [], **_curve_style(curve, look)))
     for mark in panel.marks:
         if mark.label and not _is_written(mark):
-            yield Entry(_in_one_line(mark.label), _color(mark.style), _mark_sample(mark))
+            yield LegendEntry(_in_one_line(mark.label), _color(mark.style), _mark_sample(mark))
     for span in panel.spans:
         if span.label:
-            yield Entry(minus_signs(span.label), LIMIT, Patch(**_SPANS[span.kind], linewidth=0))
+            yield LegendEntry(minus_signs(span.label), LIMIT, Patch(**_SPANS[span.kind], linewidth=0))
     for lines, label in ((panel.levels, panel.y_label), (panel.positions, panel.x_label)):
         for text, at in lines.items():
             if text.strip():
-                yield Entry(_with_value(minus_signs(text), at, label), LIMIT, Line2D([], [], **_LINE))
+                yield LegendEntry(_with_value(minus_signs(text), at, label), LIMIT, Line2D([], [], **_LINE))
 
 
 def _in_one_line(text: str) -> str:

@@ -68,7 +68,8 @@ def calibration(report: CalibrationReport) -> Figure:
             draw(axes, report)
             handles, labels = axes.get_legend_handles_labels()
             colors = [str(line.get_color()) if isinstance(line, Line2D) else LIMIT for line in handles]
-            add_legend(axes, [LegendEntry(*each) for each in zip(labels, colors, handles, strict=True)], title, _ROOM / side)
+            entries = [LegendEntry(*each) for each in zip(labels, colors, handles, strict=True)]
+            add_legend(axes, entries, title, _ROOM / side)
     return figure
 
 

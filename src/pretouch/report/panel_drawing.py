@@ -305,7 +305,7 @@ def _write(axes: Axes, texts: Sequence[_Text], width: float, height: float) -> N
     for i in np.argsort(places[:, 1], kind="stable"):
         (across, up), text = places[i], texts[i]
         lines = text.text.split("\n")
-        size = np.array([_LETTER * max(map(len, lines)), _TEXT_HEIGHT * len(lines)])
+        size = np.array([0.08 + 1.1 * _LETTER * max(map(len, lines)), _TEXT_HEIGHT * len(lines)])  # with some air
         at_bottom = up < _AT_BOTTOM
         above = at_bottom or not (up > _AT_TOP or text.falls)
         to_right = at_bottom or across * width + size[0] < width

@@ -45,6 +45,8 @@ constexpr double HELD = 1 - 1e-11;  // largest feasible ratio |quantity| / limit
 constexpr double CLOSE = 1e-12;  // the search for an edge ends this close to HELD; 1000 times this is accepted
 constexpr double LARGEST_START = 8796093022208.0;  // [m]: 2^43, as in motion/curve.py
 constexpr int PASSES = 8;  // largest number of calls with eight gains to find an edge
+constexpr int ZOOMS = 4;  // nested scans of gaps that may contain feasible gains
+constexpr int FEW = 4;  // gaps are scanned on their own if fewer than one in so many may contain feasible gains
 constexpr int SAMPLES = 33;  // places between two edges at which the slope of the objective is evaluated
 
 // A term of the objective: factor * |quantity|^exponent, divided by the obstacle's squared speed unless follows is 0.
@@ -322,17 +324,27 @@ struct Scan {
         return true;
     }
 
-    // Whether a ratio exceeds its limit in each gap with a wide margin. The margin is necessary because a narrow range
-    // of feasible gains may be hidden where a ratio nearly meets its limit.
-    bool is_infeasible() const {
-        for (int i = 0; i + 1 < used; i++) {
-            bool far = false;
-            for (int64_t j = 0; j < encounter.limit_count; j++) {
-                const double *r = at.r[j], low = fmin(r[i], r[i + 1]);
-                far = far || fmin(gap_of(r, i, used).least, low - 0.5 * fabs(r[i + 1] - r[i])) > 1.0;
-            }
-            if (!far) return false;
+    // Whether a ratio exceeds its limit in the gap after the i-th gain with a wide margin. The margin is necessary
+    // because a narrow range of feasible gains may be hidden where a ratio nearly meets its limit.
+    bool is_far(int i) const {
+        for (int64_t j = 0; j < encounter.limit_count; j++) {
+            const double *r = at.r[j], low = fmin(r[i], r[i + 1]);
+            if (fmin(gap_of(r, i, used).least, low - 0.5 * fabs(r[i + 1] - r[i])) > 1.0) return true;
         }
+        return false;
+    }
+
+    // The number of gaps that may contain feasible gains.
+    int count_open() const {
+        int open = 0;
+        for (int i = 0; i + 1 < used; i++) open += !is_far(i);
+        return open;
+    }
+
+    // Whether no gain of the scan is feasible.
+    bool has_none() const {
+        for (int i = 0; i < used; i++)
+            if (is_feasible(i)) return false;
         return true;
     }
 
@@ -498,13 +510,37 @@ Optimum decide(const Scan &scan) {
     return result;
 }
 
+Optimum optimum(Encounter &encounter, const Axis &axis, bool falling, int zooms);
+
+// The optimum within the few gaps that may contain feasible gains, if no gain of a scan is feasible. Neighboring gaps
+// are scanned together.
+Optimum within_gaps(const Scan &scan, bool falling, int zooms) {
+    const Axis &axis = scan.axis;
+    const double all = scan.count - 1, step = (axis.strong - axis.weak) / all;
+    Optimum best = INFEASIBLE;
+    for (int i = 0; i + 1 < scan.used; i++) {
+        if (scan.is_far(i)) continue;
+        const int first = i;
+        while (i + 2 < scan.used && !scan.is_far(i + 1)) i++;
+        const int last = i + 1;
+        const Axis part{axis.scale, axis.weak + step * last, axis.weak + step * first, axis.gain_at(last / all),
+                        axis.gain_at(first / all)};
+        const Optimum result = optimum(scan.encounter, part, falling, zooms);
+        if (result.outcome == 0.0) return UNCERTAIN;
+        if (result.outcome == 1.0 && !(best.outcome == 1.0 && best.objective <= result.objective)) best = result;
+    }
+    return best;
+}
+
 // The optimal gain of an encounter: scan the gains, and refine the scan until the optimum is certain.
-Optimum optimum(Encounter &encounter, const Axis &axis, bool falling) {
+Optimum optimum(Encounter &encounter, const Axis &axis, bool falling, int zooms) {
     Scan scan(encounter, axis);
     bool proved = scan.run(falling);
     while (proved) {
         if (scan.is_bounded()) {
-            if (scan.is_infeasible()) return INFEASIBLE;
+            const int open = scan.count_open();
+            if (open == 0) return INFEASIBLE;
+            if (zooms > 0 && FEW * open < scan.used && scan.has_none()) return within_gaps(scan, falling, zooms - 1);
             const Optimum result = scan.is_objective_resolved() ? decide(scan) : UNCERTAIN;
             if (result.outcome != 0.0) return result;
         }
@@ -535,7 +571,7 @@ void find_gains(const double *inputs, int64_t n, double slope, const pretouch_cu
     for (int64_t j = 0; j < limit_count; j++) encounter.peaks |= (int)encounter.limits[j].quantity >= EXCURSION;
     for (int64_t i = 0; i < n; i++) {
         for (int j = 0; j < INPUTS; j++) encounter.inputs[j] = inputs[j * n + i];
-        const Optimum result = optimum(encounter, axis, falling);
+        const Optimum result = optimum(encounter, axis, falling, ZOOMS);
         out[i] = result.gain;
         out[n + i] = result.objective;
         out[2 * n + i] = result.outcome;

@@ -205,6 +205,23 @@ def test_designs_with_limits_agree_with_the_full_search() -> None:
     assert limits.check(6, 7) == 0
 
 
+def test_tasks_with_a_narrow_band_are_feasible() -> None:
+    from benchmarks import narrow_bands
+
+    for kind in narrow_bands.KINDS[:2]:
+        assert narrow_bands.check(kind, 1, 7) == 0
+
+
+def test_the_compiled_search_decides_tasks_with_a_narrow_band() -> None:
+    """The studio has no other search."""
+    from benchmarks import narrow_bands
+    from pretouch.design.search.compiled import OPTIMAL, search_compiled
+
+    tasks = [task for _, task, _ in narrow_bands.tasks(narrow_bands.KINDS[0], 20, 7)]
+    found = [search_compiled(narrow_bands.problem_of(task).within_gain_limit()) for task in tasks]
+    assert sum(f is not None and f[2, 0] == OPTIMAL for f in found) >= 18
+
+
 def test_a_wrong_design_with_limits_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     from benchmarks import limits
 

@@ -189,7 +189,7 @@ def test_the_keyboard_reaches_everything(open_page, static_file):
 
 
 @pytest.mark.parametrize(
-    ("text", "word"), [("42.2 kg", "unit"), ("abc", "number"), ("-3 mm", "positive"), ("", "missing")]
+    ("text", "word"), [("42.2 kg", "quantity in m"), ("abc", "quantity in m"), ("-3 mm", "positive"), ("", "missing")]
 )
 def test_a_mistake_stands_at_its_input_and_nothing_breaks(open_page, static_file, text, word):
     page = open_page(static_file)
@@ -199,6 +199,21 @@ def test_a_mistake_stands_at_its_input_and_nothing_breaks(open_page, static_file
     page.fill("[id='obstacle.position']", "42.2 mm")
     page.wait_for_selector("[id='obstacle.position'][aria-invalid='false']")
     assert "0.0791 m/s" in headline(page)
+    assert page.mistakes == []
+
+
+def test_an_encounter_without_a_contact_says_so_and_shows_no_numbers_of_one(open_page, static_file):
+    page = open_page(static_file)
+    page.fill("[id='obstacle.velocity']", "+0.3 m/s")
+    wait(page, "document.getElementById('headline').textContent.includes('No gain within the bounds ends in contact')")
+    assert "time to contact" not in page.inner_text("#numbers")
+    assert "not met" not in page.inner_text("#limits")
+    page.select_option("#law", "virtual-drag")
+    wait(page, "document.getElementById('headline').textContent.includes('does not approach')")
+    assert "expected a negative velocity" in headline(page)
+    assert "contact at" not in headline(page)
+    page.fill("[id='obstacle.velocity']", "-0.3 m/s")
+    wait(page, "document.getElementById('headline').textContent.includes('contact at')")
     assert page.mistakes == []
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -210,6 +211,8 @@ def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Pres
         plots.sweep(dataset).savefig(content, format=figure.suffix[1:].lower())
         write_bytes(figure, content.getvalue(), overwrite=shown.force)
     places = {"output": shown.output, "figure": figure}
+    if reservations is not None and not shown.json and not reservations.is_refuted:
+        reservations = replace(reservations, witness=None)  # it is about the nominal encounter, not about the sweep
     try:
         text = shown.formatted(
             reservations, lambda: {**sweep_as_dict(dataset), **places}, lambda: sweep_as_text(dataset)

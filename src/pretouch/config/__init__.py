@@ -52,8 +52,8 @@ _QUANTITY_OF_SCALE: Final[Mapping[str, str]] = {
     "velocity": "relative_velocity",
     "force": "impact_force",
 }
-_FASTEST: Final = 10_000.0  # rad/s, largest natural frequency of an admittance
-_STEEPEST: Final = 1e-6  # m, smallest plausible distance over which the output falls by a factor of e
+FASTEST: Final = 10_000.0  # rad/s, largest natural frequency of an admittance
+STEEPEST: Final = 1e-6  # m, smallest plausible distance over which the output falls by a factor of e
 _ROUNDING: Final = 1e-9  # relative error of a distance after adding and subtracting the recess
 
 
@@ -381,11 +381,11 @@ class _Builder(Reading):
             key = next((k for k in ("natural_frequency", "stiffness") if values.get(k) is not None), "stiffness")
             frequencies[key] = scenario.admittance.natural_frequency
         for key, frequency in frequencies.items():
-            if frequency > _FASTEST:
+            if frequency > FASTEST:
                 self.refuse(
                     ("admittance", key),
                     f"the natural frequency of {frequency:.4g} rad/s is too high, because no control loop is "
-                    f"faster than {_FASTEST:,.0f} rad/s. Check mass and stiffness with their units",
+                    f"faster than {FASTEST:,.0f} rad/s. Check mass and stiffness with their units",
                 )
 
     def check_slope(self, sensor: SensorModel) -> None:
@@ -396,11 +396,11 @@ class _Builder(Reading):
         # An implausible curve falls by a factor of e within less than a micrometer.
         nearest = max(sensor.valid_range[0], 0.0)
         slope = abs(float(sensor.log_slope(nearest)))
-        if slope > 1 / _STEEPEST:
+        if slope > 1 / STEEPEST:
             self.refuse(
                 ("sensor",),
                 f"the sensor curve is too steep at the distance {nearest:g} m. There, the output falls by a factor of "
-                f"e (2.718) within a length of {1 / slope:.3g} m, expected at least {_STEEPEST:g} m. Check the "
+                f"e (2.718) within a length of {1 / slope:.3g} m, expected at least {STEEPEST:g} m. Check the "
                 "parameters of the curve and their units",
             )
 

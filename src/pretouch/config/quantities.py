@@ -161,6 +161,21 @@ class Quantity:
             raise UnfitValueError(f"expected {self.expected} {WORKABLE}")
         return number
 
+    def rule(self) -> dict[str, Any]:
+        """Return this parser as a JSON object, for programs in other languages.
+
+        Returns:
+            `expected`, the description of a value with {} in place of an adjective; and, if they are not the default,
+            `sign`, `infinite`, `words` and `largest_bare`, the largest number without a unit.
+        """
+        optional = {
+            "sign": "" if self.sign == "any" else self.sign,
+            "infinite": self.infinite,
+            "words": list(self.words),
+            "largest_bare": _LARGEST_BARE.get(self.unit),
+        }
+        return {"expected": self._described("{}"), **{name: value for name, value in optional.items() if value}}
+
     def _number(self, value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, (int, float, str)):
             raise UnfitValueError(f"expected {self.expected}")

@@ -29,7 +29,7 @@ FROM_SURFACE: Final = ("minimum_distance", "maximum_distance")
 _OUTPUT: Final = Quantity("output", "0.12")
 _AUTO_OR_NONE: Final = ("auto", "none")
 _GEOMETRY: Final = {
-    "recess": Key(LENGTH),
+    "recess": Key(Quantity("m", '"2 mm"', "nonnegative")),
     "minimum_distance": Key(LENGTH),
     "maximum_distance": Key(Quantity("m", '"0.1 m"', infinite=True)),
 }

@@ -171,5 +171,10 @@ def _data() -> dict[str, Any]:
             f"the page of pretouch studio needs the file {CORE.name}. This file is missing in the folder "
             f"{CORE.parent}. To build the file, {BUILD_CORE}"
         ) from None
+    from .field_rules import field_rules, largest_values  # noqa: PLC0415 - the schema, only for a page
+
     packed = gzip.compress(content, compresslevel=9, mtime=0)
-    return {"core": base64.b64encode(packed).decode(), "units": unit_tables()}
+    return {
+        "core": base64.b64encode(packed).decode(),
+        "units": {**unit_tables(), "rules": field_rules(), "largest": largest_values()},
+    }

@@ -3,10 +3,11 @@
 import { Chart, gainTicks, writeKey } from "./charts.js";
 import { Encounter } from "./encounter.js";
 import { LETTER, timesOf } from "./live.js";
-import { FIELDS, formatQuantity, motionOf, overSpeed, parseQuantity, problemOf, pythonOf, solveProblem, tomlOf, tradeOff, writeLike } from "./model.js";
+import { FIELDS, conclusionOf, formatQuantity, motionOf, overSpeed, parseQuantity, problemOf, pythonOf, solveProblem, tomlOf, tradeOff, writeLike } from "./model.js";
 
 const POINTS = { still: 96, dragged: 36 }; // of the trade-off curve
 const HISTORY = 200;
+const WITHOUT_CONTACT = 2; // s that are shown of encounters without contact
 const LETTERS = "ABCDEFGH";
 const SPEEDS = Array.from({ length: 16 }, (_, i) => (i + 1) / 16);
 export const byId = (id) => document.getElementById(id);
@@ -122,11 +123,16 @@ export class Page {
         const { state, core } = this, problem = problemOf(state.fields, state.fixed);
         this.#mistakes(problem.mistakes);
         if (!problem.encounter) {
-            const count = Object.keys(problem.mistakes).length;
-            byId("headline").textContent = `${count} ${count === 1 ? "input needs" : "inputs need"} a correction.`;
+            const mistakes = Object.entries(problem.mistakes), count = mistakes.length;
+            const sentences = mistakes.filter(([key]) => !FIELDS.some((field) => field.key === key && byId(key)));
+            const text = sentences.map(([, words]) => ` ${words[0].toUpperCase()}${words.slice(1)}.`).join("");
+            byId("headline").textContent = `${count} ${count === 1 ? "input needs" : "inputs need"} a correction.${text} The figures show the last valid inputs.`;
+            document.body.classList.add("stale");
+            for (const id of ["limits", "numbers"]) byId(id).replaceChildren(); // they would belong to other inputs
             this.since = null;
             return;
         }
+        document.body.classList.remove("stale");
         const solved = solveProblem(core, problem, state.chosen);
         const signature = JSON.stringify([problem.encounter, problem.described, problem.bounds, problem.law]);
         const points = this.before ? POINTS.dragged : POINTS.still;
@@ -148,21 +154,28 @@ export class Page {
         const chosen = problem.law !== "drag" && this.state.chosen !== null;
         const name = problem.law === "drag" ? "Drag" : chosen ? "Chosen gain" : "Optimal gain";
         let text = `${name} ${symbol} = ${formatQuantity(gain, unit)}: `;
-        if (design.status === 2 && !chosen) text = "No gain within the bounds meets the limits. ";
-        if (design.status === 0 && !chosen) text = "The search in the page is not certain of the optimum; run pretouch design. ";
-        text += contact.status === 0 ? `contact at ${speed(contact)}` : "no contact";
-        text += free.status === 0 ? ` instead of ${speed(free)} without mitigation.` : ".";
+        const conclusion = chosen ? "" : conclusionOf(this.core, problem, this.solved);
+        if (conclusion === "no-contact") text = "No gain within the bounds ends in contact. ";
+        if (conclusion === "uncertain") text = `The search in the page is not certain of the optimum; run pretouch design. With ${symbol} = ${formatQuantity(gain, unit)}: `;
+        if (conclusion === "infeasible") text = `No gain within the bounds meets the limits. With ${symbol} = ${formatQuantity(gain, unit)}: `;
+        text += contact.status === 0 ? `contact at ${speed(contact)}` : conclusion === "no-contact" ? "" : "no contact";
+        if (free.status === 0) text += contact.status === 0 ? ` instead of ${speed(free)} without mitigation.` : `${text.endsWith(" ") ? "C" : "; c"}ontact at ${speed(free)} without mitigation.`;
+        else if (!text.endsWith(" ")) text += contact.status === 0 ? "; no contact without mitigation." : ".";
         byId("headline").textContent = text;
         const items = problem.limits.map(({ name: limit, column, unit: of, limit: most }) => {
-            const value = Math.abs(contact[column]), met = contact.status === 0 && value <= most * (1 + 1e-9);
+            const value = Math.abs(contact[column]), met = value <= most * (1 + 1e-9);
             const item = document.createElement("li");
+            if (contact.status !== 0) {
+                item.textContent = `${limit.replaceAll("_", " ")}: not judged without contact`;
+                return item;
+            }
             item.className = met ? "met" : "missed";
             item.textContent = `${limit.replaceAll("_", " ")} ${formatQuantity(value, of, 3)}, limit ${formatQuantity(most, of, 3)}: ${met ? "met" : "not met"}`;
             return item;
         });
         byId("limits").replaceChildren(...items);
         const shown = [["largest_excursion", "excursion", "m"], ["largest_virtual_force", "largest virtual force", "N"], ["largest_acceleration", "largest acceleration", "m/s^2"], ["time", "time to contact", "s"]];
-        byId("numbers").replaceChildren(...shown.map(([column, words, of]) => {
+        byId("numbers").replaceChildren(...(contact.status === 0 ? shown : []).map(([column, words, of]) => {
             const item = document.createElement("li");
             item.textContent = `${words} ${formatQuantity(contact[column], of, 3)}`;
             return item;
@@ -203,7 +216,8 @@ export class Page {
     }
 
     #draw(problem, solved) {
-        const runs = this.#runs(problem, solved), times = timesOf(runs.map((run) => run.contact.time).filter((t) => t < 60));
+        const runs = this.#runs(problem, solved), ends = runs.filter((run) => run.contact.status === 0 && run.contact.time < 60).map((run) => run.contact.time);
+        const times = timesOf(ends.length ? ends : [WITHOUT_CONTACT]);
         const motions = runs.map((run) => run.motion ? run.motion(times) : motionOf(this.core, run.problem, run, times));
         const lines = runs.map(({ words, color, dash }) => ({ label: words, color, dash }));
         const ms = times.map((t) => 1e3 * t), scaled = (name, by) => motions.map((m) => m[name].map((x) => (x === null ? null : by(x))));
@@ -222,12 +236,13 @@ export class Page {
         const count = times.findIndex((t) => t >= solved.contact.time) + 1 || times.length;
         const cut = (column) => column.slice(0, count), [first] = motions;
         if (first.distance[0] !== null) this.scene.show({ time: cut(times), distance: cut(first.distance), displacement: cut(first.displacement), relative_velocity: cut(first.relative_velocity) }, problem.curve.slope);
-        byId("time").max = solved.contact.time;
+        byId("time").max = Math.min(solved.contact.time, times.at(-1));
         this.#compare(runs);
     }
 
     #drawSpeeds(problem, { gain }) {
         const drag = problem.law === "drag", free = problem.encounter[6] - problem.encounter[4];
+        byId("speeds").parentElement.hidden = !(free < 0);
         if (!(free < 0)) return;
         const most = Math.max(1, 2 * Math.abs(free)), speeds = SPEEDS.map((s) => s * most);
         const damper = drag ? this.otherGain ?? -0.7463 : gain;
@@ -535,7 +550,8 @@ export class Page {
         for (const { key } of FIELDS) {
             const input = byId(key);
             if (!input) continue;
-            const text = mistakes[key] ?? "", place = byId(`${key}-mistake`);
+            const ofSection = { "obstacle.velocity": mistakes.obstacle, "sensor.exponent": mistakes.sensor, "sensor.rate": mistakes.sensor };
+            const text = mistakes[key] ?? ofSection[key] ?? "", place = byId(`${key}-mistake`);
             input.setAttribute("aria-invalid", text ? "true" : "false");
             place.hidden = !text;
             place.textContent = text;

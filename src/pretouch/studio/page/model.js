@@ -2,9 +2,9 @@
 
 import { gainAxis, sensorCurve } from "./core.js";
 
-let table = null; // the units of pretouch, from _core/units.py
+let table = null; // the units of pretouch, from _core/units.py, and the rules of the scenario file, from config/schema.py
 
-/** Set the units that fields may have: { units: { m: [1, [1, 0, 0, 0, 0]], ... }, prefixes: { m: 1e-3, ... } }. */
+/** Set units and rules: { units: { m: [1, [1, 0, 0, 0, 0]], ... }, prefixes: { m: 1e-3, ... }, rules: { "admittance.mass": ... } }. */
 export function setUnits(units) {
     table = units;
 }
@@ -32,9 +32,9 @@ function unitOf(name, text) {
 
 /** Return the SI value of a text such as "42.2 mm"; throw an error with a sentence if it is none. */
 export function parseQuantity(text, unit) {
-    const match = /^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|inf)\s*(.*?)\s*$/.exec(String(text));
+    const match = /^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*$/.exec(String(text));
     if (!match) throw new Error(`found ${JSON.stringify(text)}, expected a number with unit, such as "1 ${unit}"`);
-    const number = match[1] === "inf" ? Infinity : Number(match[1]), [, dimension] = parseUnit(unit);
+    const number = match[1].endsWith("inf") ? (match[1][0] === "-" ? -Infinity : Infinity) : Number(match[1]), [, dimension] = parseUnit(unit);
     if (match[2] === "") return number;
     const [factor, found] = parseUnit(match[2]);
     if (found.some((x, i) => x !== dimension[i])) throw new Error(`found the unit ${match[2]}, expected ${unit || "none"}`);
@@ -63,7 +63,7 @@ const byFrequency = (f) => "admittance.natural_frequency" in f;
 
 /** The fields that the page shows: key of the scenario file, words, SI unit, sign, and when it is shown. */
 export const FIELDS = [
-    ["sensor.distance_offset", "Distance of the virtual source l₀", "m", "positive", of("inverse-power")],
+    ["sensor.distance_offset", "Distance of the virtual source l₀", "m", "any", of("inverse-power")],
     ["sensor.exponent", "Exponent n", "", "positive", of("inverse-power")],
     ["sensor.rate", "Rate c of ln ξ", "1/m", "negative", of("exponential-1", "exponential-2")],
     ["sensor.curvature", "Curvature b of ln ξ", "1/m^2", "any", of("exponential-2")],
@@ -105,15 +105,35 @@ export const LIMITS = {
     virtual_force: ["largest_virtual_force", 10, "N"],
 };
 
-function checkSign(value, field) {
-    const { sign, unit } = field, text = formatQuantity(value, unit);
-    const wrong =
-        (["positive", "limit"].includes(sign) && !(value > 0) && "a positive value") ||
-        (sign === "negative" && !(value < 0) && "a negative value") ||
-        (sign === "nonnegative" && !(value >= 0) && "0 or a positive value") ||
-        (sign === "nonzero" && value === 0 && "a value other than 0") ||
-        (sign === "share" && !(value > 0 && value < 1) && "a number between 0 and 1");
-    if (wrong) throw new Error(`found ${text}, expected ${wrong}`);
+const HOLDS = { any: () => true, positive: (x) => x > 0, nonnegative: (x) => x >= 0, negative: (x) => x < 0, nonzero: (x) => x !== 0 };
+const BARE = /^\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*$/;
+
+/** Describe the values that a key accepts, as the command does. */
+function expectedValue(key, adjective = "any") {
+    return `expected ${table.rules[key].expected.replace("{}", adjective === "any" ? "" : `${adjective} `)}`;
+}
+
+/** Read a value by the rule of its key in the scenario file; throw an error with the sentence of the command. */
+export function readByRule(text, { key, unit }) {
+    const { sign = "any", infinite = false, words = [], largest_bare: largestBare = Infinity } = table.rules[key];
+    if (words.includes(text)) return text;
+    const bare = BARE.test(text), refuse = (sentence) => {
+        throw new Error(`found ${bare ? String(text).trim() : JSON.stringify(text)}, ${sentence}`);
+    };
+    let value;
+    try {
+        value = parseQuantity(text, unit);
+    } catch {
+        refuse(expectedValue(key) + (/\d,\d/.test(text) ? " (with a decimal point instead of the comma)" : ""));
+    }
+    if (bare && Math.abs(value) > largestBare) {
+        refuse(`expected a quantity with its unit. Without a unit, the number means ${value} ${unit}, which is implausibly large. Did you mean "${value} m${unit}"? Otherwise write "${value} ${unit}"`);
+    }
+    if (!HOLDS[sign](value)) refuse(expectedValue(key, sign));
+    if (!Number.isFinite(value) && !infinite) refuse(expectedValue(key, "finite"));
+    const [smallest, largest] = table.largest.magnitudes;
+    if (Number.isFinite(value) && value !== 0 && !(Math.abs(value) >= smallest && Math.abs(value) <= largest)) refuse(`${expectedValue(key)} ${table.largest.workable}`);
+    return value;
 }
 
 /** Read all fields: { values in SI by key, mistakes by key }. */
@@ -124,16 +144,11 @@ export function readFields(fields) {
         const text = fields[field.key];
         if (text === undefined || text === "") {
             if (field.key in DEFAULTS) values[field.key] = DEFAULTS[field.key];
-            else if (!OPTIONAL(field)) mistakes[field.key] = `missing, expected a quantity in ${field.unit || "no unit"}`;
-            continue;
-        }
-        if (field.key === "objective.velocity_scale" && text === "obstacle speed") {
-            values[field.key] = text;
+            else if (!OPTIONAL(field)) mistakes[field.key] = `missing, ${expectedValue(field.key, table.rules[field.key].sign)}`;
             continue;
         }
         try {
-            values[field.key] = parseQuantity(text, field.unit);
-            checkSign(values[field.key], field);
+            values[field.key] = readByRule(text, field);
         } catch (error) {
             mistakes[field.key] = error.message;
         }
@@ -142,6 +157,13 @@ export function readFields(fields) {
 }
 
 const get = (values, key) => values[key] ?? DEFAULTS[key];
+
+/** Format a number as Python's format :g with a number of digits. */
+function short(value, digits = 6) {
+    const text = Number(value.toPrecision(digits)), size = Math.abs(text);
+    if (size !== 0 && (size < 1e-4 || size >= 10 ** digits)) return text.toExponential().replace(/e([-+])(\d)$/, "e$10$2");
+    return String(text);
+}
 
 /** Build the problem from fields: encounter, curve, objective, limits and bounds.
  *
@@ -152,17 +174,34 @@ export function problemOf(fields, fixed = {}) {
     let bounds = null;
     try {
         bounds = (law === "drag" ? ["-10 N*s", "-0.01 N*s"] : fields["gain.bounds"]).map((x) => parseQuantity(x, "N*s"));
-        if (!(bounds[0] < bounds[1] && bounds[0] < 0)) throw new Error("expected a lower bound below 0 and below the upper");
+        if (!(bounds[0] < bounds[1])) throw new Error(`found bounds from ${bounds[0]} N*s to ${bounds[1]} N*s, expected the lower bound first`);
+        if (!(bounds[0] < 0)) throw new Error(`no gain from ${bounds[0]} to ${bounds[1]} N s mitigates the impact. The sign of a mitigating gain is negative. Did you mean ${-bounds[1]} to ${-bounds[0]} N s?`);
     } catch (error) {
         mistakes["gain.bounds"] = error.message;
     }
-    if (!(values["obstacle.position"] - get(values, "plant.position") > 0)) mistakes["obstacle.position"] ??= "the distance must be positive";
+    const at = (key) => get(values, key), distance = values["obstacle.position"] - at("plant.position");
+    const hasBodies = !Object.keys(mistakes).some((key) => /^(admittance|obstacle|plant|reference)\./.test(key));
+    if (hasBodies && !(distance > 0)) mistakes["obstacle.position"] ??= `the distance between obstacle and robot is ${short(distance)} m, but must be positive at the start of an encounter`;
     if (fixed.sensor?.unusable) mistakes["sensor.model"] = fixed.sensor.unusable;
+    const own = !fixed.sensor, end = values["sensor.maximum_distance"];
+    if (own && values["sensor.distance_offset"] <= 0) {
+        mistakes["sensor.distance_offset"] ??= `found ${short(values["sensor.distance_offset"])} m, expected more than 0 m, the negative of minimum_distance. Otherwise, the output is infinite inside the valid range`;
+    }
+    if (own && end <= 0) mistakes["sensor.maximum_distance"] ??= `found ${short(end)} m, expected more than the minimum_distance of 0 m`;
+    if (law === "drag" && values["law.ratio"] > 1) {
+        mistakes["law.ratio"] ??= `found ${short(values["law.ratio"])}, expected a positive number up to 1. The ratio is contact speed / approach speed, and a virtual drag reduces the speed`;
+    }
+    if (values["objective.velocity_scale"] === "obstacle speed" && at("obstacle.velocity") === 0) {
+        mistakes["objective.velocity_scale"] ??= 'found "obstacle speed" for an obstacle at rest, expected a quantity in m/s';
+    }
     if (Object.keys(mistakes).length) return { mistakes };
     const mass = values["admittance.mass"], omega = values["admittance.natural_frequency"];
-    const damping = omega === undefined ? values["admittance.damping"] : 2 * get(values, "admittance.damping_ratio") * omega * mass;
+    const damping = omega === undefined ? values["admittance.damping"] : 2 * at("admittance.damping_ratio") * omega * mass;
     const stiffness = omega === undefined ? values["admittance.stiffness"] : omega ** 2 * mass;
-    const at = (key) => get(values, key);
+    const frequency = Math.sqrt(stiffness / mass);
+    if (frequency > table.largest.fastest) {
+        return { mistakes: { [omega === undefined ? "admittance.stiffness" : "admittance.natural_frequency"]: `the natural frequency of ${short(frequency, 4)} rad/s is too high, because no control loop is faster than ${table.largest.fastest.toLocaleString("en-US")} rad/s. Check mass and stiffness with their units` } };
+    }
     const encounter = [
         mass, damping, stiffness, at("plant.position") - at("reference.position"),
         at("plant.velocity") - at("reference.velocity"), values["obstacle.position"] - at("reference.position"),
@@ -173,10 +212,18 @@ export function problemOf(fields, fixed = {}) {
         distance_offset: values["sensor.distance_offset"], exponent: values["sensor.exponent"],
         curvature: at("sensor.curvature"), maximum_distance: values["sensor.maximum_distance"],
     };
-    const curve = sensorCurve(described);
-    if (encounter[5] - encounter[3] > curve.high) {
-        const text = formatQuantity(curve.high, "m");
-        return { mistakes: { "obstacle.position": `the sensor curve ends at ${text}; start at a smaller distance` } };
+    const curve = sensorCurve(described), slope = Math.abs(curve.slope(0));
+    if (own && slope > table.largest.steepest) {
+        return { mistakes: { sensor: `the sensor curve is too steep at the distance 0 m. There, the output falls by a factor of e (2.718) within a length of ${short(1 / slope, 3)} m, expected at least 1e-06 m. Check the parameters of the curve and their units` } };
+    }
+    if (distance > curve.high) {
+        return { mistakes: { "obstacle.position": `the encounter starts at a distance of ${short(1e3 * distance, 4)} mm, but the sensor curve ends at a distance of ${short(1e3 * curve.high, 4)} mm, the end of the sensor's valid range. Start the encounter at a smaller distance.` } };
+    }
+    if (law === "drag" && (encounter[3] !== 0 || encounter[4] !== 0)) {
+        return { mistakes: { obstacle: "found a plant that is not at rest at its reference, expected one that is" } };
+    }
+    if (law === "drag" && !(at("obstacle.velocity") - at("plant.velocity") < 0)) {
+        return { mistakes: { obstacle: "found an obstacle that does not approach, expected a negative velocity" } };
     }
     const limits = Object.entries(LIMITS).flatMap(([name, [column, row, unit]]) => {
         const limit = values[`constraints.${name}`];
@@ -260,6 +307,18 @@ export function pythonOf(problem, gain, file = null) {
     if (problem.law === "drag") lines.push("design = pt.design.design_drag(task)", "print(design)");
     else lines.push("design = pt.design_gain(task)", "print(design)", `contact = pt.find_contact(task.scenario, task.sensor, ${n(gain)}).contact`, "print(contact.relative_velocity)");
     return lines.join("\n") + "\n";
+}
+
+/** Return the conclusion of the command about a solved problem: optimal, infeasible, no-contact, uncertain, holds or fails. */
+export function conclusionOf(core, problem, { contact, free, design }) {
+    if (problem.law === "drag") {
+        const misses = problem.limits.some(({ column, limit }) => !(Math.abs(contact[column]) <= limit * (1 + 1e-9)));
+        return contact.status === 0 && !misses ? "holds" : "fails";
+    }
+    if (design.status === 1) return "optimal";
+    const touches = free.status === 0 || tradeOff(core, problem, 96).rows.some((row) => row.status === 0);
+    if (!touches) return "no-contact";
+    return design.status === 2 ? "infeasible" : "uncertain";
 }
 
 /** Compute what the page shows of a problem: the design, the contact at the chosen gain, and without mitigation. */

@@ -132,6 +132,7 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
             [r"floating base of 1 kg +0\.09\d+ +0\.09", r"without kappa .* \+1\d\.", r"passes: 0 of 3", r"ms apart"],
         ),
         ("loops", ["--quick"], [r"[\d,]+ runs/s", r"200 contacts", r"largest difference 0\.\d\d%"]),
+        ("advice", ["--quick"], [r"bounds of \d+ limits", r"loops that do not hold, after advice: \d end"]),
         ("verdicts", ["--quick"], [r"verdicts over 20 runs", r"s with changes", r"which loses -?\d+\.\d\d \+- "]),
         (
             "calibrations",

@@ -104,7 +104,7 @@ def test_a_report_contains_the_numbers_of_the_verdict(one: pt.Verdict) -> None:
 
 def test_the_change_that_helps_most_stands_out_with_its_numbers() -> None:
     slow = case("8x8 that is too slow")
-    best, title = slow.best_change, "What would help most (not enough alone)"
+    best, title = slow.best_change, "What to do next"
     assert best is not None
     assert best.standing < 1
     page = report_html(slow)
@@ -136,7 +136,7 @@ def test_a_contact_that_is_harder_than_without_mitigation_is_why_it_does_not_hol
     words = parse(page).words
     assert f"contact is harder than without mitigation: {wild.effect.speed:.4g} m/s on average instead of 0.3" in words
     assert wild.best_change.standing == 1
-    title = "What would help most (not fully checked)"  # of the sensor, which is too slow, too
+    title = "What to do next"
     assert row(page, "contact harder than without mitigation", title) == ["yes", "no"]
     best = row(page, "best gain with a gain margin of 2 on the simulated loop, mean of the runs")
     assert best[0] == f"{wild.loss.loop_gain:.4g} N s"

@@ -87,8 +87,8 @@ def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
             [velocity_limit(0.1, 0.99)],
             NARROWLY,
             "60 runs. This does not demonstrate the required probability of 99 %. The runs demonstrate only a "
-            "probability of 95.12 % (95 % confidence). To demonstrate the required probability with the same "
-            "share of runs, simulate 299 runs",
+            "probability of 95.12 % (95 % confidence). To demonstrate the required probability, simulate about 300 "
+            "runs",
         ),
         ([pt.Constraint(name="excursion", limit=0.0985)], NARROWLY, "is met with a margin of only"),
     ],
@@ -335,7 +335,7 @@ def test_uncertain_inputs_make_other_encounters_and_sensors() -> None:
         "sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.1),
     }
     found = verdict(NOISY, gain=-0.7463, uncertainty=known, runs=40, changes=False)
-    drawn = pt.robust.sample_inputs(known, 40, seed=0, sampling="random")
+    drawn = pt.robust.sample_inputs(known, 40, seed=0)
     assert found.unmitigated is not None
     assert found.mitigated is not None
     assert np.abs(found.unmitigated.relative_velocity) == pytest.approx(-drawn["obstacle.velocity"])
@@ -488,9 +488,11 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     assert not any("robot at rest" in text for text in still.warnings)
 
 
-def test_the_advised_number_of_runs_shows_the_limit_and_one_less_does_not() -> None:
+def test_the_advised_number_of_runs_shows_the_limit_and_less_than_the_smallest_does_not() -> None:
     few = verdict(NOISY, gain=-0.7463, constraints=[velocity_limit(0.1, 0.99)])
-    assert page_of(few).next_step == "simulate 299 runs"
+    assert page_of(few).next_step == "simulate 300 runs"
+    assert few.advice is not None
+    assert few.advice.settings == {"verify.runs": 300}
     for runs, status in ((298, NARROWLY), (299, HOLDS)):
         options: dict[str, Any] = {"constraints": [velocity_limit(0.1, 0.99)], "changes": False, "runs": runs}
         assert verdict(NOISY, gain=-0.7463, **options).status is status

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import beta
 
 import pretouch as pt
 from loop_samples import BareLaw
@@ -62,7 +63,7 @@ def test_the_best_gain_on_the_loop_is_that_of_brute_force(loop: ClosedLoop, ripp
 
 def test_a_redesign_goes_up_to_the_limit_that_was_missed() -> None:
     """Where nothing is random the speed at contact falls steadily with the gain: the search ends within 0.1 % of where
-    the limit begins to hold, and where it holds is best, since the optimum without it lies below."""
+    3 % of the limit begin to remain free, since the optimum without it lies below, and with the printed digits."""
     found = verdict(QUICK, constraints=[velocity_limit(0.07)], gain=-0.7463, runs=2)
     assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
     best = found.best_change
@@ -71,11 +72,12 @@ def test_a_redesign_goes_up_to_the_limit_that_was_missed() -> None:
     assert best.held == best.standing == 1
     assert found.loss is not None
     assert found.loss.loop_gain == best.gain
-    assert abs(QUICK.run(SCENARIO, SENSOR, best.gain).relative_velocity) <= 0.07
-    assert abs(QUICK.run(SCENARIO, SENSOR, 0.998 * best.gain).relative_velocity) > 0.07
+    assert best.gain == float(f"{best.gain:.4g}")
+    assert abs(QUICK.run(SCENARIO, SENSOR, best.gain).relative_velocity) <= 0.97 * 0.07 * (1 + 1e-3)
+    assert abs(QUICK.run(SCENARIO, SENSOR, 0.997 * best.gain).relative_velocity) > 0.97 * 0.07
     curve = found.loss.curve
     assert np.all(np.diff(curve.gain) > 0)
-    assert np.array_equal(curve.share == 1, curve.gain <= best.gain)
+    assert np.all(curve.share[curve.shortfall <= 1] == 1)
 
 
 def test_limits_that_are_kept_in_islands_are_kept_by_the_gain_that_is_proposed() -> None:
@@ -92,6 +94,14 @@ GIVEN_UP_LIMITS = [velocity_limit(0.078, 0.9)]
 """A limit that some gains miss in nearly all of 120 runs, some in a few and some in none."""
 
 
+def shortfall_of(gain: float, runs: int, limit: float, probability: float, room: float) -> float:
+    """The speed that must keep the limit so that the runs show the probability, and the quantile with room."""
+    speed = np.sort(np.abs(NOISY.run(SCENARIO, SENSOR, gain, runs=runs).relative_velocity))
+    shown = next(k for k in range(1, runs + 1) if beta.ppf(0.05, k, runs - k + 1) >= probability)
+    reached = math.ceil(probability * runs - 1e-9)
+    return float(max(speed[shown - 1], speed[reached - 1] / (1 - room)) / limit)
+
+
 def test_gains_that_are_given_up_miss_a_limit_over_all_runs() -> None:
     """Every gain of the search is simulated anew over all runs: the decision is the same, for most with fewer runs."""
     found = verdict(NOISY, constraints=GIVEN_UP_LIMITS, runs=120)
@@ -101,31 +111,30 @@ def test_gains_that_are_given_up_miss_a_limit_over_all_runs() -> None:
     assert 16 <= first < 30
     assert set(curve.runs.tolist()) == {first, 120}
     assert 5 < given_up.sum() < len(curve.gain) - 5
-    kept = []
-    for gain, share, runs in zip(curve.gain.tolist(), curve.share, curve.runs, strict=True):
-        speed = np.abs(NOISY.run(SCENARIO, SENSOR, gain, runs=120).relative_velocity)
-        assert share == np.mean(speed[:runs] <= 0.078)
-        kept.append(np.mean(speed <= 0.078) >= 0.9)
-    assert not np.any(np.array(kept)[given_up])
+    whole = np.array([[shortfall_of(gain, 120, 0.078, 0.9, room) for room in (0.0, 0.03)] for gain in curve.gain])
+    needed = whole[:, 1 if whole[:, 1].min() <= 1 else 0]
+    assert np.all(needed[given_up] > 1)
+    assert curve.shortfall[~given_up] == pytest.approx(np.maximum(needed[~given_up], curve.shortfall.min()), rel=1e-9)
     best = objective_of(NOISY, found.loss.loop_gain or 0.0, 120).mean()
-    assert best == min(o for o, k in zip(curve.objective, kept, strict=True) if k)
+    assert best == pytest.approx(curve.objective[~given_up & (needed <= 1)].min(), rel=1e-3)
+    assert shortfall_of(found.loss.loop_gain or 0.0, 120, 0.078, 0.9, 0.0) <= 1
 
 
 def test_without_a_gain_that_meets_the_limits_the_nearest_is_that_of_all_runs() -> None:
-    """Gains that were given up are completed as far as their score may be the best: brute force finds no better one."""
+    """Gains that were given up are completed as far as they may be the best: brute force finds no better one.
+
+    To demonstrate 98 %, 149 runs that meet the limit suffice, and the search simulates 1.5 times as many.
+    """
     hard = velocity_limit(0.0735, 0.98)
     found = verdict(NOISY, constraints=[hard], bounds=(-0.95, -0.3), gain=-0.9, runs=120)
     assert found.loss is not None
     assert found.loss.loop_gain is None
     curve = found.loss.curve
-    assert curve.runs.min() < curve.runs.max() == 120
+    assert curve.runs.min() < curve.runs.max() == 224
     nearest = next(change for change in found.changes if change.name == "gain")
-    shares = []
-    for gain in curve.gain.tolist():
-        speed = np.abs(NOISY.run(SCENARIO, SENSOR, gain, runs=120).relative_velocity)
-        shares.append(np.mean(speed <= 0.0735))
-    assert 0 < max(shares) < 0.98
-    assert nearest.standing == pytest.approx(max(shares) / 0.98)
+    shortfalls = [shortfall_of(gain, 224, 0.0735, 0.98, 0.0) for gain in curve.gain.tolist()]
+    assert min(shortfalls) > 1
+    assert shortfall_of(nearest.gain, 224, 0.0735, 0.98, 0.0) == pytest.approx(min(shortfalls), rel=2e-3)
 
 
 def test_every_change_is_what_its_own_loop_gives() -> None:
@@ -275,10 +284,9 @@ def test_a_change_names_what_stands_against_the_gain_and_was_not_checked_with_it
     assert found.best_change is not None
     assert found.sensor_speed is not None
     assert found.sensor_speed.is_fast_enough
-    assert "what would help most\n" in str(found)
+    assert "what to do next\n" in str(found)
     assert "Not checked with this change" not in str(found)
     slow = replace(found, sensor_speed=replace(found.sensor_speed, excess=5.39))
-    assert "what would help most (not fully checked)\n" in str(slow)
     assert f"{found.best_change.sentence} Not checked with this change: whether the sensor is still too slow." in str(
         slow
     )

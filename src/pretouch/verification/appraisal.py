@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -37,6 +39,8 @@ _FIRST: Final = 0.16  # share of these runs after which gains that certainly mis
 _LEAST_FIRST: Final = 16  # fewer runs than that are not worth a separate call
 _AT_CONTACT: Final = frozenset({"relative_velocity", "impact_force", "peak_force"})
 _WHOLE_MOTION: Final = frozenset({*PEAKS, "drive_force", "gain"})
+_COUNT_ROUNDING: Final = 1e-9  # a share times a number of runs may be just above a whole number
+_SLOWEST: Final = 1e-9  # m/s: a smaller speed is not divided by
 _IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # quantities that arise after the first touch
 
 
@@ -115,14 +119,15 @@ class Draws:
 
 
 def draw_encounters(task: Task) -> Draws:
-    """Sample independent random encounters, using the random seed of the loop."""
-    # Exact confidence bounds need independent encounters.
+    """Sample random encounters, using the random seed of the loop."""
+    # The uncertain inputs are points of a scrambled Sobol sequence, so that no seed is lucky: evenly spread encounters
+    # make exact bounds of probabilities cautious. The noise of each run is independent.
     if not task.uncertainty:
         obstacle = task.scenario.obstacle
         alike = replace(obstacle, position=np.full(task.verify.runs, obstacle.position))
         return Draws(task=task, scenarios=replace(task.scenario, obstacle=alike))
     check_nominal(task.uncertainty, task.scenario, task.sensor)
-    values = sample_inputs(task.uncertainty, task.verify.runs, seed=task.loop.seed, sampling="random")
+    values = sample_inputs(task.uncertainty, task.verify.runs, seed=task.loop.seed)
     certain = [name for name in values if name.startswith("admittance.")]
     if certain:
         raise InvalidInputError(
@@ -156,10 +161,6 @@ class Requirement(NamedTuple):
     def is_met(self) -> bool:
         """True if enough simulated runs meet the condition."""
         return self.standing >= 1 - _ROUNDING
-
-    def after(self, further: int) -> Requirement:
-        """Return the requirement as if further runs met its condition."""
-        return self._replace(held=np.concatenate([self.held, np.ones(further, dtype=bool)]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -209,9 +210,46 @@ class LoopOutcomes:
             return 1.0
         return min(effect.unmitigated / effect.speed, _ALMOST) if effect.is_harder else _ALMOST
 
-    def best_standing(self, further: int) -> float:
-        """Return the largest possible score after further simulated runs."""
-        return min(r.after(further).standing for r in self.requirements)
+    def shortfalls(self, total: int, confidence: float, room: float = 0.0) -> FloatArray:
+        """Return how far each requirement is from being met with a reserve: at most 1 if it is met.
+
+        A limit with a required probability has a reserve if the runs demonstrate the probability: a lower confidence
+        bound reaches it. The smallest number of runs that is needed for this decides which quantile of |quantity| /
+        limit is returned. The quantile at the required probability must also keep a share `room` of the limit free.
+
+        Args:
+            total: number of runs that count. If fewer were simulated, the others are assumed to meet every requirement;
+                the result is then a lower bound.
+            confidence: confidence level of the lower bound.
+            room: share of a limit that must remain free.
+
+        Returns:
+            The ratios for contact, contact speed and each limit, in this order.
+        """
+        contact, *limited = self.requirements
+        missing = int((~contact.held).sum())
+        is_whole = self.result.shape[0] >= total  # the mean speed of the first runs is no bound of that of all runs
+        ratios = [1 + missing / max(total, 1) if missing else 0.0, self._speed_ratio if is_whole else 0.0]
+        for requirement, ratio in zip(limited, self.ratios, strict=True):
+            p, values = requirement.probability, np.sort(ratio)
+            further = total - len(values)
+            free = 1 - (0.0 if requirement.name == "gain" else room)
+            at_least = math.ceil(p * total - _COUNT_ROUNDING)
+            needed = total if p == 1 else min(count_to_show(total, p, confidence), total)
+            shown, reached = (
+                float(values[i]) if i >= 0 else 0.0 for i in (k - 1 - further for k in (needed, at_least))
+            )
+            ratios.append(max(shown, reached / free))
+        return np.array(ratios)
+
+    @property
+    def _speed_ratio(self) -> float:
+        """Contact speed, divided by the highest speed that counts as mitigated; 0 without a comparison."""
+        effect = self.effect
+        if effect is None:
+            return 0.0
+        ratio = effect.speed / max((1 - EFFECT) * effect.unmitigated, _SLOWEST)
+        return ratio if self.softness == 1 else max(ratio, 1 / self.softness)
 
     @property
     def is_kept(self) -> bool:
@@ -231,6 +269,24 @@ class LoopOutcomes:
         """Share of the runs with contact and all limits met."""
         held = [r.held for r in self.requirements if r.name != "contact"]
         return float(np.all([self.result.touched, *held], axis=0).mean())
+
+
+@cache
+def count_to_show(total: int, probability: float, confidence: float) -> int:
+    """Return how many of the runs must meet a limit to demonstrate its probability.
+
+    It is more than all runs if there are too few.
+
+    Examples:
+        >>> count_to_show(299, 0.99, 0.95), count_to_show(298, 0.99, 0.95), count_to_show(500, 0.95, 0.95)
+        (299, 299, 484)
+    """
+    few, many = math.ceil(probability * total) - 1, total + 1  # as many as `few` never suffice
+    while many - few > 1:
+        middle = (few + many) // 2
+        shown = least_probability(middle, total, confidence) >= probability
+        few, many = (few, middle) if shown else (middle, many)
+    return many
 
 
 def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
@@ -256,7 +312,7 @@ class LoopProblem:
 
     draws: Draws
     predicted: BoolArray  # which of the encounters end in contact in continuous time
-    unmitigated: SimulationResult  # runs with gain 0 on the unchanged loop; changed loops are compared with them, too
+    unmitigated: SimulationResult | None  # runs with gain 0 on the unchanged loop, with which all runs are compared
 
     def compared(self, loop: ClosedLoop) -> ClosedLoop:
         """Return a copy of the loop whose runs end at contact.
@@ -275,10 +331,11 @@ class LoopProblem:
 
         They are the largest rate of change [1/s], and the largest standard deviation of the noise at the distances.
         """
-        sensor, c, free = self.draws.task.sensor, self.draws.task.loop.chain, self.unmitigated
+        sensor, c = self.draws.task.sensor, self.draws.task.loop.chain
         slope, xi = np.abs(np.asarray(sensor.log_slope(distance))), np.exp(np.asarray(sensor.log_output(distance)))
         noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
-        ends = np.abs(free.relative_velocity[free.touched])
+        free = self.unmitigated
+        ends = np.zeros(0) if free is None else np.abs(free.relative_velocity[free.touched])
         fastest = max(ends.max(initial=0.0), np.abs(self.draws.scenarios.relative_velocity).max())  # [m/s]
         return float(fastest * slope.max()), float(noise.max())
 
@@ -287,20 +344,32 @@ class LoopProblem:
         # If `count` is given, only the first `count` encounters are simulated.
         return self.appraised(self.draws.run(loop, gain, count), loop, gain)
 
-    def appraise_each(self, gains: FloatArray) -> list[LoopOutcomes]:
-        """Evaluate several gains in the same simulated encounters."""
-        # A gain is given up if its first runs miss a requirement so often that all runs together must miss it. All
-        # runs would give the same decision, so it has no error.
-        draws, loop = self.draws, self.compared(self.draws.task.loop)
-        several = draws.compared
-        first = math.ceil(_FIRST * several)
-        first = several if first < _LEAST_FIRST else first
-        runs = draws.run(loop, gains[:, None], first)
-        outcomes = [self.appraised(part_of(runs, i), loop, gain) for i, gain in enumerate(gains.tolist())]
-        open_ones = [i for i, one in enumerate(outcomes) if one.best_standing(several - first) >= 1 - _ROUNDING]
-        if first == several or not open_ones:
+    def appraise_each(
+        self, loop: ClosedLoop, gains: FloatArray, runs: int, is_open: Callable[[LoopOutcomes], bool] | None = None
+    ) -> list[LoopOutcomes]:
+        """Evaluate several gains in the same simulated encounters.
+
+        Args:
+            loop: the loop.
+            gains: the gains.
+            runs: number of runs of each gain.
+            is_open: whether a gain can still meet the requirements, judged by its first runs. Other gains are given up
+                after these runs. By default, no gain is given up.
+
+        Returns:
+            The outcomes of each gain, over its simulated runs.
+        """
+        draws, loop = self.draws, self.compared(loop)
+        first = math.ceil(_FIRST * runs)
+        first = runs if first < _LEAST_FIRST or is_open is None else first
+        result = draws.run(loop, gains[:, None], first)
+        outcomes = [self.appraised(part_of(result, i), loop, gain) for i, gain in enumerate(gains.tolist())]
+        if first == runs or is_open is None:
             return outcomes
-        rest = draws.run(loop, gains[open_ones, None], several, first=first)
+        open_ones = [i for i, one in enumerate(outcomes) if is_open(one)]
+        if not open_ones:
+            return outcomes
+        rest = draws.run(loop, gains[open_ones, None], runs, first=first)
         for k, i in enumerate(open_ones):
             outcomes[i] = self.appraised(joined(outcomes[i].result, part_of(rest, k)), loop, float(gains[i]))
         return outcomes
@@ -318,7 +387,7 @@ class LoopProblem:
             objective=self._objective(result, loop, gain),
             ratios=ratios,
             requirements=(Requirement("contact", touched[self.predicted[: len(touched)]], 1.0), *requirements),
-            effect=effect_of(result, self.unmitigated),
+            effect=None if self.unmitigated is None else effect_of(result, self.unmitigated),
         )
 
     def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
@@ -340,6 +409,21 @@ class LoopProblem:
             quantity = simulated_quantity(term.quantity, result, gain, loop, impact)
             value = value + term.weight * (quantity / term.scale_for(speed)) ** 2
         return np.where(result.touched & np.isfinite(value), value, np.inf)
+
+
+def make_problem(task: Task, gain: float) -> LoopProblem:
+    """Draw the encounters of a task, and simulate them without mitigation.
+
+    Args:
+        task: the task.
+        gain: the gain for which contacts are predicted.
+
+    Returns:
+        The encounters, with their runs without mitigation.
+    """
+    draws = draw_encounters(task)
+    predicted = np.isfinite(draws.predicted(gain)[0])
+    return LoopProblem(draws=draws, predicted=predicted, unmitigated=draws.run(task.loop, 0.0))
 
 
 def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:

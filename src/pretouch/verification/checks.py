@@ -129,6 +129,7 @@ def check_reached(result: SimulationResult, times: FloatArray, horizon: float, c
         missing=expected - came,
         late=int((~result.touched[predicted] & (times[predicted] > _NEAR_END * horizon)).sum()),
         low=least_probability(came, expected, confidence) if expected else None,
+        latest=float(times[predicted].max(initial=0.0)),
     )
 
 

@@ -30,28 +30,36 @@ _HELPS: Final = (
 )
 
 
-def best_change_section(v: Verdict) -> PageSection | None:
-    """Return the report section on the most helpful change.
+def advice_section(v: Verdict) -> PageSection | None:
+    """Return the report section on what to do next, and on the single change that helps most.
 
     None if no change was tried.
     """
     if not v.changes:
         return None
     best, rate = v.best_change, _rate_in_words(v)
+    title = "What to do next"
+    advice = [] if v.advice is None else [_as_sentence(v.advice.sentence)]
     if best is None:
-        text = (
-            "None of the tried changes improves the result of the verification. None lowers the objective "
-            "significantly and by at least 1 %."
-        )
-        text = f"{text} {rate}".strip()
-        return PageSection(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
+        if not advice:
+            title = "No change helps"
+            advice.append(
+                "None of the tried changes improves the result of the verification. None lowers the objective "
+                "significantly and by at least 1 %."
+            )
+        text = " ".join([*advice, rate]).strip()
+        return PageSection(title=title, titled=True, blocks=(Paragraph(text=text, brief=True),))
     open_reasons = _reasons_not_checked(v)
-    enough = "" if best.standing >= _KEPT else " (not enough alone)"
-    title = "What would help most" + (" (not fully checked)" if open_reasons and not enough else enough)
+    enough = "" if best.standing >= _KEPT else ", which is not enough alone"
     effects = PageTable(head=("", "now", "with the change"), rows=tuple(_effects(v, best)))
     unchecked = f"Not checked with this change: whether {' and '.join(open_reasons)}." if open_reasons else ""
-    advice = Paragraph(text=" ".join(text for text in (best.sentence, rate, unchecked) if text), brief=True)
-    return PageSection(title=title, titled=True, blocks=(advice, effects))
+    single = f"The single change that helps most{enough}: {best.sentence}"
+    text = " ".join(text for text in (*advice, single, rate, unchecked) if text)
+    return PageSection(title=title, titled=True, blocks=(Paragraph(text=text, brief=True), effects))
+
+
+def _as_sentence(step: str) -> str:
+    return f"{step[:1].upper()}{step[1:].removesuffix('.')}."
 
 
 def _reasons_not_checked(v: Verdict) -> list[str]:

@@ -23,7 +23,7 @@ from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 from .appraisal import USUAL_MARGIN
 from .effect import VerdictStatus
 from .encounter_parts import detection_step
-from .improvement_page import best_change_section, changes_section, gain_section
+from .improvement_page import advice_section, changes_section, gain_section
 from .reasons import runs_advised
 from .result import Comparison, LimitCheck, RunSpread, Verdict
 from .stability import StabilityCheck, rounded_up
@@ -91,7 +91,7 @@ def verdict_page(verdict: Verdict) -> Page:
         blocks=(
             Paragraph(text=v.status.meaning, quiet=True),
             _reasons(v),
-            best_change_section(v),
+            advice_section(v),
             _comparison(v),
             _limits(v),
             _stability(v),
@@ -160,20 +160,11 @@ def _next_steps(v: Verdict) -> Iterator[str]:
     if v.gain is None:
         yield _next_step_without_gain(v)
         return
-    if v.law.number.sign * v.gain < 0:
-        yield mitigating_step(v.law.number, v.gain)
     if v.mitigated is not None and np.isnan(v.mitigated.detection_time).all():
         yield detection_step(v.loop)
-    if v.stability is not None and v.stability.margin < 1 and math.isfinite(v.stability.strongest):
-        weaker = v.law.number.equals(v.stability.strongest / USUAL_MARGIN)
-        yield _next_change(v) or f"use a weaker gain: {weaker} has a gain margin of {USUAL_MARGIN:g}"
-    if v.reached is not None and v.reached.late:
-        yield f"set a longer horizon of the loop: {v.loop.horizon:g} s is too short for the slowest encounters"
     if calibration is not None and not calibration.is_good_enough:
         yield calibration.remedy
-    if v.at_rest is not None and v.at_rest.reaches_object:
-        yield v.at_rest.remedy(v.loop.law)
-    yield _next_change(v)
+    yield from _gain_steps(v, v.gain)
     if v.sensor_speed is not None and not v.sensor_speed.is_fast_enough:
         yield f"read the sensor much faster than at {v.loop.chain.rate:g} Hz"
     if v.reasons and report is not None and report.reasons and report.verdict != "usable":
@@ -182,16 +173,22 @@ def _next_steps(v: Verdict) -> Iterator[str]:
         yield "none of the tried changes helps; see the report for the causes"
 
 
-def _next_change(v: Verdict) -> str:
-    """Recommend more runs or the most helpful change."""
+def _gain_steps(v: Verdict, gain: float) -> Iterator[str]:
+    """Yield what to change if the calibration is good enough and the object is detected."""
+    if v.advice is not None:
+        yield v.advice.sentence
+    if v.reached is not None and v.reached.late:
+        yield f"set a longer horizon of the loop: {v.loop.horizon:g} s is too short for the slowest encounters"
+    if v.law.number.sign * gain < 0:
+        yield mitigating_step(v.law.number, gain)
+    if v.stability is not None and v.stability.margin < 1 and math.isfinite(v.stability.strongest):
+        weaker = v.law.number.equals(v.stability.strongest / USUAL_MARGIN)
+        yield f"use a weaker gain: {weaker} has a gain margin of {USUAL_MARGIN:g}"
+    if v.at_rest is not None and v.at_rest.reaches_object:
+        yield v.at_rest.remedy(v.loop.law)
     runs = runs_advised(v)
     if runs is not None:
-        return f"simulate {runs} runs"
-    avoided = v.reached is not None and not (v.reached.predicted or v.reached.simulated)
-    if v.best_change is None or avoided:  # every change is compared by the contacts that it leads to
-        return ""
-    sentence = v.best_change.sentence
-    return f"{sentence[0].lower()}{sentence[1:].removesuffix('.')}"
+        yield f"simulate {runs} runs"
 
 
 def _next_step_without_gain(v: Verdict) -> str:

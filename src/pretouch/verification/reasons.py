@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 from pretouch._core.units import format_quantity
 from pretouch.design import GainDesign
-from pretouch.design.robust.required import runs_to_show
+from pretouch.design.robust.required import least_probability, runs_to_show
 from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import ROOM, USUAL_MARGIN
@@ -18,17 +19,18 @@ from .result import LimitCheck, Verdict
 from .stability import rounded_up
 
 _ROUNDING: Final = 1e-9  # relative rounding error of a speed
+_CAUTIONS: Final = (0.7, 0.5)  # confidence levels of the share of runs from which a number of runs is computed
+_MOST_RUNS: Final = 20_000  # more runs are not advised; another gain or loop is then better
 
 
-def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
-    """Return the status of a verified gain and its reasons.
+def judged(v: Verdict) -> Verdict:
+    """Return a verdict with its status and its reasons.
 
     The most serious reason comes first. There are none if the status is `holds`.
     """
     missed, narrow = list(_failures(v)), list(_narrow_reasons(v))
-    if missed:
-        return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
-    return VerdictStatus.HOLDS_NARROWLY if narrow else VerdictStatus.HOLDS, tuple(narrow)
+    status = VerdictStatus.HOLDS_NARROWLY if narrow else VerdictStatus.HOLDS
+    return replace(v, status=VerdictStatus.DOES_NOT_HOLD if missed else status, reasons=(*missed, *narrow))
 
 
 def no_gain_with_margin(design: GainDesign, rate: float) -> str:
@@ -142,7 +144,7 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
     for check in (check for check in v.limits if check.is_met):
         p = check.required.probability
         if _is_unshown(check):
-            needed = _runs_to_show(check, v.confidence)
+            needed = _runs_to_show(check, v)
             low, confidence = share_in_words(check.low), f"{100 * v.confidence:g} % confidence"
             sentences = [
                 f"the limit {check.statement} is met in {share_in_words(check.held)} of {v.runs} runs",
@@ -150,9 +152,7 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
                 f"The runs demonstrate only a probability of {low} ({confidence})",
             ]
             if needed is not None:
-                sentences.append(
-                    f"To demonstrate the required probability with the same share of runs, simulate {needed} runs"
-                )
+                sentences.append(f"To demonstrate the required probability, simulate about {needed} runs")
             yield ". ".join(sentences)
         # The gain itself is chosen, not drawn at random, so a gain exactly at its limit is no reason.
         elif check.name != "gain" and check.margin is not None and check.margin < ROOM * check.limit:
@@ -175,19 +175,52 @@ def _is_unshown(check: LimitCheck) -> bool:
     return check.is_met and check.low < check.required.probability < 1
 
 
-def _runs_to_show(check: LimitCheck, confidence: float) -> int | None:
-    return runs_to_show(check.held, check.required.probability, confidence)
+def _runs_to_show(check: LimitCheck, v: Verdict) -> int | None:
+    """Return how many runs are likely to demonstrate a limit."""
+    return likely_runs(round(check.held * v.runs), v.runs, check.required.probability, v.confidence)
+
+
+def likely_runs(held: int, count: int, probability: float, confidence: float) -> int | None:
+    """Return how many runs are likely to demonstrate a probability.
+
+    Args:
+        held: number of simulated runs that meet the limit.
+        count: number of simulated runs.
+        probability: the required probability.
+        confidence: confidence level of its lower bound.
+
+    Returns:
+        The number of runs, rounded up; None if too many are needed.
+    """
+    # The share of the simulated runs may be too good by chance, so a lower bound of it is used, if the runs allow it.
+    for share in (*(least_probability(held, count, caution) for caution in _CAUTIONS), held / count):
+        needed = runs_to_show(share, probability, confidence)
+        if needed is not None and needed <= _MOST_RUNS:
+            return _rounded_up_runs(needed)
+    return None
+
+
+def lacks_only_runs(v: Verdict) -> bool:
+    """Return True if the only reservation is that the runs are too few to demonstrate a limit."""
+    unshown = [check for check in v.limits if _is_unshown(check)]
+    return bool(unshown) and len(unshown) == len(v.reasons)
+
+
+def _rounded_up_runs(count: int) -> int:
+    """Round a number of runs up to two digits."""
+    step = int(10 ** max(len(str(count)) - 2, 0))
+    return -(-count // step) * step
 
 
 def runs_advised(v: Verdict) -> int | None:
-    """Return the number of runs needed to demonstrate every limit.
+    """Return the number of runs that are likely to demonstrate every limit.
 
     None if more runs alone do not help.
     """
-    needed = [_runs_to_show(check, v.confidence) for check in v.limits if _is_unshown(check)]
-    if not needed or len(needed) != len(v.reasons) or None in needed:
+    needed = [_runs_to_show(check, v) for check in v.limits if _is_unshown(check)]
+    if not lacks_only_runs(v) or None in needed:
         return None
-    return max(count for count in needed if count is not None)
+    return max(v.runs, *(count for count in needed if count is not None))
 
 
 def _harder_than_promised(v: Verdict) -> Iterator[str]:

@@ -21,6 +21,7 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Uncertainty
 
+from .advised import Advice
 from .at_rest import RestMotion
 from .calibration_check import CalibrationCheck
 from .effect import Effect, SensorSpeed, VerdictStatus
@@ -150,6 +151,7 @@ class Reached(Value):
         missing: number of runs without the predicted contact.
         late: number of these runs whose contact is predicted near the horizon of the loop or after it.
         low: lower confidence bound of the probability that a predicted contact happens; None if none is predicted.
+        latest: time of the latest predicted contact [s]; 0 if none is predicted.
     """
 
     predicted: float
@@ -157,6 +159,7 @@ class Reached(Value):
     missing: int
     low: float | None
     late: int = 0
+    latest: float = 0.0
 
 
 _HOLDS: Final = {
@@ -194,6 +197,7 @@ class Verdict(Described, Value):
             without a calibration, with too few readings, or if the fitted curve leads to no contact.
         loss: cost of the gain compared with the best one for this loop; None without changes.
         changes: the changes that were tried, most helpful first.
+        advice: what to do next so that the verdict holds, and how certain this is; None if nothing is advised.
         unchanged: the unchanged loop over the runs on which changes are compared. A second entry, if there are more
             runs, is over all runs, on which another gain is compared. Empty without changes.
         assumptions: assumptions of the verdict.
@@ -231,6 +235,7 @@ class Verdict(Described, Value):
     calibration_check: CalibrationCheck | None = None
     loss: Loss | None = None
     changes: tuple[LoopChange, ...] = ()
+    advice: Advice | None = None
     unchanged: tuple[LoopChange, ...] = ()
     assumptions: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -292,7 +297,7 @@ class Verdict(Described, Value):
             *("status", "headline", "gain", "reasons", "runs", "compared_runs", "needed_rate", "seed", "confidence"),
             *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),
             *("sensor_speed", "at_rest", "noiseless_effect", "speed_tolerance"),
-            *("calibration_check", "loss", "changes", "unchanged", "assumptions", "warnings"),
+            *("calibration_check", "loss", "changes", "advice", "unchanged", "assumptions", "warnings"),
         )
         design, best = self.design, self.best_change
         document: dict[str, Any] = plain(

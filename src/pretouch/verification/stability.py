@@ -38,7 +38,11 @@ _ROOM: Final = 2.0  # largest_rate as a multiple of the fastest change of ln xi 
 _DEVIATIONS: Final = 6.0 * 2**0.5  # six standard deviations of the difference of two readings, in those of one reading
 _SHORT_MEDIAN: Final = 3  # window of a median filter that removes single spikes, in readings
 _LOW: Final = 0.2  # share of the rate: a cutoff that averages some readings
+_LOWER: Final = 0.5  # share of the floor, if the object starts where the controller does not detect it
 NOISES: Final = ("noise", "relative_noise", "distance_noise")
+_FREE: Final = frozenset(
+    {"median", "low-pass", "add-median", "add-low-pass", "controller-rate", "offset", "largest-rate", "floor"}
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,9 +177,17 @@ def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
 
 
 def check_stability(
-    loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, limit: GainLimit | None
+    loop: ClosedLoop,
+    sensor: SensorModel,
+    passed: Passed,
+    gain: float,
+    limit: GainLimit | None,
+    *,
+    has_rates: bool = True,
 ) -> StabilityCheck | None:
     """Check whether the sampled loop is stable with a gain.
+
+    Without `has_rates`, the lowest sensor rates are not computed; they are then NaN.
 
     Returns:
         The check at all distances of the encounter; None if the stability is unknown.
@@ -184,7 +196,8 @@ def check_stability(
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
 
-    stable, with_margin_2 = map(float, rates_for_margins(loop, sensor, passed, gain, (1.0, 2.0)))
+    rates = rates_for_margins(loop, sensor, passed, gain, (1.0, 2.0)) if has_rates else (math.nan, math.nan)
+    stable, with_margin_2 = map(float, rates)
     return StabilityCheck(
         limit=limit,
         margin=margin,
@@ -280,6 +293,11 @@ class ChangedLoop(NamedTuple):
     sentence: str  # what to do, with numbers
     loop: ClosedLoop  # the loop with the change
 
+    @property
+    def is_free(self) -> bool:
+        """True if the change is a setting of the controller, which needs no other hardware."""
+        return self.name in _FREE
+
 
 _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
@@ -298,14 +316,25 @@ def plausible_rate(loop: ClosedLoop, quickest: float, noise: float) -> float:
     return _ROOM * quickest + _DEVIATIONS * noise * loop.chain.rate
 
 
-def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[ChangedLoop]:
-    """Return several loops, each with one change."""
+def as_printed(value: float, digits: int = 4) -> float:
+    """Round a value to the digits with which it is printed, so that a recommended value is the tried one."""
+    return float(f"{value:.{digits}g}")
+
+
+def candidates_of(
+    loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None, start: float = math.inf
+) -> list[ChangedLoop]:
+    """Return several loops, each with one change.
+
+    Every changed value is the one that its sentence prints.
+    """
     # |d ln xi / dt| is at most `quickest` [1/s]; `noise` is that of ln xi.
     # `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough.
+    # `start` is the sensor output at the start of the encounter.
     candidates: list[ChangedLoop] = []
-    rate = _FASTER * loop.chain.rate if wanted is None else rounded_up(wanted)
+    rate = as_printed(_FASTER * loop.chain.rate, 6) if wanted is None else rounded_up(wanted)
     changes: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]
-    for name, sentence, make in (*changes, *_of_controller(loop, quickest, noise)):
+    for name, sentence, make in (*changes, *_of_controller(loop, quickest, noise, start)):
         try:
             changed = make()
         except InvalidInputError:  # a change that does not fit the other parts of the loop is not proposed
@@ -339,7 +368,7 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
         text = f"Remove the sensor latency of {format_quantity(chain.delay, 's')}."
         yield "delay", text, partial(_with, loop, chain={"delay": 0.0})
     if any(getattr(chain, name) > 0 for name in NOISES):
-        half = {name: getattr(chain, name) / 2 for name in NOISES}
+        half = {name: as_printed(getattr(chain, name) / 2, 3) for name in NOISES}
         parts = [f"{half['noise']:.3g} (unit of the readings) instead of {chain.noise:.3g}"] if chain.noise else []
         if chain.relative_noise:
             parts.append(f"{100 * half['relative_noise']:.3g} % of xi instead of {100 * chain.relative_noise:.3g} %")
@@ -349,22 +378,24 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
         text = f"Halve the sensor noise to a standard deviation of {' and '.join(parts)}."
         yield "noise", text, partial(_with, loop, chain=half)
     if chain.misfit > 0:
+        half_misfit = as_printed(chain.misfit / 2, 3)
         text = (
             "Calibrate again to reduce the error of the sensor curve (misfit) from "
-            f"{100 * chain.misfit:.3g} % to {50 * chain.misfit:.3g} % of the signal. Record more distances, set the "
+            f"{100 * chain.misfit:.3g} % to {100 * half_misfit:.3g} % of the signal. Record more distances, set the "
             "distances more exactly, or mount the sensor farther behind the contact surface."
         )
-        yield "calibration", text, partial(_with, loop, chain={"misfit": chain.misfit / 2})
+        yield "calibration", text, partial(_with, loop, chain={"misfit": half_misfit})
 
 
 def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
     plant = loop.plant
     if isinstance(plant, PositionPlant | ImpedancePlant) and plant.bandwidth < math.inf:
-        new, present = (format_quantity(bandwidth, "Hz") for bandwidth in (_FASTER * plant.bandwidth, plant.bandwidth))
+        raised = as_printed(_FASTER * plant.bandwidth)
+        new, present = (format_quantity(bandwidth, "Hz") for bandwidth in (raised, plant.bandwidth))
         text = f"Raise the bandwidth of the robot's controller from {present} to {new}."
-        yield "robot-bandwidth", text, partial(_with, loop, plant={"bandwidth": _FASTER * plant.bandwidth})
+        yield "robot-bandwidth", text, partial(_with, loop, plant={"bandwidth": raised})
     if isinstance(plant, ImpedancePlant):
-        stiffness, damping = 2 * plant.stiffness, 2**0.5 * plant.damping
+        stiffness, damping = as_printed(2 * plant.stiffness), as_printed(2**0.5 * plant.damping)
         text = (
             "Raise the stiffness of the robot's impedance controller from "
             f"{format_quantity(plant.stiffness, 'N/m')} to {format_quantity(stiffness, 'N/m')}, and its damping "
@@ -373,7 +404,7 @@ def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
         yield "robot-stiffness", text, partial(_with, loop, plant={"stiffness": stiffness, "damping": damping})
 
 
-def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[_Made]:
+def _of_controller(loop: ClosedLoop, quickest: float, noise: float, start: float) -> Iterator[_Made]:
     law = loop.law
     if not isinstance(law, Controller):
         return
@@ -388,19 +419,26 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[
         text = f"Add a {_SHORT_MEDIAN}-sample median filter."
         yield "add-median", text, partial(_with, loop, conditioning={"median_window": _SHORT_MEDIAN})
     if not c.low_pass_order and noisy:
-        cutoff = _LOW / told_period(law)
+        cutoff = as_printed(_LOW / told_period(law))
         text = f"Add a low-pass filter of order 2 at {format_quantity(cutoff, 'Hz')}."
         yield "add-low-pass", text, partial(_with, loop, conditioning={"low_pass_order": 2, "cutoff": cutoff})
-    period = law.period / _FASTER
+    period = 1 / as_printed(_FASTER / law.period, 6)
     text = f"Run the controller at {1 / period:.6g} Hz instead of {1 / law.period:.6g} Hz."
     yield "controller-rate", text, lambda: replace(loop, law=controller_at(law, told_period(law), period))
+    if start < c.floor:
+        lower = as_printed(max(_LOWER * c.floor, _DEVIATIONS * loop.chain.noise), 3)
+        text = f"Lower the floor of the controller (its detection threshold) from {c.floor:.4g} to {lower:.3g}."
+        if lower < c.floor:
+            yield "floor", text, partial(_with, loop, conditioning={"floor": lower})
     pedestal, configured = loop.chain.offset + loop.chain.crosstalk, c.offset
+    if pedestal != configured:
+        pedestal = as_printed(pedestal)
     if pedestal != configured or loop.chain.drift:
         exact = f"{pedestal:.4g}" if pedestal == configured else f"{pedestal:.4g} instead of {configured:.4g}"
         text = f"Subtract the exact offset of the sensor: {exact} (unit of the readings)"
         text += ", and track its drift." if loop.chain.drift else "."
         yield "offset", text, partial(_with, loop, chain={"drift": 0.0}, conditioning={"offset": pedestal})
-    rate = plausible_rate(loop, quickest, noise)
+    rate = as_printed(plausible_rate(loop, quickest, noise))
     if c.largest_rate is None and rate > 0:
         text = (
             f"Set the controller's largest_rate to {format_quantity(rate, '1/s')}. This value is twice the "

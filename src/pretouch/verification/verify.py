@@ -14,6 +14,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
 from pretouch._core.progress import note_work
+from pretouch.control import Controller
 from pretouch.design import DesignStatus, GainDesign, Task, design_gain
 from pretouch.design.gain import designed_number
 from pretouch.design.task import with_file_location
@@ -23,6 +24,7 @@ from pretouch.simulation.law import TunableLaw
 from pretouch.simulation.result import refuse_too_many_runs
 from pretouch.simulation.stability import passage
 
+from .advice import find_advice
 from .appraisal import LoopProblem, draw_encounters, foreseen_impact, predicted_contact
 from .at_rest import motion_at_rest
 from .calibration_check import check_calibration
@@ -30,10 +32,12 @@ from .checks import assumptions_of, cautions_of, check_limits, check_reached, co
 from .effect import VerdictStatus, compare_with_fast_sensor, effect_of, without_noise
 from .encounter import SimulatedEncounter
 from .improvement import Verified, find_improvements
-from .reasons import judge, no_gain_with_margin
+from .reasons import judged, no_gain_with_margin
 from .result import Verdict
-from .stability import check_stability, limit_of, plausible_rate, rates_for_margins, stability_margin
+from .stability import NOISES, check_stability, limit_of, plausible_rate, rates_for_margins, stability_margin
 
+_CALM: Final = 0.3  # share of the distance to an object: a smaller motion by noise stays far from it
+_NEAREST_REST: Final = 0.01  # m: a distance at rest at which a motion below 1 mm was found
 _NO_LOOP: Final = "loop: found none, expected the sampled loop, loop=ClosedLoop(...)"
 _NO_LOOP_IN_FILE: Final = (
     "found no sections [chain] and [controller], expected both, because they describe the sampled loop; add, for "
@@ -90,29 +94,46 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
     chosen = design.gain if task.drag_effect is None else designed_number(task)
     if task.gain is not None:
         chosen = float(finite(task.gain, "gain", task.law.number.unit))
-    fields: dict[str, Any] = {name: getattr(task.verify, name) for name in ("runs", "confidence", "speed_tolerance")}
-    fields |= {name: getattr(task, name) for name in ("scenario", "sensor", "loop", "uncertainty")}
-    fields |= {"seed": task.loop.seed, "definition": task.goal, "gain": chosen, "design": design}
     if chosen is None:
         reason, rate = f"the ideal design is {design.status.value}", _rate_needed(design)
         if rate is not None:
             reason = no_gain_with_margin(design, rate)
-        return Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,), needed_rate=rate, compared_runs=0)
-    verdict = Verdict(
-        **fields, status=VerdictStatus.HOLDS, reasons=(), **_verdict_fields(task, design, chosen, changes)
-    )
-    status, reasons = judge(verdict)
-    return replace(verdict, status=status, reasons=reasons)
+        fields = {**_inputs(task, design, None), "needed_rate": rate, "compared_runs": 0}
+        return Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,))
+    return _verify(task, design, chosen, changes=changes)
 
 
-def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[str, Any]:
-    """Return all fields of the verdict except status and reasons."""
+def _inputs(task: Task, design: GainDesign, gain: float | None) -> dict[str, Any]:
+    """Return those fields of a verdict that repeat what is verified."""
+    fields: dict[str, Any] = {name: getattr(task.verify, name) for name in ("runs", "confidence", "speed_tolerance")}
+    fields |= {name: getattr(task, name) for name in ("scenario", "sensor", "loop", "uncertainty")}
+    return fields | {"seed": task.loop.seed, "definition": task.goal, "gain": gain, "design": design}
+
+
+def _verify(
+    task: Task, design: GainDesign, gain: float, *, changes: bool = False, basis: Verdict | None = None
+) -> Verdict:
+    """Simulate a gain, and judge it.
+
+    Args:
+        task: the checked task.
+        design: the ideal design.
+        gain: the gain.
+        changes: whether to search for changes.
+        basis: the verdict on another gain or loop of the same encounters. The new verdict then has only what its status
+            and reasons depend on.
+
+    Returns:
+        The verdict.
+    """
     loop, sensor = task.loop, task.sensor
     predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
     _check_horizon(loop, predicted)
     draws = draw_encounters(task)
     note_work(f"simulating {task.verify.runs} encounters, each with and without impact mitigation")
-    unmitigated = draws.run(loop, 0.0)
+    same = basis is not None and basis.loop == loop and basis.runs == task.verify.runs
+    unmitigated = basis.unmitigated if basis is not None and same else None
+    unmitigated = draws.run(loop, 0.0) if unmitigated is None else unmitigated
     foreseen, times = draws.predicted(gain)
     problem = LoopProblem(draws=draws, predicted=np.isfinite(foreseen), unmitigated=unmitigated)
     passed = passage(task.law, task.scenario, sensor, gain, float(draws.distance.max()))
@@ -124,13 +145,10 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
         loop, lambda one: draws.run(one, gain, draws.compared), quiet, task.verify.speed_tolerance
     )
     note_work("computing the stability of the loop")
-    stability = check_stability(loop, sensor, passed, gain, limit)
+    stability = check_stability(loop, sensor, passed, gain, limit, has_rates=basis is None)
     runs = outcomes.result, unmitigated
-    comparisons = compare_quantities(task, runs, (predicted, free))
-    verified = Verified(gain, predicted, outcomes, design, stability, limit, passed)
-    at_rest = motion_at_rest(task, gain)
-    loss, tried, unchanged = find_improvements(problem, verified) if changes else (None, (), ())
-    return {
+    at_rest = motion_at_rest(task, gain) if basis is None or not _is_calm(basis, loop, gain) else None
+    fields = _inputs(task, design, gain) | {
         "reached": check_reached(outcomes.result, times, loop.horizon, task.verify.confidence),
         "effect": effect,
         "noiseless_effect": effect_of(quiet, unmitigated),
@@ -139,25 +157,47 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
         "sensor_speed": fast,
         "calibration_check": None if task.calibration is None else check_calibration(task, task.calibration, gain),
         "predicted": predicted,
-        "comparisons": comparisons,
-        "stability_text": stability.text if stability else _no_stability_in_words(task, gain, limit is not None),
-        "loss": loss,
-        "changes": tried,
-        "unchanged": unchanged,
-        "assumptions": assumptions_of(task, draws.compared),
-        "warnings": cautions_of(
-            draws,
-            runs,
-            comparisons,
-            design,
-            at_rest=at_rest,
-            largest_rate=plausible_rate(loop, *problem.changes_of_level(passed[0])),
-        ),
         "at_rest": at_rest,
         "compared_runs": draws.compared,
         "mitigated": outcomes.result,
         "unmitigated": unmitigated,
     }
+    verdict = judged(Verdict(**fields, status=VerdictStatus.HOLDS, reasons=()))
+    if basis is not None:
+        return verdict
+    comparisons = compare_quantities(task, runs, (predicted, free))
+    largest_rate = plausible_rate(loop, *problem.changes_of_level(passed[0]))
+    verdict = replace(
+        verdict,
+        comparisons=comparisons,
+        stability_text=stability.text if stability else _no_stability_in_words(task, gain, limit is not None),
+        assumptions=assumptions_of(task, draws.compared),
+        warnings=cautions_of(draws, runs, comparisons, design, at_rest=at_rest, largest_rate=largest_rate),
+    )
+    if not changes:
+        return verdict
+    found = find_improvements(problem, Verified(gain, predicted, outcomes, design, stability, limit, passed))
+    verdict = replace(verdict, loss=found.loss, changes=found.changes, unchanged=found.unchanged)
+
+    def judge(changed: Task) -> Verdict:
+        return _verify(changed, design, float(changed.gain or 0.0), basis=verdict)
+
+    return replace(verdict, advice=find_advice(task, verdict, found, passed, judge))
+
+
+def _is_calm(basis: Verdict, loop: ClosedLoop, gain: float) -> bool:
+    """Return True if noise cannot move a robot at rest to an object, as another verdict shows."""
+    # The motion by noise grows about in proportion to the gain; _CALM leaves room for errors of this rule.
+    a: Any = basis.loop.law
+    b: Any = loop.law
+    if not (isinstance(a, Controller) and isinstance(b, Controller)) or not basis.gain:
+        return False
+    if any(getattr(loop.chain, name) > getattr(basis.loop.chain, name) for name in NOISES):
+        return False
+    if b.conditioning.floor < a.conditioning.floor or loop.chain.rate > basis.loop.chain.rate:
+        return False
+    moved, place = (0.001, _NEAREST_REST) if basis.at_rest is None else (basis.at_rest.motion, basis.at_rest.distance)
+    return moved * max(abs(gain / basis.gain), 1.0) < _CALM * place
 
 
 def _rate_needed(design: GainDesign) -> float | None:

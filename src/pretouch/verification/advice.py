@@ -1,0 +1,438 @@
+"""Search for advice that holds when it is followed.
+
+Gains are searched with a reserve. Advised settings get the verdict that users will get, and must hold in fresh runs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, NamedTuple, TypeAlias
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray
+from pretouch._core.progress import note_work
+from pretouch._core.units import format_quantity
+from pretouch._core.vocabulary import words_for
+from pretouch._core.warning_codes import split_code
+from pretouch.design import Task
+from pretouch.design.robust import Required
+from pretouch.design.robust.required import limits_of
+from pretouch.design.search import RUNS, Effort, GainAxis, Landscape, search_axis
+from pretouch.simulation import ClosedLoop, chain_of_fit
+
+from .advised import Advice
+from .appraisal import USUAL_MARGIN, LoopOutcomes, LoopProblem, draw_encounters
+from .effect import VerdictStatus
+from .improvement import GainSearch, Improvements, redesign, runs_of_search, stable_axis
+from .reasons import lacks_only_runs, likely_runs, runs_advised
+from .result import Verdict
+from .settings import settings_between
+from .stability import ChangedLoop, Passed, candidates_of, limit_of, rounded_up
+
+Judge: TypeAlias = Callable[[Task], Verdict]
+"""Function that returns the verdict on a changed task, as `verify_gain` does."""
+
+_FRESH: Final = 1  # added to the seed for the encounters and the noise of fresh runs
+_FRESH_RUNS: Final = 1000  # number of fresh runs that confirm an advice about limits, at least
+_FRESH_SENSORS: Final = 300  # the same if each run has its own sensor curve
+_FRESH_ALWAYS: Final = 200  # the same without limits
+_FACTOR: Final = 2  # fresh runs, as a multiple of the smallest number that can demonstrate a probability
+_TRIES: Final = 3  # number of gains that are checked on fresh runs, each with more reserve than the one before
+_STRICTER: Final = 1.01  # the least increase of the reserve
+_STRICTEST: Final = 1.15  # the largest increase of the reserve
+_LATER: Final = 1.3  # factor on the latest predicted contact
+_LEAST_MARGIN: Final = 1.1  # smallest gain margin of an advised gain, if none with the usual margin holds
+_NEAR: Final = 1.05  # largest shortfall of a quick search after which a loop is searched thoroughly
+_QUICK_RUNS: Final = 100
+_QUICK: Final = Effort(first=9, largest=9, most=1, nodes=5, finest=2e-2, smooth=False)
+_THOROUGH: Final = Effort(first=17, largest=17, most=1, nodes=5, finest=2e-3, smooth=False)
+_AROUND: Final = 4.0  # a changed loop is searched from the nearest gain divided by this factor to it times the factor
+_FIRST_LIMIT: Final = 2  # place of the first limit among the shortfalls, after contact and contact speed
+_MOST: Final = 1e6  # larger shortfalls are not distinguished
+_SERIOUS: Final = frozenset({VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY})
+
+
+class _Start(NamedTuple):
+    """A loop from which changes start, and what was done to it."""
+
+    loop: ClosedLoop
+    words: tuple[str, ...]
+
+
+class _Checked(NamedTuple):
+    """The result of following an advice."""
+
+    task: Task  # with the advised settings
+    verdict: Verdict  # what users will get
+    shortfall: float  # the largest shortfall of a limit, over the user's runs and over fresh ones
+    fresh: int  # number of fresh runs
+
+
+def find_advice(task: Task, verdict: Verdict, found: Improvements, passed: Passed, judge: Judge) -> Advice | None:
+    """Search for settings with which a verdict holds.
+
+    Args:
+        task: the verified task.
+        verdict: its verdict.
+        found: the best gain on the loop, and changes of the loop.
+        passed: the distances that the encounter passes.
+        judge: returns the verdict on a changed task.
+
+    Returns:
+        The advice; None if the verdict holds and nothing improves it, or if something else must be mended first: the
+        motion of the object, its detection, or the calibration.
+    """
+    check, reached = verdict.calibration_check, verdict.reached
+    if reached is not None and reached.late:
+        horizon = rounded_up(_LATER * max(reached.latest, verdict.loop.horizon))
+        longer = task.replace(loop=replace(task.loop, horizon=horizon))
+        text = f"set a longer horizon of the loop: {horizon:g} s instead of {verdict.loop.horizon:g} s"
+        return Advice(kind="horizon", sentence=text, settings=settings_between(task, longer))
+    avoided = reached is None or not (reached.predicted or reached.simulated)
+    unseen = verdict.mitigated is None or bool(np.isnan(verdict.mitigated.detection_time).all())
+    if avoided or unseen or (check is not None and not check.is_good_enough):
+        return None  # every change is compared by the contacts that it leads to
+    if verdict.reasons and _is_noise_a_guess(task):
+        text = (
+            "read each distance three times or more, and calibrate again: without repeats, the noise of the sensor is a"
+        )
+        return Advice(kind="readings", sentence=f"{text} guess, and so is every change that reduces noise")
+    runs = runs_advised(verdict)
+    if runs is not None:
+        more = task.replace(verify=replace(task.verify, runs=runs))
+        return Advice(kind="runs", sentence=f"simulate {runs} runs", settings=settings_between(task, more))
+    return _Seeker(task, verdict, found, passed, judge).advice()
+
+
+@dataclass(frozen=True, eq=False)
+class _Seeker:
+    """Search for advice on one verdict."""
+
+    task: Task
+    verdict: Verdict
+    found: Improvements
+    passed: Passed
+    judge: Judge
+    quick: dict[int, GainSearch] = field(default_factory=dict)
+
+    def advice(self) -> Advice | None:
+        """Return the first advice that holds: changes without cost first, then hardware, then a larger limit."""
+        if self.verdict.status is not VerdictStatus.DOES_NOT_HOLD:
+            return self._improvement()
+        for start, search in self._searches():
+            note_work(f"checking advice on fresh runs: {', '.join(start.words) or 'another gain'}")
+            checked = self._with_best_gain(search)
+            if checked is not None:
+                return self._change(checked, start.words)
+        return self._larger_limit() or self._none()
+
+    def _improvement(self) -> Advice | None:
+        """Return the most helpful change of a loop whose gain holds, if it then holds without reservation."""
+        change = next((change for change in self.found.changes if change.helps), None)
+        if change is None:
+            return None
+        loop = next((c.loop for c in self.found.loops if c.name == change.name), self.task.loop)
+        checked = self._check(self.task.replace(gain=change.gain, loop=loop))
+        if not checked.shortfall <= 1 or checked.verdict.status is not VerdictStatus.HOLDS:
+            return None
+        words = () if change.name == "gain" else (_as_step(change.sentence),)
+        advice = self._change(checked, words)
+        if self.verdict.status is not VerdictStatus.HOLDS or change.improvement is None:
+            return advice
+        better = f"{100 * change.improvement:.2g} %"
+        return replace(advice, sentence=f"optional, to improve the objective by {better}: {advice.sentence}")
+
+    def _searches(self) -> Iterator[tuple[_Start, GainSearch]]:
+        """Yield searches for a gain on the loop and on changed loops, cheapest changes first."""
+        start, rest = _Start(self.task.loop, ()), self.verdict.at_rest
+        if rest is not None and rest.reaches_object:
+            if rest.quiet_floor is None:
+                return
+            law: Any = self.task.loop.law
+            quiet = replace(law, conditioning=replace(law.conditioning, floor=rest.quiet_floor))
+            words = f"set the floor to {rest.quiet_floor:g} instead of {law.conditioning.floor:g}"
+            start = _Start(replace(self.task.loop, law=quiet), (words,))
+            yield start, self._search(start.loop)
+        else:
+            yield start, self.found.search
+        free = self._changed(start, is_free=True)
+        yield from self._promising(free)
+        pairs = [two for one in self._ranked(free)[:2] for two in self._changed(one, is_free=True)]
+        yield from self._promising(_each_once(pairs))
+        hardware = self._changed(start, is_free=False)
+        yield from self._promising(hardware)
+        best_free = self._ranked(free)[:1]
+        yield from self._promising([two for one in best_free for two in self._changed(one, is_free=False)])
+        yield from self._promising(
+            _each_once(two for one in self._ranked(hardware)[:2] for two in self._changed(one, is_free=False))
+        )
+        if self.found.search.margin is not None and self.found.search.margin > 1:  # a smaller margin holds narrowly
+            yield start, self._search(start.loop, least_margin=_LEAST_MARGIN)
+
+    def _changed(self, start: _Start, *, is_free: bool) -> list[_Start]:
+        """Return loops with one more change."""
+        candidates = self.found.loops if start.loop is self.task.loop else self._candidates(start.loop)
+        return [_Start(c.loop, (*start.words, _as_step(c.sentence))) for c in candidates if c.is_free is is_free]
+
+    def _candidates(self, loop: ClosedLoop) -> list[ChangedLoop]:
+        problem = self.found.search.problem
+        return candidates_of(loop, *problem.changes_of_level(self.passed[0]))
+
+    def _promising(self, starts: list[_Start]) -> Iterator[tuple[_Start, GainSearch]]:
+        """Yield thorough searches on those loops whose quick search nearly meets every requirement."""
+        for start in self._ranked(starts)[:2]:
+            if self._shortfall(start) <= _NEAR:
+                yield start, self._search(start.loop)
+
+    def _ranked(self, starts: list[_Start]) -> list[_Start]:
+        """Return loops by the smallest shortfall of any gain."""
+        return sorted(starts, key=self._shortfall)
+
+    def _shortfall(self, start: _Start) -> float:
+        """Return the smallest shortfall of any gain on a loop, from a few runs."""
+        search = self.quick.get(id(start.loop))
+        if search is None:
+            note_work(f"trying: {', '.join(start.words)}")
+            search = self.quick[id(start.loop)] = self._search(start.loop, _QUICK, _QUICK_RUNS)
+        return min(map(search.worst, search.tried.values()), default=math.inf)
+
+    def _search(
+        self, loop: ClosedLoop, effort: Effort = RUNS, most: int | None = None, least_margin: float = USUAL_MARGIN
+    ) -> GainSearch:
+        """Search for the best gain on a changed loop, near the gain that is best or nearest on the loop."""
+        base = self.found.search
+        limit = None
+        if base.margin is not None:
+            limit = limit_of(loop, self.task.sensor, self.passed)
+        axis, margin = stable_axis(self.task, limit, least_margin)
+        center = base.best or base.nearest() or self.verdict.gain or 0.0
+        low, high = sorted((center / _AROUND, center * _AROUND))
+        axis = GainAxis(low=max(axis.low, min(low, axis.high)), high=min(axis.high, max(high, axis.low)))
+        runs = base.runs if most is None else min(most, base.runs)
+        fields: dict[str, Any] = {"loop": loop, "axis": axis, "margin": margin, "runs": runs, "tried": {}}
+        search = replace(base, **fields, has_room=True, strictness=1.0)
+        search.run([self.verdict.gain] if self.verdict.gain is not None else [], effort)
+        return search if most is not None or search.best is not None else search.relaxed(effort)
+
+    def _with_best_gain(self, search: GainSearch) -> _Checked | None:
+        """Return the best gain of a search that holds in the user's runs and in fresh runs.
+
+        If a gain does not hold, the next one has more reserve.
+        """
+        for _ in range(_TRIES):
+            gain = search.best
+            if gain is None:
+                if not search.has_room:
+                    return None
+                search = search.relaxed()
+                gain = search.best
+                if gain is None:
+                    return None
+            checked = self._check(self.task.replace(gain=gain, loop=search.loop))
+            if checked.shortfall <= 1 and checked.verdict.status in _SERIOUS:
+                return checked
+            if math.isnan(checked.shortfall) or (checked.shortfall <= 1 and _misses_no_limit(checked.verdict)):
+                return None  # more reserve does not help against other reasons
+            search = search.stricter(min(max(checked.shortfall, _STRICTER), _STRICTEST))
+        return None
+
+    def _check(self, task: Task) -> _Checked:
+        """Follow an advice: return the user's verdict, and the shortfall in fresh runs."""
+        try:
+            verdict = self.judge(task)
+        except InvalidInputError:  # for example, contact is predicted only after the horizon of the loop
+            return _Checked(task, self.verdict, math.nan, 0)
+        kept = [1.0 if c.is_met else (c.value or math.inf) / c.limit for c in verdict.limits]
+        shortfall = max([0.0, *(ratio for ratio in kept if ratio > 1)])
+        if verdict.status is VerdictStatus.DOES_NOT_HOLD:
+            return _Checked(task, verdict, shortfall, 0)
+        count = _fresh_runs(task)
+        fresh = _fresh_outcomes(task, count)
+        shortfall = max(shortfall, float(fresh.shortfalls(count, task.verify.confidence).max()))
+        runs = _runs_that_show(fresh, task.verify.confidence)
+        if shortfall <= 1 and lacks_only_runs(verdict) and runs > task.verify.runs:
+            more = task.replace(verify=replace(task.verify, runs=runs))
+            with_more = self.judge(more)
+            if with_more.status is VerdictStatus.HOLDS:
+                return _Checked(more, with_more, shortfall, count)
+        return _Checked(task, verdict, shortfall, count)
+
+    def _change(self, checked: _Checked, words: tuple[str, ...]) -> Advice:
+        """Describe a change with the verdict that results from it."""
+        task, number = checked.task, self.task.law.number
+        steps, gain = list(words), float(checked.task.gain or 0.0)
+        old = self.verdict.gain
+        if old is None or not math.isclose(gain, old, rel_tol=1e-6):
+            margin = None if checked.verdict.stability is None else checked.verdict.stability.margin
+            steps.insert(0, _as_step(redesign(number, old or 0.0, gain, margin)))
+        elif self.task.gain is None and words:  # otherwise another gain would be designed for the changed loop
+            steps.append(f"keep {number.equals(gain)}")
+        if task.verify.runs != self.task.verify.runs:
+            steps.append(f"simulate {task.verify.runs} runs")
+        return self._advice("change", f"{_joined(steps)}. {_outcome(checked)}", checked)
+
+    def _advice(self, kind: str, sentence: str, checked: _Checked) -> Advice:
+        return Advice(
+            kind=kind,
+            sentence=sentence,
+            settings=settings_between(self.task, checked.task),
+            status=checked.verdict.status,
+            fresh_runs=checked.fresh,
+        )
+
+    def _larger_limit(self) -> Advice | None:
+        """Return the smallest increase of a limit with which a gain holds on the unchanged loop."""
+        note_work("searching for the limits that a gain can meet")
+        limits = limits_of(self.task.constraints)
+        base = replace(self.found.search, whole=True, has_room=True, strictness=1.0, tried={})
+        if not limits or not base.axis.low < base.axis.high:
+            return None
+        places = [i for i, limit in enumerate(limits) if limit.constraint.name != "gain"]
+        options = [option for i in places if (option := _nearest_limits(base, [i])) is not None]
+        if not options and len(places) > 1 and (together := _nearest_limits(base, places)) is not None:
+            options = [together]
+        for gain, increase in sorted(options, key=lambda option: max(option[1].values()))[:2]:
+            factor = 1.0
+            for _ in range(_TRIES):
+                larger = {i: _rounded_up_limit(limits[i].constraint.limit * r * factor) for i, r in increase.items()}
+                constraints = tuple(_with_limit(c, larger.get(i)) for i, c in enumerate(self.task.constraints))
+                checked = self._check(self.task.replace(gain=base.printed(gain), constraints=constraints))
+                if checked.shortfall <= 1 and checked.verdict.status in _SERIOUS:
+                    return self._limit_advice(checked, limits, larger)
+                if math.isnan(checked.shortfall):
+                    break
+                factor *= min(max(checked.shortfall, _STRICTER), _STRICTEST)
+        return None
+
+    def _limit_advice(self, checked: _Checked, limits: tuple[Required, ...], larger: dict[int, float]) -> Advice:
+        number, texts, kept = self.task.law.number, [], []
+        for i, value in larger.items():
+            name, unit = words_for(limits[i].constraint.name), number.entry(limits[i].constraint.quantity).unit
+            old = format_quantity(limits[i].constraint.limit, unit)
+            texts.append(f"{format_quantity(value, unit)} instead of {old} for the {name}")
+            kept.append(old)
+        runs = f", and simulate {checked.task.verify.runs} runs" if checked.task.verify != self.task.verify else ""
+        text = (
+            f"allow {' and '.join(texts)}, with {number.equals(float(checked.task.gain or 0.0))}{runs}: no change "
+            f"within reach keeps {' and '.join(kept)}"
+        )
+        return self._advice("limit", f"{text}. {_outcome(checked)}", checked)
+
+    @staticmethod
+    def _none() -> Advice:
+        """Say that no change within reach holds."""
+        tried = "other gains, and one or two changes of controller, sensor and robot with the best gain for them"
+        text = f"no change within reach holds; {tried} were simulated. Change the robot, the sensor or the requirements"
+        return Advice(kind="none", sentence=text)
+
+
+def _nearest_limits(search: GainSearch, places: list[int]) -> tuple[float, dict[int, float]] | None:
+    """Return the gain that needs the smallest increase of some limits, and the factor on each of them.
+
+    All other requirements must be met. None if they cannot be met, or if no increase is needed.
+    """
+    rows = [_FIRST_LIMIT + i for i in places]
+
+    def landscape(coordinate: FloatArray) -> Landscape:
+        shortfalls = np.minimum([search.shortfalls(one) for one in search.results(coordinate)], _MOST).T
+        others = np.delete(shortfalls, rows, axis=0)
+        return Landscape(objective=shortfalls[rows].max(axis=0), ratios=others)
+
+    _, minima = search_axis(landscape, *search.axis.span, _THOROUGH)
+    if not minima or not 1 < minima[0].value < _MOST:
+        return None
+    best = minima[0].coordinate
+    one = search.results(np.array([best]))[0]
+    shortfalls = search.shortfalls(one)
+    return one.gain, {i: float(shortfalls[_FIRST_LIMIT + i]) for i in places if shortfalls[_FIRST_LIMIT + i] > 1}
+
+
+def _with_limit(constraint: Any, limit: float | None) -> Any:
+    """Return a constraint with another limit."""
+    if limit is None:
+        return constraint
+    if isinstance(constraint, Required):
+        return replace(constraint, constraint=replace(constraint.constraint, limit=limit))
+    return replace(constraint, limit=limit)
+
+
+def _rounded_up_limit(value: float) -> float:
+    """Round a limit up to three significant digits."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return float(f"{math.ceil(value / step - 1e-9) * step:.6g}")
+
+
+def _fresh_runs(task: Task) -> int:
+    """Return how many fresh runs confirm an advice."""
+    if not task.constraints:
+        return _FRESH_ALWAYS
+    uncertain = any(name.startswith("sensor.") for name in task.uncertainty)
+    needed = runs_of_search(task, 0) * _FACTOR
+    return max(_FRESH_SENSORS if uncertain else _FRESH_RUNS, needed)
+
+
+def _runs_that_show(outcomes: LoopOutcomes, confidence: float) -> int:
+    """Return how many runs are likely to demonstrate every required probability; 0 if too many are needed."""
+    counts = [
+        likely_runs(int(r.held.sum()), len(r.held), r.probability, confidence)
+        for r in outcomes.requirements
+        if r.probability < 1
+    ]
+    return max((count or 0 for count in counts), default=0)
+
+
+def _fresh_outcomes(task: Task, count: int) -> LoopOutcomes:
+    """Return the outcomes of a gain in encounters and noise that no search has used."""
+    loop = replace(task.loop, seed=task.loop.seed + _FRESH)
+    fresh = task.replace(loop=loop, verify=replace(task.verify, runs=count))
+    draws = draw_encounters(fresh)
+    gain = float(task.gain or 0.0)
+    problem = LoopProblem(draws=draws, predicted=np.isfinite(draws.predicted(gain)[0]), unmitigated=None)
+    return problem.appraise(problem.compared(loop), gain)
+
+
+def _is_noise_a_guess(task: Task) -> bool:
+    """Return True if the noise of the loop comes from a calibration that read each distance once."""
+    report, chain = task.calibration, task.loop.chain
+    if report is None or report.best is None or "PT102" not in {split_code(text)[0] for text in report.reasons}:
+        return False
+    fitted = chain_of_fit(report.best, rate=chain.rate)
+    return bool(chain.noise == fitted.noise and chain.relative_noise == fitted.relative_noise)
+
+
+def _misses_no_limit(verdict: Verdict) -> bool:
+    return all(check.is_met for check in verdict.limits)
+
+
+def _outcome(checked: _Checked) -> str:
+    """Return a clause with the verdict that results from an advice."""
+    v = checked.verdict
+    if v.status is VerdictStatus.HOLDS:
+        return f"Then the gain holds, also in {checked.fresh} fresh runs"
+    return f"Then the gain holds narrowly: {_first_sentence(v.reasons[0])}"
+
+
+def _first_sentence(text: str) -> str:
+    return text.partition(". ")[0].removesuffix(".")
+
+
+def _as_step(sentence: str) -> str:
+    """Return the first sentence of a recommendation as a clause."""
+    text = _first_sentence(sentence)
+    return f"{text[0].lower()}{text[1:]}"
+
+
+def _joined(steps: list[str]) -> str:
+    return steps[0] if len(steps) == 1 else f"{', '.join(steps[:-1])} and {steps[-1]}"
+
+
+def _each_once(starts: Iterable[_Start]) -> list[_Start]:
+    """Leave out the second of two loops with the same changes in another order."""
+    seen: dict[frozenset[str], _Start] = {}
+    for start in starts:
+        seen.setdefault(frozenset(start.words), start)
+    return list(seen.values())

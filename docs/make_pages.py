@@ -18,7 +18,7 @@ import typer
 from pretouch._core.warning_codes import WARNING_CODES, WarningCode
 from pretouch.cli.app import app
 from pretouch.config.quantities import Quantity, UnfitValueError
-from pretouch.config.schema import SECTIONS, variants
+from pretouch.config.schema import ARRAYS, SECTIONS, variants
 from pretouch.config.section import REQUIRED, TAG, Key
 
 DOCS = Path(__file__).parent
@@ -186,7 +186,8 @@ def keys_page() -> str:
     for name, key, description in _keys():
         if name != section:
             section = name
-            lines += ["", f"## \\[{name}\\]", "", "| key | accepts | default |", "| --- | --- | --- |"]
+            title = f"\\[\\[{name}]]" if name in ARRAYS else f"\\[{name}\\]"
+            lines += ["", f"## {title}", "", "| key | accepts | default |", "| --- | --- | --- |"]
         accepts = _allowed(description).replace("|", "\\|").replace("[", "\\[").replace("<", "&lt;")
         lines.append(f"| `{key}` | {accepts} | {_default(description)} |")
     return "\n".join([*lines, ""])
@@ -198,6 +199,8 @@ def scenario_schema() -> dict[str, Any]:
     for name, key, description in _keys():
         section = sections.setdefault(name, {"type": "object", "properties": {}})
         section["properties"][key] = _schema_of(description)
+    for name in ARRAYS:
+        sections[name] = {"type": "array", "items": sections[name]}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "pretouch scenario",

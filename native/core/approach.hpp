@@ -24,7 +24,7 @@ struct Approach {
     double xv, vv;                           // virtual object at the start of the period
     double rate, acting;                     // acceleration over the last step, virtual force at the last law call
     double detection_time, closest_distance, largest_excursion, largest_travel, largest_speed;
-    double largest_virtual_force, largest_acceleration;
+    double largest_virtual_force, largest_acceleration, largest_advance;
     pretouch_output output;                  // output of the law for this period
     int32_t flags;
     int32_t law_called;                      // whether the law has been called in this period

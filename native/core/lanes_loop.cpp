@@ -100,7 +100,7 @@ private:
     Lanes t{}, instant{};
     Bodies body{};
     Lanes last_x{}, last_v{}, last_xo{}, last_vo{}, end_time{}, xv{}, vv{}, rate{}, acting{};
-    Lanes detection_time{}, closest{}, excursion{}, travel{}, fastest{}, strongest{}, hardest{};
+    Lanes detection_time{}, closest{}, excursion{}, travel{}, fastest{}, strongest{}, hardest{}, advancing{};
     Lanes x0{}, start_xo{}, xd{}, vd{}, ad{};               // scene
     Lanes since{}, until{}, xo0{}, vo0{}, ao{}, gone{};  // leg of the obstacle's path
     int64_t stretch[WIDTH];
@@ -163,6 +163,7 @@ void Group::begin(int i) {
     closest[i] = s.xo - s.x;
     excursion[i] = fabs(s.x - s.xd);
     fastest[i] = fabs(s.v);
+    advancing[i] = s.v - s.vd;
     flags[i] = 0;
     load_drive(i, state_of(i)->drive);
     drive.hold[i] = d.hold;
@@ -232,7 +233,7 @@ pretouch::Approach Group::approach_of(int i, double at, bool law_called) {
     return {
         period_number[i], t[i], at, end_time[i], body.x[i], body.v[i], body.servo[i], body.xo[i], body.vo[i],
         last_x[i], last_v[i], last_xo[i], last_vo[i], xv[i], vv[i], rate[i], acting[i], detection_time[i], closest[i], excursion[i], travel[i], fastest[i], strongest[i],
-        hardest[i], {position[i], velocity[i], acceleration[i], force[i], log_level[i], status[i]}, flags[i],
+        hardest[i], advancing[i], {position[i], velocity[i], acceleration[i], force[i], log_level[i], status[i]}, flags[i],
         law_called, leg_of(i), stretch[i]};
 }
 
@@ -270,6 +271,7 @@ void Group::visit(int i) {
     fastest[i] = a.largest_speed;
     strongest[i] = a.largest_virtual_force;
     hardest[i] = a.largest_acceleration;
+    advancing[i] = a.largest_advance;
     position[i] = a.output.position;
     velocity[i] = a.output.velocity;
     acceleration[i] = a.output.acceleration;
@@ -482,6 +484,7 @@ void Group::follow_period() {
         excursion = larger(excursion, absolute(body.x - reference_at(now)));
         travel = larger(travel, absolute(body.x - x0));
         fastest = larger(fastest, absolute(body.v));
+        advancing = larger(advancing, body.v - (vd + ad * now));
         if (!(at < period - INSTANT)) {
             const uint64_t lost = open & ~bits(is_finite(body.x) & is_finite(body.v));
             for (int i = 0; lost >> i; i++)

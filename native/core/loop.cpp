@@ -33,6 +33,7 @@ Encounter::Encounter(const pretouch_loop &loop_, int64_t index_, const Law &law_
     end.closest_distance = scene.xo - scene.x;
     end.largest_excursion = fabs(scene.x - scene.xd);
     end.largest_speed = fabs(scene.v);
+    end.largest_advance = scene.v - scene.vd;
 }
 
 void Encounter::run(int64_t period) {
@@ -80,6 +81,7 @@ void Encounter::restore(const Approach &a) {
     end.largest_speed = a.largest_speed;
     end.largest_virtual_force = a.largest_virtual_force;
     end.largest_acceleration = a.largest_acceleration;
+    end.largest_advance = a.largest_advance;
 }
 
 void Encounter::resume(const Approach &a) {
@@ -105,8 +107,8 @@ bool Encounter::visit(Approach &a, void *sensor_after) {
     }
     a = {a.period + 1, t, 0.0, end.end_time, body.x, body.v, body.servo, body.xo, body.vo,
          0.0, 0.0, 0.0, 0.0, xv, vv, rate, acting, end.detection_time, end.closest_distance, end.largest_excursion,
-         end.largest_travel, end.largest_speed, end.largest_virtual_force, end.largest_acceleration, output, flags, false,
-         leg, stretch};
+         end.largest_travel, end.largest_speed, end.largest_virtual_force, end.largest_acceleration, end.largest_advance, output,
+         flags, false, leg, stretch};
     new (sensor_after) Sensor(sensor);
     return true;
 }
@@ -236,6 +238,7 @@ void Encounter::note_largest() {
     end.largest_excursion = larger(end.largest_excursion, fabs(body.x - reference_at(now())));
     end.largest_travel = larger(end.largest_travel, fabs(body.x - scene.x));
     end.largest_speed = larger(end.largest_speed, fabs(body.v));
+    end.largest_advance = larger(end.largest_advance, body.v - (scene.vd + scene.ad * now()));
 }
 
 void Encounter::begin_contact() {

@@ -156,12 +156,17 @@ private:
     double total = 0.0, start = 0.0, instant = 0.0;
     static constexpr int WAVES = 8;
     Wave waves[WAVES];
+    int disturbances = 0;
+    double begun[PRETOUCH_MOST_DISTURBANCES];  // when each disturbance began [s]; infinite before
+    double last = NAN;                         // last reading before the delay
 
     double start_of(uint64_t exposure) const;
     double misfit_at(double distance) const;
     double output(double distance) const;
     double exposed_to(double distance) const;
-    double raw_reading(double mean, double time) const;
+    double clean_reading(double mean, double time) const;
+    double raw_reading(double mean, double time);
+    void begin_disturbances(double distance);
     void draw_misfit();
     void look_at_start(double distance);
 };

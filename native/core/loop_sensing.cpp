@@ -42,6 +42,8 @@ Sensor::Sensor(const pretouch_chain &chain_, const pretouch_curve &curve_, uint6
     : chain(chain_), curve(curve_), key(key_), waiting(waiting_), mask(static_cast<uint64_t>(room) - 1),
       nodes(chain_.exposure > 0.0 ? 3 : 1) {
     if (chain.misfit > 0.0) draw_misfit();
+    while (disturbances < PRETOUCH_MOST_DISTURBANCES && chain.disturbances[disturbances].kind != 0.0)
+        begun[disturbances++] = INFINITY;
     start = start_of(0);
     instant = start + chain.exposure * INNER;
     if (instant <= INSTANT && chain.exposure <= 0.0) look_at_start(distance);
@@ -86,14 +88,42 @@ double Sensor::exposed_to(double distance) const {
     return chain.measures_distance != 0.0 ? distance : output(distance);
 }
 
+// Begins the disturbances whose time or distance has come.
+void Sensor::begin_disturbances(double distance) {
+    for (int i = 0; i < disturbances; i++) {
+        const pretouch_disturbance &d = chain.disturbances[i];
+        if (begun[i] == INFINITY && (instant >= d.time - INSTANT || distance <= d.distance))
+            begun[i] = smaller(d.time, instant);
+    }
+}
+
 // The reading of an exposure, from its mean; NaN if the reading is lost by a dropout.
-double Sensor::raw_reading(double mean, double time) const {
+double Sensor::raw_reading(double mean, double time) {
     const uint64_t draw = DRAWS * k;
     if (chain.dropout > 0.0 && uniform_of(key, draw + DROPOUT) < chain.dropout) return NAN;
     if (chain.measures_distance != 0.0) {
         const double distance = mean + chain.distance_noise * normal_of(key, draw + DISTANCE);
         mean = output(rounded(distance, chain.distance_resolution));
     }
+    double replaced = NAN;
+    for (int i = 0; i < disturbances; i++) {
+        const pretouch_disturbance &d = chain.disturbances[i];
+        if (!(begun[i] <= time && time < begun[i] + d.duration)) continue;
+        switch (static_cast<int>(d.kind)) {
+        case PRETOUCH_CABLE: replaced = 0.0; break;
+        case PRETOUCH_REFLECTANCE: mean *= d.factor; break;
+        case PRETOUCH_OBJECT_LEAVES: mean = 0.0; break;
+        case PRETOUCH_FULL_SCALE: replaced = chain.highest; break;
+        default: replaced = last;  // NaN, thus without effect, if it is the first reading
+        }
+    }
+    last = isnan(replaced) ? clean_reading(mean, time) : replaced;
+    return last;
+}
+
+// The reading of an exposure of a sensor that works, from its mean xi.
+double Sensor::clean_reading(double mean, double time) const {
+    const uint64_t draw = DRAWS * k;
     double value = mean + chain.offset + chain.drift * time;
     if (chain.noise > 0.0 || chain.relative_noise > 0.0) {
         const double deviation =
@@ -105,6 +135,7 @@ double Sensor::raw_reading(double mean, double time) const {
 
 // Makes the first reading at t = 0 from the initial distance.
 void Sensor::look_at_start(double distance) {
+    begin_disturbances(distance);
     waiting[0] = {raw_reading(exposed_to(distance), 0.0), chain.delay, 0.0};
     tail = k = 1;
     instant = start = start_of(1);
@@ -113,6 +144,7 @@ void Sensor::look_at_start(double distance) {
 void Sensor::look(double distance) {
     const double weight = nodes == 1 ? 1.0 : node == 1 ? 8.0 / 18.0 : 5.0 / 18.0;
     total += weight * exposed_to(distance);
+    if (disturbances) begin_disturbances(distance);
     if (++node == nodes) {
         waiting[tail++ & mask] = {raw_reading(total, instant), start + chain.exposure + chain.delay,
                                   start + 0.5 * chain.exposure};

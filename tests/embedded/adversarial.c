@@ -26,7 +26,8 @@ static double any_number(double size) {
     const uint64_t kind = random_bits() % 16;
     if (kind < 2) return special[random_bits() % (sizeof special / sizeof *special)];
     if (kind < 4) return (unit() - 0.5) * exp(1400 * (unit() - 0.5));
-    return size * (kind < 8 ? 2 * unit() - 1 : unit());
+    if (kind < 12) return size * (kind < 8 ? 2 * unit() - 1 : unit());
+    return size * (0.9 + 0.2 * unit()); /* a plausible change of a reading */
 }
 
 static pretouch_sample any_sample(double level) {

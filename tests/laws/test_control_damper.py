@@ -103,7 +103,7 @@ def test_noise_within_the_release_is_no_approach() -> None:
     noise = np.random.default_rng(3).uniform(-0.01, 0.01, 2000)
     rows = rows_of(np.exp(-1.0 + noise))
     kept = run_rows(controller(-1.0, approach_only=True, release=0.02), rows)
-    rectified = run_rows(controller(-1.0, approach_only=True), rows)
+    rectified = run_rows(controller(-1.0, approach_only=True, release=0.0), rows)
     assert -kept[:, FORCE].sum() * 1e-3 <= 0.02
     assert -rectified[:, FORCE].sum() * 1e-3 > 100 * 0.02
 

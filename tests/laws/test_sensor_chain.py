@@ -10,7 +10,7 @@ from scipy import stats
 
 import pretouch as pt
 from loop_samples import BareLaw
-from pretouch.simulation import PARTS
+from pretouch.simulation import PARTS, Disturbance
 
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
@@ -248,3 +248,45 @@ def test_a_reading_within_the_step_that_ends_at_a_touch_is_that_of_its_instant()
     read = trace.reading[np.searchsorted(trace.time, 0.034 - 1e-9)]
     # ln xi is tabulated to 1e-12, and the servo's 1e-9 N/m move the mass by less
     assert -np.log(read) == pytest.approx(0.01 - 0.3 * 0.0331, abs=1e-11)
+
+
+def disturbed(kind: str, scenario: pt.Scenario = STILL, **chain: Any) -> np.ndarray:
+    """Readings for 2 s with a disturbance of 0.5 s from 1 s on."""
+    own = {name: chain.pop(name) for name in ("factor", "distance", "time") if name in chain}
+    at = {} if "distance" in own else {"time": 1.0}
+    event = Disturbance(kind=kind, duration=0.5, **at | own)
+    return readings(scenario=scenario, offset=0.1, noise=1e-3, highest=5.0, disturbances=[event], **chain)
+
+
+@pytest.mark.parametrize(
+    ("kind", "own", "expected"),
+    [
+        ("cable", {}, lambda plain: 0.0 * plain),
+        ("full-scale", {}, lambda plain: 5.0 + 0.0 * plain),
+        ("reflectance", {"factor": 2.0}, lambda plain: plain + XI),
+        ("object-leaves", {}, lambda plain: plain - XI),
+        ("stuck", {}, lambda plain: plain[0] + 0.0 * plain),
+    ],
+)
+def test_a_disturbance_changes_the_readings_while_it_lasts(kind: str, own: dict[str, float], expected: Any) -> None:
+    plain, found = readings(offset=0.1, noise=1e-3, highest=5.0), disturbed(kind, **own)
+    assert (found[:1000] == plain[:1000]).all()
+    assert found[1500:] == pytest.approx(plain[1500:], rel=1e-9)  # the law moves the robot by some picometers
+    at = slice(999, 1500) if kind == "stuck" else slice(1000, 1500)
+    assert found[at] == pytest.approx(expected(plain[at]), rel=1e-9, abs=1e-12)
+
+
+def test_a_disturbance_begins_at_its_distance() -> None:
+    law = BareLaw(-1e-12, 1e-3)
+    chain = pt.SensorChain(rate=1000.0, disturbances=[Disturbance(kind="cable", distance=0.02)])
+    run = pt.simulate(PASSING, SENSOR, law, chain=chain, horizon=2.0)
+    trace = run.trace()
+    assert ((trace.reading == 0.0) == (trace.distance <= 0.02)).all()
+
+
+def test_disturbances_act_together() -> None:
+    two = [Disturbance(kind="reflectance", time=0.5, factor=3.0), Disturbance(kind="cable", time=1.0, duration=0.2)]
+    found = readings(disturbances=two)
+    assert found[[0, 499]] == pytest.approx(XI)
+    assert found[[500, 999, 1200, -1]] == pytest.approx(3 * XI)
+    assert (found[1000:1200] == 0.0).all()

@@ -98,7 +98,8 @@ def test_the_status_follows_from_limits(limits: list[Any], status: pt.VerdictSta
     found = verdict(NOISY, gain=-0.7463, constraints=limits, changes=False)
     assert found.status is status
     assert (reason is None and not found.reasons) or any(reason in text for text in found.reasons)
-    first = {HOLDS: "Holds: contact at ", NARROWLY: "Holds narrowly: ", DOES_NOT: "Does not hold: "}[status]
+    works = " while the sensor works" if found.breakage.harder else ""
+    first = {HOLDS: f"Holds{works}: contact at ", NARROWLY: "Holds narrowly: ", DOES_NOT: "Does not hold: "}[status]
     assert found.headline.startswith(first)
 
 
@@ -248,7 +249,7 @@ def test_a_gain_is_verified_where_there_is_no_ideal_one() -> None:
 @pytest.mark.parametrize(
     ("acceleration", "status", "headline"),
     [
-        (1.0, HOLDS, "Holds: no run ends in contact; without mitigation, the mean contact speed is 0.0748 m/s."),
+        (1.0, HOLDS, "no run ends in contact; without mitigation, the mean contact speed is 0.0748 m/s."),
         (
             1.2,
             NARROWLY,

@@ -11,6 +11,7 @@ from .filters import Pair, Readings, advance_low_pass, advance_median, fill_low_
 
 DETECTING, STALE, LOST = int(Status.DETECTING), int(Status.STALE), int(Status.LOST)
 SATURATED, INVALID, IMPLAUSIBLE = int(Status.SATURATED), int(Status.INVALID), int(Status.IMPLAUSIBLE)
+ROUNDING = 1e-9  # of a level
 SAME_INSTANT = 1e-6  # of a period: two readings closer than that are one
 ANY_CHANGE = 1500.0  # of ln xi: more than any two numbers can differ
 
@@ -74,7 +75,7 @@ def observe(n: Any, s: SensingState, sample: Sample) -> tuple[SensingState, Obse
         else:
             median, middle = advance_median(s.median, level)
             low_pass, filtered = advance_low_pass(_sections(n), s.low_pass, middle)
-        filtered = max(filtered, n.floor)  # the low-pass may undershoot
+        filtered = filtered if filtered > n.floor * (1 + ROUNDING) else n.floor  # undershoot, rounding
         log_level = math.log(filtered / n.floor)
         change = 0.0 if restarted else math.log(filtered / s.filtered)
         elapsed = 0.0 if restarted else measured - sample.age
@@ -103,7 +104,9 @@ def _fault(n: Any, s: SensingState, sample: Sample, level: float, measured: floa
         return INVALID
     if sample.reading >= n.saturation:
         return SATURATED
-    believable = n.largest_rate * elapsed
-    if s.running and believable < ANY_CHANGE and abs(math.log(level / s.level)) > believable:
+    # However long it took: an object that is seen again after a gap moves no more than one sensor period allows.
+    most = n.largest_rate * min(elapsed, n.sensor_period)
+    known = (s.level, s.filtered)
+    if s.running and most < ANY_CHANGE and all(abs(math.log(level / before)) > most for before in known):
         return IMPLAUSIBLE
     return 0

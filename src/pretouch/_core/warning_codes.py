@@ -396,8 +396,11 @@ _TABLE: Final = (
         "Readings that fall suddenly look like a receding object, and the controller accepts them.",
         "The virtual damper then pulls the robot toward the object.",
         "Set `largest_rate` in `[controller]` to the value in the message: twice the largest rate of ln xi in an "
-        "approach, plus noise. With a smaller value, the controller also rejects good readings, and noise moves a "
-        "robot at rest.",
+        "approach, plus noise. The controller then rejects a change of ln xi beyond `largest_rate` times one sensor "
+        "period. If this lasts, the sensor is lost after `timeout`, and the law starts anew without the impulse of the "
+        "jump. A fall that is smaller, from a weak signal to 0, is still believed: it moves the robot by at most "
+        "the speed that `pretouch verify` reports as its bound. With a smaller value, the controller also rejects good "
+        "readings.",
         "A broken sensor cable makes the robot jump toward the object",
     ),
     (
@@ -413,7 +416,9 @@ _TABLE: Final = (
         "Noise moves a robot at rest",
         "Without any motion of the object, the noise of the readings moves the robot.",
         "The robot drifts or trembles while it waits near an object.",
-        "Raise the floor to the value in the message, or use the virtual drag, which has a dead zone.",
+        "Raise the floor to the value in the message, or use the virtual drag, which has a dead zone. With "
+        "`approach_only`, do not set `release` below the range of the noise of ln xi: each rise of the noise would "
+        "push the robot away, and no fall would return it.",
         "Sensor noise alone moves a robot at rest by up to 12 mm within 30 s",
     ),
     (
@@ -503,6 +508,18 @@ _TABLE: Final = (
         "The lower contact speed may come from the slower object, and not from the better sensor or law.",
         "Use the same `[obstacle]` and `[constraints]` in all files.",
         "The candidates differ in the motion of the object",
+    ),
+    (
+        "PT419",
+        "A sensor that fails makes contact harder",
+        "`pretouch verify` also simulates sensors that fail during an approach: a broken cable, an object that leaves "
+        "the beam, a reflectance that doubles or halves, readings at full scale, and readings that are stuck. In some "
+        "of these runs, contact is harder than without mitigation.",
+        "The robot moves toward the object when the readings change for another reason than the motion of the object.",
+        "Follow the message. `largest_rate` rejects jumps of the readings. `approach_only` with `release` as in the "
+        "message never pulls the robot toward the object; the robot then does not follow a receding object.",
+        "A sensor that fails makes contact harder than without mitigation: set approach_only = true and release = 0.11 "
+        "in [controller].",
     ),
     (
         "PT423",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from pretouch.control import Conditioning, Controller, Law, Limits, VirtualAdmittance, VirtualDamper
+from pretouch.control.laws import release_for_noise
 from pretouch.motion.laws import DAMPER, DRAG
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
@@ -66,8 +67,17 @@ def _law(file: Reading, values: Mapping[str, Any], chain: SensorChain) -> Law | 
         return sampled_drag(file, chain)
     if file.law != DAMPER:
         return sampled_law(file)
-    options = {key: values[key] for key in _LAW}
+    options = _release(values, chain) | {key: values[key] for key in _LAW if key in values}
     return file.attempt("controller", lambda: VirtualDamper(gain=values.get("gain", 0.0), **options))
+
+
+def _release(values: Mapping[str, Any], chain: SensorChain) -> dict[str, float]:
+    """Return the default release of the virtual damper, if the noise of the readings is known."""
+    floor, noise = values.get("floor", _FLOOR * chain.noise), math.hypot(chain.noise, chain.resolution * 12**-0.5)
+    known = (chain.noise > 0 or chain.relative_noise > 0) and not chain.measures_distance
+    if not (values["approach_only"] and known and floor > 0):
+        return {}
+    return {"release": release_for_noise(floor, noise, chain.relative_noise)}
 
 
 def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, period: float) -> Conditioning | None:

@@ -5,7 +5,7 @@ The loop consists of sensor chain, controller, robot and contact.
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -138,7 +138,13 @@ def _chain(file: Reading, part: SensorPart | None, calibration: CalibrationRepor
     random = isinstance(values["phase"], str)
     merged |= {"random_phase": random, "phase": 0.0 if random else values["phase"]}
     merged.pop("part", None)
-    return file.attempt("chain", lambda: SensorChain(**merged))
+    disturbances = file.make_each("disturbance")
+    if disturbances is None:
+        return None
+    chain = file.attempt("chain", lambda: SensorChain(**merged | {"disturbances": ()}))
+    if chain is None or not disturbances:
+        return chain
+    return file.attempt("disturbance", lambda: replace(chain, disturbances=disturbances))
 
 
 def _fitted(calibration: CalibrationReport | None, rate: Any) -> dict[str, float]:

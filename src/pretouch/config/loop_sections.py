@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from pretouch._core.errors import UnitError
@@ -14,6 +15,7 @@ from pretouch._core.units import has_workable_magnitude, parse_unit
 from pretouch.control import Conditioning, Limits, VirtualDamper, VirtualDrag
 from pretouch.motion.laws import DAMPER, DRAG, LAWS, ContinuousLaw
 from pretouch.simulation.chain import SensorChain
+from pretouch.simulation.disturbance import KINDS, Disturbance
 from pretouch.simulation.robot import PLANT_KINDS, HuntCrossley, SpringDamper
 
 from .quantities import Quantity, UnfitValueError
@@ -28,6 +30,7 @@ from .section import (
     declared_keys,
     described_section,
     gain_of,
+    name_of,
     text,
     whole,
 )
@@ -118,6 +121,7 @@ def _controller(law: ContinuousLaw) -> Section:
     }
     if law == DAMPER:  # the keys of other sampled laws are in [law]
         keys |= {"gain": Key(gain_of(law)), **declared_keys(VirtualDamper, without=("gain",))}
+        keys["release"] = replace(keys["release"], default=None)  # from the noise of the chain
     return Section(keys, _check_period)
 
 
@@ -178,6 +182,9 @@ _STIFFNESS: Final = declared_keys(HuntCrossley)["stiffness"].read
 LOOP_VARIANTS: Final[Mapping[str, Mapping[str, Section]]] = {
     "chain": {"": _CHAIN},
     "controller": ByLaw(_controller),
+    "disturbance": {
+        "": Section({"kind": Key(name_of(*KINDS), REQUIRED, '"cable"'), **declared_keys(Disturbance)}, make=Disturbance)
+    },
     "law": _LAW,
     "robot": {
         MODEL: ROBOT_MODEL,

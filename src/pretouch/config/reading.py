@@ -18,8 +18,8 @@ from pretouch.motion.laws import DAMPER, LAW_KINDS
 from .key_lines import key_lines
 from .quantities import KeyPath, UnfitValueError, value_text
 from .robot_section import MODEL
-from .schema import OF_A_LAW, SECTIONS, extensions_of, keys_of, required_sections, variants
-from .section import Section, nearest, one_of
+from .schema import ARRAYS, OF_A_LAW, SECTIONS, extensions_of, keys_of, required_sections, variants
+from .section import Section, list_of, nearest, one_of
 from .sensor import CALIBRATION, sensor_variants
 
 Mistake: TypeAlias = tuple[KeyPath, str]
@@ -190,6 +190,7 @@ class Reading:
         self.unread: list[Mistake] = list(_unknown_sections(data))
         self.mistakes: list[Mistake] = []
         self.sections: dict[str, tuple[Section, dict[str, Any]]] = {}
+        self.arrays: dict[str, list[dict[str, Any]]] = {}
         # sections whose names are probably misspelled in the file
         self.misspelled = {nearest(name, SECTIONS) for name in data if name not in SECTIONS}
         law = data.get("law", {} if "law" in self.misspelled else {"kind": DAMPER.kind})
@@ -206,6 +207,9 @@ class Reading:
 
         The mistakes in the section are recorded.
         """
+        if name in ARRAYS:
+            self._read_array(name, content)
+            return
         if not isinstance(content, dict):
             what = f"[[{name}]]" if isinstance(content, list) else value_text(content)
             self.unread.append(((name,), f"found {what}, expected a section [{name}] with keys"))
@@ -220,6 +224,16 @@ class Reading:
             self.sections[name] = variant, variant(content, partial(_unknown_key, self.source, name, variant, content))
         except UnfitValueError as unfit:
             self.unread += [((name, *path), sentence) for path, sentence in unfit.mistakes]
+
+    def _read_array(self, name: str, content: Any) -> None:
+        """Read an array of tables of the scenario file."""
+        try:
+            self.arrays[name] = list_of(variants(name)[""], 1, None, ARRAYS[name])(content)
+        except UnfitValueError as unfit:
+            found = "" if isinstance(content, list) else f"found {value_text(content)}, "
+            self.unread += [
+                ((name, *path), sentence if path else f"{found}{sentence}") for path, sentence in unfit.mistakes
+            ]
 
     def refuse(self, path: KeyPath, sentence: str) -> None:
         """Record a mistake at a key of the scenario file."""
@@ -259,6 +273,23 @@ class Reading:
             return self.make(section)
         variant: Any = _variant(section, {}, (self.law or DAMPER).kind)
         return variant.make(**variant({}))
+
+    def make_each(self, section: str) -> tuple[Any, ...] | None:
+        """Return the Python objects that an array of tables describes.
+
+        The result is None if one of them contains mistakes, and empty without such tables.
+        """
+        if section not in self.data:
+            return ()
+        make: Any = variants(section)[""].make
+        made = []
+        for i, values in enumerate(self.arrays.get(section, ())):
+            try:
+                made.append(make(**values))
+            except InvalidInputError as error:
+                key, _, sentence = str(error).partition(": ")
+                self.refuse((section, i, key), sentence)
+        return tuple(made) if len(made) == len(self.data[section]) else None
 
     def make(self, section: str, without: tuple[str, ...] = ()) -> Any:
         """Return the Python object that a scenario-file section describes.

@@ -258,8 +258,13 @@ _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
 OPTIONS: Final = ("pareto", "robust", "verify")
 """The sections that are options of one verb; each is the field of the task with the same name."""
 
-LOOP_SECTIONS: Final = ("chain", "controller", "robot", "contact", "loop", "verify")
+LOOP_SECTIONS: Final = ("chain", "controller", "robot", "contact", "loop", "verify", "disturbance")
 """The sections of a sampled loop; a file with any of them needs the first two."""
+
+ARRAYS: Final = {
+    "disturbance": 'one or more of [[disturbance]] with, for example, kind = "cable" and distance = "20 mm"',
+}
+"""The sections that are arrays of tables, with an example for messages."""
 
 OF_A_LAW: Final = ("gain", "constraints", "pareto", "controller")
 """The sections whose keys or units depend on the kind of the law."""

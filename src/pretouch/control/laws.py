@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Iterator
 from ctypes import byref
 from dataclasses import dataclass, replace
@@ -285,6 +286,34 @@ def output_of(raw: RawOutput) -> Output:
 _STEP = CompiledStep("step_damper")
 
 
+_RELEASE: Final = 1.5  # > ln(1 + 10/3): the range of noise whose standard deviation is a third of the floor
+_WIDEST: Final = 5.0  # standard deviations: noise exceeds them in one of 1.7 million readings
+
+
+def release_for_noise(floor: float, noise: float, relative_noise: float = 0.0) -> float:
+    """Return a `release` of the virtual damper that noise does not exceed.
+
+    It is the largest range of ln xi, at any distance, of noise within five standard deviations to both sides. Readings
+    below the floor count as the floor, which limits the range at large distances.
+
+    Args:
+        floor: the detection threshold [unit of xi].
+        noise: standard deviation of a reading without a signal [unit of xi].
+        relative_noise: additional standard deviation relative to xi.
+
+    Returns:
+        The release, a change of ln xi.
+
+    Examples:
+        >>> round(release_for_noise(100.0, 20.0), 2), round(release_for_noise(1800.0, 20.0, 0.002), 2)
+        (1.1, 0.11)
+    """
+    far = floor + _WIDEST * noise
+    sigma = math.hypot(noise, relative_noise * far)
+    near = 2 * math.atanh(min(_WIDEST * relative_noise, 0.9))  # ln (1 + 5 s) / (1 - 5 s), where only this noise counts
+    return max(math.log((far + _WIDEST * sigma) / max(far - _WIDEST * sigma, floor)), near)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualDamper:
     """Sampled virtual damper with the force F_p = D_p xi'/xi.
@@ -295,18 +324,19 @@ class VirtualDamper:
     Args:
         gain: D_p [N s]; negative gains mitigate the impact.
         approach_only: act during approaches only, so that the robot does not follow a receding object.
-        release: with `approach_only`, the fall of ln xi after which a rise counts as a new approach. Choose it larger
-            than the noise of ln xi, so that noise does not count as approaches.
+        release: with `approach_only`, the fall of ln xi after which a rise counts as a new approach. If it is smaller
+            than the range of the noise of ln xi, each rise of the noise pushes the robot away, and no fall returns it.
+            The default exceeds the noise at a floor of three standard deviations; see `release_for_noise`.
         ramp_time: time [s] in which the gain rises from 0 after detection, and returns to 0 when the object is gone.
 
     Examples:
         >>> VirtualDamper(gain=-0.7).with_value(-0.5)
-        VirtualDamper(gain=-0.5, approach_only=False, release=0.0, ramp_time=0.0)
+        VirtualDamper(gain=-0.5, approach_only=False, release=1.5, ramp_time=0.0)
     """
 
     gain: float = quantity("N*s", example='"-0.7 N*s"')
     approach_only: bool = flag(False)
-    release: float = quantity("", 0.0, sign="nonnegative")
+    release: float = quantity("", _RELEASE, sign="nonnegative")
     ramp_time: float = quantity("s", 0.0, sign="nonnegative")
 
     def __post_init__(self) -> None:

@@ -22,6 +22,7 @@ MOST_STEPS: Final = 4000
 _SEED: Final = 20_26
 _DROPPED: Final = 0.3  # share of readings that the dropout case removes
 _SPIKE: Final = 100.0  # factor of a single wrong reading
+_BRIGHTER: Final = 2.0  # step of the reflectance
 _ANY_READING: Final = 2e12  # above the highest saturation level that a controller can have
 
 SAMPLE_COLUMNS: Final = (
@@ -169,6 +170,20 @@ def _garbage(samples: tuple[Sample, ...], controller: Controller, rng: np.random
         yield sample._replace(**fields) if i % 7 == 6 else sample
 
 
+def _cable(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
+    """Set all readings to 0 from some step on."""
+    for i, sample in enumerate(samples):
+        yield sample._replace(reading=0.0) if 3 * i >= 2 * len(samples) else sample
+
+
+def _reflectance(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
+    """Double the signal for a while."""
+    offset = controller.conditioning.offset
+    for i, sample in enumerate(samples):
+        brighter = offset + _BRIGHTER * (sample.reading - offset)
+        yield sample._replace(reading=brighter) if len(samples) <= 2 * i < 3 * len(samples) // 2 else sample
+
+
 def _spikes(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
     for i, sample in enumerate(samples):
         yield sample._replace(reading=_SPIKE * sample.reading) if i % 41 == 40 else sample
@@ -181,6 +196,8 @@ _CASES: Final = (
     ("saturation", "the approach with a saturated sensor for a while", _saturation),
     ("contact", "the approach with contact forces, some of which are not a number", _contact),
     ("garbage", "the approach with readings, ages and references that are impossible", _garbage),
+    ("cable", "the approach, in which the cable breaks, so that all later readings are 0", _cable),
+    ("reflectance", "the approach with a signal that is twice as large for a while", _reflectance),
     ("spikes", "the approach with single readings that are 100 times too large", _spikes),
 )
 

@@ -2,6 +2,7 @@
 
 from .chain import LoopTiming, SensorChain, chain_of_fit, timing_of
 from .closed_loop import ClosedLoop
+from .disturbance import Disturbance
 from .loop import simulate
 from .parts import PARTS, SensorPart, sensor_part
 from .result import LoopTrace, SimulationResult
@@ -15,6 +16,7 @@ __all__ = [
     "ClosedLoop",
     "ContactModel",
     "DampingLimit",
+    "Disturbance",
     "GainLimit",
     "HuntCrossley",
     "IdealPlant",

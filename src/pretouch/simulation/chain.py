@@ -19,6 +19,8 @@ from pretouch.calibration import SensorFit
 from pretouch.control import Controller
 from pretouch.control.components import design_low_pass, format_output
 
+from .disturbance import checked_disturbances, native_disturbances
+
 Row = tuple[str, Cell]
 
 _LOCKED: Final = 1e-6  # share of a period: with less phase drift, both clocks keep their phase for a million readings
@@ -65,6 +67,7 @@ class SensorChain:
             that.
         distance_noise: standard deviation of such a distance [m].
         distance_resolution: step of such distances [m]; 0 for none.
+        disturbances: events that change the readings, such as a broken cable.
 
     Examples:
         >>> SensorChain(rate=100.0, exposure=0.002, delay=0.001).latency
@@ -91,9 +94,12 @@ class SensorChain:
     measures_distance: bool = flag(False)
     distance_noise: float = quantity("m", 0.0, sign="nonnegative")
     distance_resolution: float = quantity("m", 0.0, sign="nonnegative")
+    disturbances: Any = field(default=(), metadata={"takes": "tuple[Disturbance, ...]"})
 
     def __post_init__(self) -> None:
         check_declared(self)
+        object.__setattr__(self, "disturbances", checked_disturbances(self.disturbances))
+        self._check_disturbances()
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
                 f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s between two "
@@ -135,6 +141,20 @@ class SensorChain:
         """The time between two sensor readings [s]."""
         return 1.0 / self.rate
 
+    def _check_disturbances(self) -> None:
+        """Raise an error if a disturbance does not fit the sensor."""
+        kinds = {one.kind for one in self.disturbances}
+        if "full-scale" in kinds and not math.isfinite(self.highest):
+            raise InvalidInputError(
+                "highest: the reading at full scale is unknown, but a disturbance sets the readings to full scale; set "
+                "highest of the chain to the largest reading of the sensor"
+            )
+        if "reflectance" in kinds and self.measures_distance:
+            raise InvalidInputError(
+                "disturbances: found a change of reflectance for a sensor that measures a distance, which does not "
+                "depend on the reflectance; remove this disturbance"
+            )
+
     @property
     def latency(self) -> float:
         """The latency of the sensor [s].
@@ -151,6 +171,7 @@ class SensorChain:
             *(self.offset + self.crosstalk, self.drift, self.lowest, self.highest, self.resolution, self.dropout),
             *(float(bool(self.measures_distance)), self.distance_noise, self.distance_resolution),
             *(float(bool(self.random_phase)), self.misfit, self.misfit_length),
+            *native_disturbances(self.disturbances),
         )
 
     def rows(self) -> Iterator[Row]:
@@ -184,6 +205,8 @@ class SensorChain:
             yield "jitter of an exposure", Measured(self.jitter, "s")
         if self.dropout:
             yield "missing readings", _percent(self.dropout)
+        for one in self.disturbances:
+            yield "disturbance", one.text
 
 
 @check_arguments

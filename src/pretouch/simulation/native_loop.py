@@ -29,6 +29,7 @@ from pretouch.sensors import SensorModel
 from pretouch.sensors.model import cache_by_curve
 
 from .chain import SensorChain
+from .disturbance import MOST_DISTURBANCES
 from .law import SampledLaw
 from .robot import COEFFICIENTS, ContactModel, PlantModel, plant_step
 from .state_space import native_rows
@@ -37,7 +38,7 @@ RESULT_COLUMNS: Final = (
     *("status", "time", "position", "velocity", "displacement", "relative_velocity", "closest_distance"),
     *("largest_excursion", "largest_travel", "largest_speed", "largest_virtual_force", "peak_force", "impulse"),
     *("rebound_velocity", "contacts", "detection_time", "flags", "end_time", "impact_force", "distance"),
-    *("acceleration", "virtual_force", "largest_acceleration"),
+    *("acceleration", "virtual_force", "largest_acceleration", "largest_advance"),
 )
 FIRST_CONTACT: Final = (
     *("time", "position", "velocity", "displacement", "relative_velocity", "acceleration", "virtual_force"),
@@ -90,7 +91,11 @@ class _Chain(Structure):
         *numbers("rate", "phase", "exposure", "delay", "jitter", "noise", "relative_noise", "offset", "drift"),
         *numbers("lowest", "highest", "resolution", "dropout", "measures_distance", "distance_noise"),
         *numbers("distance_resolution", "random_phase", "misfit", "misfit_length"),
+        ("disturbances", ctypes.c_double * (5 * MOST_DISTURBANCES)),
     )
+
+
+_OWN: Final = len(_Chain._fields_) - 1  # numbers of a chain before its disturbances
 
 
 class _Curve(Structure):
@@ -203,7 +208,8 @@ def waiting_readings(chain: SensorChain, period: float) -> FloatArray:
 
 def chain_structure(chain: SensorChain) -> ctypes.Structure:
     """Return the parameters of a sensor as a C structure."""
-    return _Chain(*chain.numbers())
+    own = chain.numbers()
+    return _Chain(*own[:_OWN], (ctypes.c_double * (5 * MOST_DISTURBANCES))(*own[_OWN:]))
 
 
 def curve_structure(sensor: SensorModel, farthest: float) -> tuple[ctypes.Structure, FloatArray]:
@@ -233,7 +239,7 @@ def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> 
     linear = _Linear(*map(address, blocks), len(blocks[1])) if blocks else _Linear(None, None, 0)
     native = _Loop(
         *(laws, _Plant(*loop.plant.coefficients())),
-        *(_Contact(*(loop.contact.numbers() if loop.contact else _NO_CONTACT)), _Chain(*loop.chain.numbers())),
+        *(_Contact(*(loop.contact.numbers() if loop.contact else _NO_CONTACT)), chain_structure(loop.chain)),
         *(ctypes.addressof(curves), by_curve, period, plant_step(loop.plant, period), loop.horizon, loop.follow_time),
         *(loop.seed, address(scenes), draws, address(ends), address(touches), touches.shape[1]),
         *(address(trace), len(trace), address(moments), len(moments), address(stretches), len(course), linear),

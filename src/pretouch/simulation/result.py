@@ -206,6 +206,8 @@ class SimulationResult(Value):
         largest_excursion: max |x - x_d| until the first contact [m].
         largest_travel: max |x - x(0)| until the first contact [m].
         largest_speed: max |x'| until the first contact [m/s].
+        largest_advance: largest x' - x_d', the speed toward the object beyond that of the reference, until the first
+            contact [m/s].
         largest_virtual_force: max |F_p| until the first contact [N].
         peak_force: largest contact force [N]; 0 for an ideal plant, which has no mass.
         impact_force: largest contact force from the first touch on, within the duration of an impact without loss and

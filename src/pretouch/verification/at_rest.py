@@ -92,6 +92,7 @@ class RestMotion(Value):
         It recommends a higher detection threshold. If none was found, it recommends less noise or a dead zone.
         """
         faster = ["or raise largest_rate"] if law.conditioning.largest_rate is not None else []
+        faster += ["or raise release"] if getattr(law.law, "approach_only", False) else []
         if self.quiet_floor is None:
             return ", ".join(["reduce the noise of the sensor", *faster, "or use a control law with a dead zone"])
         higher = f"set floor = {self.quiet_floor:g} in [controller] (the detection threshold)"

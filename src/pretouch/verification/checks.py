@@ -25,6 +25,7 @@ from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
 from .appraisal import Draws, LoopOutcomes, foreseen_impact
 from .at_rest import RestMotion, rest_in_words
+from .breakage import Breakage, breakage_in_words
 from .effect import SIGNIFICANT, mean_and_error
 from .encounter_parts import detection_step
 from .result import Comparison, LimitCheck, Reached, RunSpread
@@ -47,9 +48,9 @@ _FLAGS: Final = {
 }
 _BROKEN_CABLE: Final = (
     "With a broken cable, the reading falls to 0. For the controller, the object suddenly recedes, and the robot "
-    "follows. With this largest_rate, the controller ignores the reading of 0. The recommended value is twice the "
-    "largest rate |d ln xi / dt| of the sensor signal xi in an approach, plus noise. The simulated runs contain no "
-    "broken cable."
+    "follows. With this largest_rate, the controller rejects a change of ln xi that exceeds largest_rate times one "
+    "sensor period. The sensor is lost if this lasts. A smaller change, from a weak signal to 0, is believed. "
+    "The recommended value is twice the largest rate |d ln xi / dt| of the sensor signal xi in an approach, plus noise."
 )
 
 
@@ -186,6 +187,7 @@ def cautions_of(
     *,
     at_rest: RestMotion | None,
     largest_rate: float,
+    breakage: Breakage | None,
 ) -> tuple[str, ...]:
     """Return the warnings of a verification.
 
@@ -196,6 +198,7 @@ def cautions_of(
         design: the ideal design.
         at_rest: how far noise moves a robot at rest.
         largest_rate: a largest plausible rate of ln xi for the controller [1/s].
+        breakage: what the robot does if the sensor fails.
 
     Returns:
         The warnings, each with its code.
@@ -204,7 +207,7 @@ def cautions_of(
     return (
         *_no_ideal_gain(design),
         *_other_admittance(loop, draws.task.scenario),
-        *_recession(loop, largest_rate),
+        *_failing_sensor(loop, largest_rate, breakage),
         *_detection(loop, draws, runs[0]),
         *rest_in_words(at_rest, loop.law),
         *_push(loop, *runs),
@@ -234,11 +237,21 @@ def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
     yield caution("PT402", f"{text} Controller: {own}. Prediction: {other}.")
 
 
+def _failing_sensor(loop: ClosedLoop, largest_rate: float, breakage: Breakage | None) -> Iterator[str]:
+    """Yield a warning if a sensor that fails moves the robot toward the object."""
+    jumps = tuple(_recession(loop, largest_rate))
+    if breakage is not None and breakage.harder and not (jumps and breakage.is_prevented_by_rate):
+        jumps = tuple(breakage_in_words(breakage))
+    yield from jumps
+
+
 def _recession(loop: ClosedLoop, largest_rate: float) -> Iterator[str]:
     law, chain = loop.law, loop.chain
     if not isinstance(law, Controller) or law.conditioning.largest_rate is not None:
         return
     if loop.continuous is not None and loop.continuous.damping(1.0, -1.0, 1.0) == 0:  # no force if the object recedes
+        return
+    if getattr(law.law, "approach_only", False):  # the same
         return
     if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
         remedy = f"set largest_rate of the controller to {format_quantity(largest_rate, '1/s', 3)}"

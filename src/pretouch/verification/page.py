@@ -21,6 +21,7 @@ from pretouch.simulation.closed_loop import loop_section
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
 from .appraisal import USUAL_MARGIN
+from .breakage import breakage_section
 from .effect import VerdictStatus
 from .encounter_parts import detection_step
 from .improvement_page import advice_section, changes_section, gain_section
@@ -95,6 +96,7 @@ def verdict_page(verdict: Verdict) -> Page:
             _comparison(v),
             _limits(v),
             _stability(v),
+            breakage_section(v.breakage),
             _calibration(v),
             gain_section(v),
             changes_section(v),
@@ -143,6 +145,8 @@ def _findings(v: Verdict) -> Iterator[str]:
             share, p = share_in_words(c.held), c.required.probability
             required = "every run" if p == 1 else f"{100 * p:g} %"
             yield f"{c.label} within {format_quantity(c.limit, c.unit)} in {share} of {_runs(v)} ({required} required)"
+    if v.breakage is not None and not v.breakage.harder:  # otherwise, a warning says so
+        yield v.breakage.text
 
 
 def _next_step(v: Verdict) -> str:

@@ -23,6 +23,7 @@ from pretouch.uncertainty import Uncertainty
 
 from .advised import Advice
 from .at_rest import RestMotion
+from .breakage import Breakage
 from .calibration_check import CalibrationCheck
 from .effect import Effect, SensorSpeed, VerdictStatus
 from .improvement import LoopChange, Loss
@@ -191,6 +192,7 @@ class Verdict(Described, Value):
         sensor_speed: comparison with an infinitely fast sensor; None for a law without a sensor rate, or without
             contact.
         at_rest: how far noise alone moves a robot at rest near an object; None if it is below 1 mm.
+        breakage: what the robot does if the sensor fails; None for a law that is not one of pretouch.
         noiseless_effect: the effect without noise, in the encounters on which changes are compared.
         speed_tolerance: share by which contact may be faster than predicted and than with an infinitely fast sensor.
         calibration_check: results on other sensors that are compatible with the readings of the calibration; None
@@ -230,6 +232,7 @@ class Verdict(Described, Value):
     stability_text: str = ""
     sensor_speed: SensorSpeed | None = None
     at_rest: RestMotion | None = None
+    breakage: Breakage | None = None
     noiseless_effect: Effect | None = None
     speed_tolerance: float = 0.1
     calibration_check: CalibrationCheck | None = None
@@ -274,6 +277,8 @@ class Verdict(Described, Value):
             headline = self.design.headline
             return f"There is no gain to verify: {headline[:1].lower()}{headline[1:]}"
         status = _HOLDS[self.status]
+        if self.status is VerdictStatus.HOLDS and self.breakage is not None and self.breakage.harder:
+            status = "Holds while the sensor works"
         if self.reasons:
             others = len(self.reasons) - 1
             more = f" ({others} more reason{'s' if others > 1 else ''} below)" if others else ""
@@ -296,7 +301,7 @@ class Verdict(Described, Value):
         names = (
             *("status", "headline", "gain", "reasons", "runs", "compared_runs", "needed_rate", "seed", "confidence"),
             *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),
-            *("sensor_speed", "at_rest", "noiseless_effect", "speed_tolerance"),
+            *("sensor_speed", "at_rest", "breakage", "noiseless_effect", "speed_tolerance"),
             *("calibration_check", "loss", "changes", "advice", "unchanged", "assumptions", "warnings"),
         )
         design, best = self.design, self.best_change

@@ -27,6 +27,7 @@ from pretouch.simulation.stability import passage
 from .advice import find_advice
 from .appraisal import LoopProblem, draw_encounters, foreseen_impact, predicted_contact
 from .at_rest import motion_at_rest
+from .breakage import check_breakage
 from .calibration_check import check_calibration
 from .checks import assumptions_of, cautions_of, check_limits, check_reached, compare_quantities
 from .effect import VerdictStatus, compare_with_fast_sensor, effect_of, without_noise
@@ -167,12 +168,16 @@ def _verify(
         return verdict
     comparisons = compare_quantities(task, runs, (predicted, free))
     largest_rate = plausible_rate(loop, *problem.changes_of_level(passed[0]))
+    breakage = check_breakage(draws, gain, unmitigated, largest_rate)
     verdict = replace(
         verdict,
+        breakage=breakage,
         comparisons=comparisons,
         stability_text=stability.text if stability else _no_stability_in_words(task, gain, limit is not None),
         assumptions=assumptions_of(task, draws.compared),
-        warnings=cautions_of(draws, runs, comparisons, design, at_rest=at_rest, largest_rate=largest_rate),
+        warnings=cautions_of(
+            draws, runs, comparisons, design, at_rest=at_rest, largest_rate=largest_rate, breakage=breakage
+        ),
     )
     if not changes:
         return verdict

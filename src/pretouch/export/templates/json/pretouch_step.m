@@ -52,7 +52,7 @@ function fault = fault_of(p, s, sample, level, measured)
     elapsed = measured - sample.age;
     in_time = 0 <= sample.age && sample.age <= p.timeout;
     in_order = elapsed > 1e-6 * p.period || ~s.running;
-    believable = p.largest_rate * elapsed;
+    largest = p.largest_rate * min(elapsed, p.sensor_period);
     fault = 0;
     if ~sample.fresh
         return
@@ -60,7 +60,7 @@ function fault = fault_of(p, s, sample, level, measured)
         fault = 8;
     elseif sample.reading >= p.saturation
         fault = 4;
-    elseif s.running && believable < 1500 && abs(log(level / s.level)) > believable
+    elseif s.running && largest < 1500 && abs(log(level / s.level)) > largest && abs(log(level / s.filtered)) > largest
         fault = 16;
     end
 end
@@ -86,7 +86,10 @@ function [s, seen] = take_in(p, s, age, level, measured)
     s.quiet = 0;
     s.measured = age;
     s.level = level;
-    s.filtered = max(filtered, p.floor);
+    s.filtered = p.floor; % for an undershoot of the low-pass, and its rounding
+    if filtered > p.floor * (1 + 1e-9)
+        s.filtered = filtered;
+    end
     s.log_level = log(s.filtered / p.floor);
     seen = struct('change', 0, 'log_level', s.log_level, 'level', s.filtered, 'elapsed', 0, 'usable', true, ...
                   'restarted', restarted, 'detecting', s.log_level > 0, 'stale', false, 'lost', false);

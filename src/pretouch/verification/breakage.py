@@ -1,0 +1,296 @@
+"""Simulate sensors that fail during an approach, and find settings of the controller that prevent harm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.blocks import Measured, PageSection, PageTable, Paragraph
+from pretouch._core.numbers import FloatArray
+from pretouch._core.progress import note_work
+from pretouch._core.units import format_quantity
+from pretouch._core.values import Value
+from pretouch._core.warning_codes import caution
+from pretouch.control import Controller, VirtualDamper
+from pretouch.control.laws import release_for_noise
+from pretouch.simulation import ClosedLoop, Disturbance, SimulationResult
+
+from .appraisal import Draws
+from .stability import rounded_up
+
+_PLACES: Final = (0.9, 0.7, 0.5, 0.3, 0.1)  # shares of the start distance at which a disturbance begins
+_RUNS: Final = 8  # encounters for each disturbance, which the compiled loop runs side by side
+_HARDER: Final = 0.02  # share of a speed; a smaller increase does not count
+_LEAST: Final = 1e-3  # m/s: a smaller increase does not count either
+_LEAST_RELEASE: Final = 0.01  # of ln xi, for readings without noise
+_FACTOR: Final = 2.0  # step of the reflectance
+_STUCK: Final = "readings that are stuck"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BreakageResult(Value):
+    """Simulated runs in which one kind of disturbance begins at several distances.
+
+    Args:
+        name: the disturbance in words.
+        speed: the largest speed of the robot toward the object, beyond that of the reference [m/s].
+        distance: the distance at which the disturbance with this speed begins [m].
+        contact_speed: largest |l'| at contact [m/s]; None if no run ends in contact.
+        harder: number of runs in which contact is harder than in the same run without mitigation, and harder than if
+            the readings were stuck from any of these distances on.
+        increase: largest increase of |l'| at contact in these runs, compared with no mitigation [m/s]; 0 if none.
+        runs: number of runs.
+    """
+
+    name: str
+    speed: float
+    distance: float
+    contact_speed: float | None
+    harder: int
+    increase: float
+    runs: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Breakage(Value):
+    """What the robot does if its sensor fails during an approach.
+
+    Readings that are stuck cause no force, so that only the admittance moves the robot, back to its reference. The
+    other disturbances are compared with this motion, which no check of the readings can prevent.
+
+    Args:
+        results: the results of each kind of disturbance.
+        speed: the largest speed toward the object in all these runs [m/s].
+        returning: the largest speed toward the object if the readings are stuck [m/s].
+        returning_increase: the largest increase of |l'| at contact by this motion, compared with no mitigation [m/s].
+        bound: the largest speed that a single believed jump of the readings can cause [m/s], |D_p| largest_rate
+            (T_s + fade_time / 2) / M; None for a law without such a bound, or without largest_rate.
+        remedy: settings of the controller with which no contact is harder; empty if none is needed or known.
+    """
+
+    results: tuple[BreakageResult, ...]
+    speed: float
+    returning: float
+    returning_increase: float
+    bound: float | None = None
+    remedy: str = ""
+
+    @property
+    def harder(self) -> int:
+        """The number of runs in which contact is harder than without mitigation."""
+        return sum(one.harder for one in self.results)
+
+    @property
+    def is_prevented_by_rate(self) -> bool:
+        """True if largest_rate alone prevents a harder contact."""
+        return self.remedy.startswith("set largest_rate")
+
+    @property
+    def runs(self) -> int:
+        """The number of runs with a disturbance."""
+        return sum(one.runs for one in self.results)
+
+    @property
+    def worst(self) -> BreakageResult:
+        """The kind of disturbance that makes contact most harder; otherwise, the one with the largest speed."""
+        return max(self.results, key=lambda one: (one.increase, one.speed))
+
+    @property
+    def text(self) -> str:
+        """A sentence on the motion of the robot if the sensor fails."""
+        speed, back = (format_quantity(max(v, 0.0), "m/s", 3) for v in (self.speed, self.returning))
+        text = f"If the sensor fails during an approach, the robot moves toward the object at up to {speed}"
+        if self.harder:
+            more = format_quantity(self.worst.increase, "m/s", 3)
+            return (
+                f"{text}, and in {self.harder} of {self.runs} runs, contact is up to {more} harder than without "
+                f"mitigation, most with {self.worst.name}"
+            )
+        if self.speed > (1 + _HARDER) * self.returning:
+            text += f" (the admittance alone returns it at up to {back})"
+        if not self.returning_increase:
+            return f"{text}, and contact is never harder than without mitigation ({self.runs} runs)"
+        more = format_quantity(self.returning_increase, "m/s", 3)
+        return (
+            f"{text}, and contact is never harder than by the return of the admittance to its reference, which makes a "
+            f"slow contact up to {more} harder than without mitigation ({self.runs} runs)"
+        )
+
+
+def check_breakage(draws: Draws, gain: float, unmitigated: SimulationResult, largest_rate: float) -> Breakage | None:
+    """Simulate encounters in which the sensor fails.
+
+    Args:
+        draws: the encounters; the first few are simulated.
+        gain: the verified gain.
+        unmitigated: the same encounters without mitigation.
+        largest_rate: the largest plausible rate of ln xi, for a controller without this limit [1/s].
+
+    Returns:
+        The results; None for a control law other than those of pretouch.
+    """
+    loop = draws.task.loop
+    if not isinstance(loop.law, Controller) or not gain:
+        return None
+    note_work("simulating sensors that fail")
+    breakage = _simulated(loop, draws, gain, unmitigated)
+    if not breakage.harder or not isinstance(loop.law.law, VirtualDamper):
+        return breakage
+    for text, guarded in _guards(loop, largest_rate):
+        if not _simulated(guarded, draws, gain, unmitigated).harder:
+            return replace(breakage, remedy=text)
+    return breakage
+
+
+def _guards(loop: ClosedLoop, largest_rate: float) -> Iterator[tuple[str, ClosedLoop]]:
+    """Yield settings of the controller against failing sensors, with the least restrictive first."""
+    controller: Any = loop.law
+    conditioning, law, chain = controller.conditioning, controller.law, loop.chain
+    rate = float(f"{largest_rate:.3g}")
+    if conditioning.largest_rate is None or conditioning.largest_rate > rate:
+        limited = replace(controller, conditioning=replace(conditioning, largest_rate=rate))
+        yield f"set largest_rate of the controller to {format_quantity(rate, '1/s')}", replace(loop, law=limited)
+    if not law.approach_only:
+        noise = math.hypot(chain.noise, chain.resolution * 12**-0.5)
+        release = release_for_noise(conditioning.floor, noise, chain.relative_noise)
+        only = replace(law, approach_only=True, release=rounded_up(max(release, _LEAST_RELEASE)))
+        text = f"set approach_only = true and release = {only.release:g} in [controller]"
+        yield text, replace(loop, law=replace(controller, law=only))
+
+
+def _simulated(loop: ClosedLoop, draws: Draws, gain: float, unmitigated: SimulationResult) -> Breakage:
+    """Simulate each kind of disturbance from several distances on."""
+    count = min(_RUNS, draws.task.verify.runs)
+    free = _contact_speeds(unmitigated)[:count]
+    places = [place * float(draws.distance[:count].mean()) for place in _PLACES]
+    short = replace(loop, follow_time=min(loop.follow_time, loop.law.period))
+    stuck, back = _runs(short, draws, gain, count, [Disturbance(kind="stuck", distance=place) for place in places])
+    usual = np.maximum(stuck.max(axis=0), free)
+    results = []
+    for name, kind in _kinds(loop):
+        ones = [Disturbance(distance=place, **kind) for place in places]
+        speeds, advances = _runs(short, draws, gain, count, ones)
+        harder = speeds > (1 + _HARDER) * usual + _LEAST
+        largest = float(speeds.max())
+        results.append(
+            BreakageResult(
+                name=name,
+                speed=float(advances.max()),
+                distance=places[int(np.unravel_index(advances.argmax(), advances.shape)[0])],
+                contact_speed=largest if largest > 0 else None,
+                harder=int(harder.sum()),
+                increase=float((speeds - free)[harder].max(initial=0.0)),
+                runs=speeds.size,
+            )
+        )
+    return Breakage(
+        results=tuple(results),
+        speed=max(one.speed for one in results),
+        returning=float(back.max()),
+        returning_increase=float((stuck - free)[stuck > (1 + _HARDER) * free + _LEAST].max(initial=0.0)),
+        bound=_bound(loop, gain),
+    )
+
+
+def _runs(
+    loop: ClosedLoop, draws: Draws, gain: float, count: int, disturbances: list[Disturbance]
+) -> tuple[FloatArray, FloatArray]:
+    """Simulate encounters with each disturbance.
+
+    Returns:
+        The speed at contact and the largest speed toward the object, with a row for each disturbance [m/s].
+    """
+    speeds, advances = [], []
+    for one in disturbances:
+        chain = replace(loop.chain, disturbances=(*loop.chain.disturbances, one))
+        result = draws.run(replace(loop, chain=chain), gain, count)
+        speeds.append(_contact_speeds(result))
+        advances.append(np.asarray(result.largest_advance))
+    return np.stack(speeds), np.stack(advances)
+
+
+def _contact_speeds(result: SimulationResult) -> FloatArray:
+    """Return the speed at contact of each run, 0 without contact [m/s]."""
+    return np.where(result.touched, np.abs(result.relative_velocity), 0.0)
+
+
+def _kinds(loop: ClosedLoop) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the kinds of disturbances that the sensor can have, in words and as arguments."""
+    yield "a broken cable (readings of 0)", {"kind": "cable"}
+    yield "an object that leaves the beam", {"kind": "object-leaves"}
+    if not loop.chain.measures_distance:
+        yield f"a reflectance that is {_FACTOR:g} times as large", {"kind": "reflectance", "factor": _FACTOR}
+        yield f"a reflectance that is {1 / _FACTOR:g} times as large", {"kind": "reflectance", "factor": 1 / _FACTOR}
+    if math.isfinite(loop.chain.highest):
+        yield "readings at full scale", {"kind": "full-scale"}
+    yield _STUCK, {"kind": "stuck"}
+
+
+def _bound(loop: ClosedLoop, gain: float) -> float | None:
+    """Return the speed that a jump of the readings can cause if it is just plausible [m/s]."""
+    controller: Any = loop.law
+    rate = controller.conditioning.largest_rate
+    if not isinstance(controller.law, VirtualDamper) or rate is None:
+        return None
+    if controller.law.approach_only:
+        return 0.0
+    period: float = controller.conditioning.numbers(controller.period).sensor_period
+    # if the next reading is late or implausible, the force continues and fades
+    fading = controller.period / controller.conditioning.fade_step(controller.period)
+    bound: float = abs(gain) * rate * (period + fading / 2) / controller.admittance.mass
+    return bound
+
+
+def breakage_in_words(breakage: Breakage | None) -> Iterator[str]:
+    """Yield a warning if a failing sensor makes contact harder than without mitigation."""
+    if breakage is None or not breakage.harder:
+        return
+    remedy = f": {breakage.remedy}" if breakage.remedy else ""
+    ending = (
+        "." if breakage.remedy else ". No tried setting of the controller prevents this: detect the failure in time."
+    )
+    worst = breakage.worst
+    where = format_quantity(worst.distance, "m", 3)
+    yield caution(
+        "PT419",
+        f"A sensor that fails makes contact harder than without mitigation{remedy}{ending} In {breakage.harder} of "
+        f"{breakage.runs} runs, contact is harder, by up to {format_quantity(worst.increase, 'm/s', 3)} with "
+        f"{worst.name}. The robot moves toward the object at up to {format_quantity(worst.speed, 'm/s', 3)}, if this "
+        f"begins at a distance of {where}.",
+    )
+
+
+def breakage_section(breakage: Breakage | None) -> PageSection | None:
+    """Return the report section on sensors that fail."""
+    if breakage is None:
+        return None
+    head = ("disturbance", "toward the object at most", "begins at", "hardest contact", "harder than unmitigated")
+    rows = tuple(
+        (
+            one.name,
+            Measured(one.speed, "m/s", 3),
+            Measured(one.distance, "m", 3),
+            Measured(one.contact_speed, "m/s", 3),
+            f"{one.harder} of {one.runs} runs",
+        )
+        for one in breakage.results
+    )
+    shares = ", ".join(f"{100 * place:g}" for place in _PLACES)
+    note = (
+        f"Each disturbance begins at {shares} % of the start distance. Speeds toward the object are beyond that of the "
+        "reference, until the first contact. Readings that are stuck cause no force, so that only the admittance moves "
+        "the robot. The last column counts the runs with a harder contact than without mitigation and than with such "
+        "readings."
+    )
+    if breakage.bound:
+        note += (
+            " A jump of the readings that largest_rate still allows causes at most "
+            f"{format_quantity(breakage.bound, 'm/s', 3)}: |D_p| times largest_rate times the sum of sensor period "
+            "and half of fade_time, divided by the virtual mass."
+        )
+    table = PageTable(head=head, rows=rows, note=note, brief=True)
+    return PageSection(title="If the sensor fails", blocks=(Paragraph(text=f"{breakage.text}.", brief=True), table))

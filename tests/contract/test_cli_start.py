@@ -262,6 +262,7 @@ def test_the_parts_scale_the_points_of_a_curve_and_need_no_loop(tmp_path: Path) 
             assert task.loop.law.conditioning.floor > 1e-9
 
 
+@pytest.mark.slow(keep=0)
 def test_which_part_for_a_calibrated_encounter_is_answered(tmp_path: Path) -> None:
     answer = run("compare", EXAMPLES / "fingertip.toml", "--parts", "--runs", 5, folder=tmp_path)
     assert (answer.returncode, answer.stderr) == (0, "")

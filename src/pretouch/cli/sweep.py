@@ -211,8 +211,9 @@ def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Pres
         plots.sweep(dataset).savefig(content, format=figure.suffix[1:].lower())
         write_bytes(figure, content.getvalue(), overwrite=shown.force)
     places = {"output": shown.output, "figure": figure}
-    if reservations is not None and not shown.json and not reservations.is_refuted:
-        reservations = replace(reservations, witness=None)  # it is about the nominal encounter, not about the sweep
+    witness = None if reservations is None else reservations.witness
+    if reservations is not None and witness is not None and witness.headline is None and not shown.json:
+        reservations = replace(reservations, witness=None)  # its numbers are those of the nominal encounter alone
     try:
         text = shown.formatted(
             reservations, lambda: {**sweep_as_dict(dataset), **places}, lambda: sweep_as_text(dataset)

@@ -231,6 +231,52 @@ def make_sparse_sensor(rng: np.random.Generator, ceiling: str = "soft") -> MadeS
     )
 
 
+def make_sensor_with_wrong_nearest(rng: np.random.Generator) -> MadeSensor:
+    """Draw a sensor that was read once at each of 6 to 12 distances, with 5 to 30 % of error in the nearest reading.
+
+    An inverse power over 40 to 120 mm on an offset of 0 to 300 of 4095 counts; 60 % have 3 to 11 readings without an
+    object.
+
+    Args:
+        rng: the generator.
+
+    Returns:
+        The sensor.
+    """
+    full, count = 4095.0, int(rng.integers(6, 13))
+    exponent, near = float(np.exp(rng.uniform(np.log(0.8), np.log(4)))), float(np.exp(rng.uniform(-5.0, -2.8)))
+    distance = np.round(float(rng.uniform(0.04, 0.12)) * np.linspace(0, 1, count) ** float(rng.choice([1.0, 1.5])), 4)
+    offset, top = float(rng.uniform(0, 300)), float(rng.uniform(0.3, 0.75)) * full
+    noise, jitter = float(np.exp(rng.uniform(np.log(0.3), np.log(4)))), float(np.exp(rng.uniform(-7.6, -5.3)))
+
+    def ideal(l: Array) -> Array:  # noqa: E741
+        return top * (1 + np.maximum(l, -0.5 * near) / near) ** -exponent
+
+    def mean(l: Array) -> Array:  # noqa: E741
+        return offset + ideal(l)
+
+    signal = ideal(distance)
+    outputs = offset + signal + noise * rng.standard_normal(count) + jitter * signal * rng.standard_normal(count)
+    outputs[0] += signal[0] * float(rng.uniform(0.05, 0.3)) * float(rng.choice([-1, 1]))
+    empty = np.empty(0)
+    if rng.random() < 0.6:
+        empty = np.round(np.clip(offset + rng.normal(0, noise, int(rng.integers(3, 12))), 0, full))
+    outputs = np.round(np.clip(outputs, 0, full))
+    return MadeSensor(
+        family="inverse-power",
+        mechanism="nearest reading wrong",
+        ideal=ideal,
+        mean=mean,
+        offset=offset,
+        declared=None,
+        calibration=Calibration(distances=distance, outputs=outputs, unit="counts", no_object=empty),
+        good=count - 1,
+        trusted_from=0.0,
+        noise=noise,
+        jitter=jitter,
+    )
+
+
 def _electronics(  # noqa: PLR0911 - a mechanism each
     rng: np.random.Generator,
     mechanism: str,

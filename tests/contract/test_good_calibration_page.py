@@ -86,7 +86,7 @@ def slopes(drawn, name, distance):
 
 
 def test_the_numbers_that_the_page_tells_beside_its_quotes(drawn):
-    known = drawn.report("offset measured").slope.uncertainty.max()
+    known = drawn.report("offset measured").slope.largest
     assert f"determines the slope g to {100 * known:.2g} %" in plain(PAGE)
     too_low = drawn.report("offset too low").best
     fitted, true = slopes(drawn, "offset too low", 0.055)

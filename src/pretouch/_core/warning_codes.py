@@ -216,6 +216,24 @@ _TABLE: Final = (
         "Remove copies, and record raw readings. With a coarse sensor, measure at more distances instead.",
         "26 of 52 readings repeat another reading exactly",
     ),
+    (
+        "PT116",
+        "The readings allow a wide range of contact speeds",
+        "The sensor curves that agree with the readings lead to contact speeds that differ from the prediction by more "
+        "than 15 %. The stated range contains 90 % of these curves, weighted by how well they fit.",
+        "The fitted curve is only the most probable one. The contact may be as hard as the upper end of the range.",
+        "Follow the advice in the message: repeat the reading nearest to the sensor, record the output with no object, "
+        "or measure at more distances.",
+        "The readings also allow sensor curves with which contact occurs at 0.0762 to 0.121 m/s",
+    ),
+    (
+        "PT117",
+        "The nearest reading is probably wrong",
+        "The reading nearest to the sensor disagrees with every curve through the other readings.",
+        "No nearer reading confirms it, and it decides the slope near contact. So it changes the contact speed most.",
+        "Repeat the reading at this distance five times or more, and check how the distance was set.",
+        "The reading of 3120 counts at the smallest distance 2 mm is probably wrong",
+    ),
     # --- what the calibration says about an answer
     (
         "PT201",

@@ -1,13 +1,18 @@
-"""Fit sensor curves that flatten near the sensor because its output saturates.
+"""Fit sensor curves that saturate near the sensor, or that ignore a nearest reading which may be wrong.
 
 An amplifier or converter that saturates softly turns the ideal output xi into xi / (1 + (xi / C)^p)^(1/p) with a
 ceiling C and a sharpness p. Each family of ideal curves is fitted under every ceiling of a grid (the infinite one
 included) and at every plausible offset. The weight of a fit is its posterior probability, with the scale of the errors
 integrated out. The weights give the probability that a reading lies in the flattened part, for 6 readings as for 50.
+
+No nearer reading confirms the nearest one, and it decides the slope near contact. So each family is also fitted without
+it. The weight of these fits is the probability that the nearest reading is wrong. It is large if the reading does not
+agree with the curve through the others, and small if it agrees or if the other readings do not predict it.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
@@ -19,7 +24,7 @@ from pretouch._core.values import Value
 from pretouch.sensors import Family, PiecewiseCubic
 
 from .averaging import AveragedCurve, ReadingNoise
-from .family_fits import families_of, lowest_offset
+from .family_fits import families_of, forward_change, lowest_offset
 from .least_squares import Fits, minimize_many
 from .result import DrawnCurve, OffsetEstimate
 
@@ -39,6 +44,9 @@ _FITTED_OFFSETS: Final = (
 _STEEPEST: Final = (0.7, 1.5, 3.0)  # start slopes of the fits, over the steepest slope of the readings
 _BENDS: Final = (0.1, 0.6)  # start curvatures of ln xi in the fits, over the squared slope
 _KNOTS: Final = 60  # points of a drawn curve
+_FEWEST: Final = 6  # distances needed to judge the nearest reading by the others
+_WRONG: Final = 0.1  # prior probability that a single nearest reading is wrong
+_WRONG_SIZE: Final = 10.0  # usual errors: median size of the error of a wrong reading
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +58,7 @@ class _Lanes(Value):
 
     Parameters x have the shape (b, p), their `covariances` at unit variance of the residuals (b, p, p). `costs` are
     sums of squares in units of the usual error; `priors` are -2 ln of the prior of the offset and of the curve.
+    `ignored` is the distance of the reading that a fit ignores [m]; NaN for none.
     """
 
     family: Family
@@ -60,6 +69,7 @@ class _Lanes(Value):
     covariances: FloatArray
     costs: FloatArray
     priors: FloatArray
+    ignored: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,19 +96,34 @@ class CeilingFits(Value):
         """
         lanes, weight = max(zip(self.lanes, self.weights, strict=True), key=lambda pair: float(pair[1].max()))
         cost = float(lanes.costs[int(weight.argmax())])
-        return _ERROR * float(np.sqrt((_ERROR_FREEDOM + cost) / (_ERROR_FREEDOM + max(self.readings - 3, 1))))
+        counted = self.readings - 3 - int(np.isfinite(lanes.ignored[int(weight.argmax())]))
+        return _ERROR * float(np.sqrt((_ERROR_FREEDOM + cost) / (_ERROR_FREEDOM + max(counted, 1))))
+
+    @property
+    def nearest(self) -> float:
+        """The smallest distance of the fitted readings [m]."""
+        return float(self.lanes[0].family.first)
+
+    @property
+    def nearest_is_wrong(self) -> float:
+        """The probability that the nearest reading is wrong."""
+        pairs = zip(self.lanes, self.weights, strict=True)
+        return float(sum(weight[np.isfinite(lanes.ignored)].sum() for lanes, weight in pairs))
 
     def flattened(self, distance: FloatArray) -> FloatArray:
         """Return the probability of saturation at each distance.
 
         Saturation means here that the sensor slope is reduced by more than 15 %.
         """
-        # The slope is compared with that of the ideal curve; distances [m] and probabilities have the shape (N,).
-        probability = np.zeros(len(distance))
+        # The slope is compared with that of the ideal curve; distances [m] and probabilities have the shape (N,). A fit
+        # that ignores a reading cannot tell whether the output is flat there.
+        probability, total = np.zeros(len(distance)), 0.0
         for lanes, weight in zip(self.lanes, self.weights, strict=True):
+            complete = weight * np.isnan(lanes.ignored)
             level = lanes.family.log_output(lanes.x, distance)
-            probability += weight @ (_under(level, lanes.ceilings[:, None], lanes.sharpness[:, None])[1] < _FLAT)
-        return probability
+            probability += complete @ (_under(level, lanes.ceilings[:, None], lanes.sharpness[:, None])[1] < _FLAT)
+            total += float(complete.sum())
+        return probability / max(total, 1e-300)
 
     def offset_interval(self) -> tuple[float, float]:
         """Return the 95 % interval of the sensor offset.
@@ -125,21 +150,34 @@ class CeilingFits(Value):
         # Each curve has its own offset.
         rng = np.random.default_rng(seed)
         fits = [(lanes, i) for lanes in self.lanes for i in range(len(lanes.costs))]
-        freedom = max(self.readings - 3 + _ERROR_FREEDOM, 1.0)
         places = np.linspace(self.lanes[0].family.first, self.lanes[0].family.last, _KNOTS)
-        curves = []
-        for number in rng.choice(len(fits), count, p=np.concatenate(self.weights)):
+        reached = np.cumsum(np.concatenate(self.weights))
+        # equal steps instead of independent draws, so that each fit has its share of even a few curves
+        shares = (np.arange(count) + rng.random()) / count * reached[-1]
+        numbers = np.minimum(np.searchsorted(reached, shares), len(fits) - 1)
+        curves: list[DrawnCurve] = []
+        for number, times in zip(*np.unique(numbers, return_counts=True), strict=True):
             lanes, i = fits[number]
-            scale = (_ERROR_FREEDOM + lanes.costs[i]) / rng.chisquare(freedom)
-            with np.errstate(all="ignore"):
-                x = rng.multivariate_normal(
-                    lanes.x[i], scale * lanes.covariances[i], method="svd", check_valid="ignore"
-                )
-            x = np.clip(np.where(np.isfinite(x), x, lanes.x[i]), *lanes.family.easing(*lanes.family.bounds))
-            level, slope = lanes.family.log_output(x, places), lanes.family.slope(x, places)
-            level, share = _under(level, lanes.ceilings[i], lanes.sharpness[i])
-            curves.append(drawn_curve(places, level, slope * share, float(lanes.offsets[i])))
-        return tuple(curves)
+            ceiling, sharpness = lanes.ceilings[i], lanes.sharpness[i]
+            x = self._parameters(lanes, i, int(times), rng)
+            levels, slopes = lanes.family.log_output(x, places), lanes.family.slope(x, places)
+            levels, share = _under(levels, ceiling, sharpness)
+            ignored = None if np.isnan(lanes.ignored[i]) else float(lanes.ignored[i])
+            for level, slope in zip(levels, slopes * share, strict=True):
+                curve = drawn_curve(places, level, slope, float(lanes.offsets[i]))
+                curves.append(replace(curve, ignored=ignored))
+        return tuple(curves[k] for k in rng.permutation(len(curves)))
+
+    def _parameters(self, lanes: _Lanes, i: int, count: int, rng: np.random.Generator) -> FloatArray:
+        """Draw parameters of one fit, shape (count, p), within their errors."""
+        freedom = max(self.readings - 3 + _ERROR_FREEDOM - np.isfinite(lanes.ignored[i]), 1.0)
+        scale = (_ERROR_FREEDOM + lanes.costs[i]) / rng.chisquare(freedom, count)
+        with np.errstate(all="ignore"):
+            _, s, vt = np.linalg.svd(lanes.covariances[i], hermitian=True)
+            errors = (rng.standard_normal((count, len(s))) * np.sqrt(s)) @ vt
+            x = lanes.x[i] + np.sqrt(scale)[:, None] * errors
+        x = np.where(np.isfinite(x).all(axis=1)[:, None], x, lanes.x[i])
+        return np.asarray(np.clip(x, *lanes.family.easing(*lanes.family.bounds)))
 
 
 def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray, offset: float) -> DrawnCurve:
@@ -156,21 +194,28 @@ def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray,
 
 
 def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: OffsetEstimate | None) -> CeilingFits:
-    """Fit sensor curves that may saturate near the sensor."""
+    """Fit sensor curves that may saturate near the sensor, or whose nearest reading may be wrong."""
     # The fit needs at least four averaged readings.
     # An offset of None is fitted together with the curve.
-    ceilings = [(above, p) for above in _ABOVE for p in _SHARPNESS]
+    ceilings = [(above, p, np.nan) for above in _ABOVE for p in _SHARPNESS]
+    suspects = [(np.inf, 2.0, float(curve.distance[0]))] if len(curve.distance) >= _FEWEST else []
     lanes = []
     for family in families_of(curve):  # slow families are fitted without a ceiling only
-        above, sharpness = np.array([(np.inf, 2.0), *(ceilings if family.quick else [])]).T
-        problem = _Problem(curve=curve, noise=noise, family=family, above=above, sharpness=sharpness)
+        above, sharpness, ignored = np.array([(np.inf, 2.0, np.nan), *(ceilings if family.quick else []), *suspects]).T
+        problem = _Problem(
+            curve=curve, noise=noise, family=family, above=above, sharpness=sharpness, ignored=ignored
+        )
         lanes.append(problem.lanes(offset))
     # integrating over the unknown scale of the errors gives a power of the sum of squares
     power = 0.5 * (min(len(curve.distance), _FULL_WEIGHT) - 3 + _ERROR_FREEDOM)
+    wrong = _WRONG / float(curve.count[0])  # repeated readings confirm each other
     logs = []
     for lane in lanes:
         prior = np.log(np.where(np.isinf(lane.ceilings), 1 - _CEILING, _CEILING / len(ceilings))) - lane.priors / 2
-        logs.append(prior - power * np.log(_ERROR_FREEDOM + lane.costs))
+        ignores = np.isfinite(lane.ignored)
+        fits = prior - (power - 0.5 * ignores) * np.log(_ERROR_FREEDOM + lane.costs)
+        fits[ignores] += math.log(wrong) + _log_evidence_of_error(lane, curve, power)[ignores]
+        logs.append(fits)
     largest = max(float(log.max()) for log in logs)
     total = sum(float(np.exp(log - largest).sum()) for log in logs)
     weights = tuple(np.exp(log - largest) / total for log in logs)
@@ -189,6 +234,7 @@ class _Problem:
         family: the ideal curves.
         above: ln of the ceilings over the largest signal, shape (b,).
         sharpness: p, shape (b,).
+        ignored: distance of the reading that each fit ignores [m], NaN for none, shape (b,).
         offsets: shape (b,); None if each fit determines its own.
     """
 
@@ -197,6 +243,7 @@ class _Problem:
     family: Family
     above: FloatArray
     sharpness: FloatArray
+    ignored: FloatArray
     offsets: FloatArray | None = None
 
     def ceilings(self, offsets: FloatArray, above: FloatArray) -> FloatArray:
@@ -218,7 +265,8 @@ class _Problem:
         ceiling = self.ceilings(offset, self.above[which])
         level, _ = _under(level, ceiling[:, None], self.sharpness[which, None])
         measured = np.arcsinh((curve.output - offset[:, None]) / tau)
-        return np.asarray((measured - np.arcsinh(np.exp(np.minimum(level, 300.0)) / tau)) / _ERROR)
+        residuals = (measured - np.arcsinh(np.exp(np.minimum(level, 300.0)) / tau)) / _ERROR
+        return np.asarray(np.where(curve.distance == self.ignored[which, None], 0.0, residuals))
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Return bounds of the fit parameters.
@@ -270,6 +318,7 @@ class _Problem:
             self,
             above=np.tile(self.above, len(offsets)),
             sharpness=np.tile(self.sharpness, len(offsets)),
+            ignored=np.tile(self.ignored, len(offsets)),
             offsets=(all_offsets := np.repeat(offsets, ceilings)),
         )
         start = np.tile(first_fits.x[:, : self.family.size], (len(offsets), 1))
@@ -283,6 +332,7 @@ class _Problem:
             covariances=fits.covariances,
             costs=fits.costs,
             priors=np.repeat(priors, ceilings) + self.family.prior(fits.x),
+            ignored=problems.ignored,
         )
 
     def _offsets_around(self, fits: Fits) -> tuple[FloatArray, FloatArray]:
@@ -290,7 +340,8 @@ class _Problem:
 
         The second result is the cost -2 ln(prior probability) of each offset.
         """
-        best, reach = int(fits.costs.argmin()), float(np.ptp(self.curve.output))
+        best = int(np.where(np.isnan(self.ignored), fits.costs, np.inf).argmin())
+        reach = float(np.ptp(self.curve.output))
         scale = (_ERROR_FREEDOM + float(fits.costs[best])) / _ERROR_FREEDOM
         error = float(np.sqrt(scale * fits.covariances[best, -1, -1])) or 0.1 * reach  # zero at a bound
         offsets = fits.x[best, -1] + float(np.clip(error, 1e-4 * reach, 0.1 * reach)) * _FITTED_OFFSETS
@@ -298,6 +349,23 @@ class _Problem:
         offsets = np.unique(np.clip(offsets, low[-1], high[-1] - 1e-3 * reach))
         width = np.gradient(offsets) if len(offsets) > 1 else np.ones(1)
         return offsets, -2 * np.log(width / width.max())  # each offset represents those around it
+
+
+def _log_evidence_of_error(lanes: _Lanes, curve: AveragedCurve, power: float) -> FloatArray:
+    """Return ln of the likelihood of a wrong nearest reading, relative to that of a right one.
+
+    `power` is that of the sum of squares with all readings. The error of a wrong reading has a wide distribution.
+    """
+    # If the other readings hardly predict the reading, it also hardly contradicts them. This is the factor
+    # sqrt(1 + leverage), with the variance of the predicted ln xi in units of that of a usual error.
+    distance, output = curve.distance[:1], float(curve.output[0])
+    predicted = lanes.family.log_output(lanes.x, distance)[:, 0]
+    change = forward_change(lanes.family.log_output, lanes.x, distance)[..., 0] / _ERROR
+    leverage = np.einsum("pb,bpq,qb->b", change, lanes.covariances, change)
+    error = (np.log(np.maximum(output - lanes.offsets, 1e-300)) - predicted) / _ERROR
+    density = 1 / (np.pi * _WRONG_SIZE * (1 + (error / _WRONG_SIZE) ** 2))
+    constant = math.lgamma(power - 0.5) - math.lgamma(power) + 0.5 * math.log(math.pi)
+    return np.asarray(np.log(density) + 0.5 * np.log1p(np.clip(leverage, 0.0, 1e6)) + constant)
 
 
 def _under(level: FloatArray, ceiling: Any, sharpness: Any) -> tuple[FloatArray, FloatArray]:

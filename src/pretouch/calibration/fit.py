@@ -26,6 +26,7 @@ from .family_fits import Problem, fit_free, problem_at
 from .least_squares import Fits, gradient, intervals
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import Estimate, NoiseEstimate, OffsetEstimate, SensorFit
+from .slope_uncertainty import with_choice_of_family
 
 # Singular values of the Jacobian with columns of norm 1: above 0.01 for sensible families, 1e-7 (the error of the
 # differences) if two parameters change the curve in the same way.
@@ -370,11 +371,13 @@ def _fit_curve(
     xi, x, unit = used.output - offset.value, best.x[0], prepared.calibration.unit
     sensor = family.sensor(x, used.distance[0].item(), used.distance[-1].item())
     deviance = float(best.costs[0]) + float(np.sum(np.log(2 * np.pi * (noise.of_means(used.count, xi) / xi) ** 2)))
+    errors = estimates(problem, best, sensor, offset=offset, output_unit=unit, informed_by=prepared.informed_by)
     return family.log_output(x, used.distance), {
+        **errors,
+        "middle_slope": with_choice_of_family(errors["middle_slope"], prepared),
         "sensor": sensor,
         "aicc": corrected_akaike(deviance, prepared.informed_by, len(x)),
         "cross_validation": _cross_validation(problem, best, offset.value),
-        **estimates(problem, best, sensor, offset=offset, output_unit=unit, informed_by=prepared.informed_by),
     }
 
 

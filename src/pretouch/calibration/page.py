@@ -79,8 +79,11 @@ def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
         Measured(middle.value, "1/m"),
     )
     if slope is not None:
-        worst, place = float(slope.uncertainty.max()), format_quantity(slope.worst_at, "m", 3)
-        yield f"largest uncertainty of g; 95 %, at {place}", f"{100 * worst:.2g} %"
+        place = format_quantity(slope.worst_anywhere_at, "m", 3)
+        decisive = f"{_share(slope.largest)} up to {format_quantity(slope.decisive, 'm')}"
+        more = f"; {decisive}" if slope.largest < slope.largest_anywhere else ""
+        covers = f"95 %, {low} to {high}, worst at {place}{more}"
+        yield f"largest uncertainty of g; {covers}", _share(slope.largest_anywhere)
     if offset is not None:
         yield (
             f"offset, {offset.kind}; 95 %: {_interval(offset.low, offset.high, unit, 4)}",
@@ -125,12 +128,13 @@ def _headline(report: CalibrationReport) -> str:
         return f"{name}: the readings contain no usable signal, so they do not determine a sensor curve."
     low, high = (format_quantity(d, "m") for d in (report.window.l_min, report.window.l_max))
     slope = report.best.middle_slope
-    error = f" (standard error {slope.standard_error:.2g} 1/m)" if math.isfinite(slope.standard_error) else ""
     distances = f"{low} to {high}" + ("" if report.verdict == "usable" else ", with reservations")
-    middle = f"{slope.value:.4g} 1/m{error}"
+    interval = ""
+    if math.isfinite(slope.high - slope.low):
+        interval = f" (95 %: {slope.low:.4g} to {slope.high:.4g} 1/m, over all families of curves that fit)"
     return (
         f"{name}: the readings are usable from {distances}. The {report.best.model} curve fits "
-        f"best, with a slope g = {middle} in the middle of the usable range."
+        f"best, with a slope g = {slope.value:.4g} 1/m in the middle of the usable range{interval}."
     )
 
 
@@ -182,10 +186,13 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
             f"RMS deviation of averaged readings from the curve, without the contribution of noise{length}",
         )
     if report.slope is not None:
-        near, far = (format_quantity(float(d), "m") for d in report.slope.distances[[0, -1]])
-        worst = float(report.slope.uncertainty.max())
-        size = f"{100 * worst:.3g} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
-        yield "uncertainty of g (95 %)", size, f"from {near} to {far}, {_offset_clause(report)}"
+        s = report.slope
+        near, decisive, far = (format_quantity(float(d), "m") for d in (s.distances[0], s.decisive, s.distances[-1]))
+        yield "uncertainty of g (95 %)", _share(s.largest, 3), f"from {near} to {decisive}, {_offset_clause(report)}"
+        if s.decisive < s.distances[-1]:
+            place = format_quantity(s.worst_anywhere_at, "m", 3)
+            where = f"from {near} to {far}, largest at {place}; includes the uncertainty of the offset"
+            yield "in the whole usable range", _share(s.largest_anywhere, 3), where
     if report.noise is not None and report.noise.resolution > 0:
         yield "resolution", Measured(report.noise.resolution, unit), "smallest step between outputs"
     meaning = "readings below it cannot be distinguished from the offset"
@@ -194,6 +201,11 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
         yield "clipping level", Measured(float(window.saturation), unit), "readings at or above it are not used"
     for text in report.left_out:
         yield "left out", "", text
+
+
+def _share(uncertainty: float, digits: int = 2) -> str:
+    """Return a relative uncertainty as text."""
+    return f"{100 * uncertainty:.{digits}g} %" if uncertainty < 1 else f"a factor of {1 + uncertainty:.2g}"
 
 
 def _offset_clause(report: CalibrationReport) -> str:

@@ -19,21 +19,42 @@ from .data import Calibration
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlopeUncertainty(Value):
-    """The sensor slope and its uncertainty at several distances.
+    """The sensor slope and its uncertainty in the usable range.
 
-    At these distances, most of the virtual force acts. The uncertainty covers all curves that fit the readings.
+    The uncertainty covers all curves that fit the readings, and all offsets with which they fit.
 
     Args:
-        distances: from the nearest usable distance to the distance with a tenth of its signal [m], shape (N,).
+        distances: increasing, from the nearest to the farthest usable distance [m], shape (N,).
         slope: the mean of g over all curves [1/m], shape (N,).
         uncertainty: half the width of the 95 % interval of g, relative to g, shape (N,).
-        worst_at: the distance at which the uncertainty is largest [m].
+        decisive: the distance, among `distances`, at which the signal has fallen to a tenth [m]; most of the virtual
+            force acts between the nearest distance and this one.
     """
 
     distances: FloatArray
     slope: FloatArray
     uncertainty: FloatArray
-    worst_at: float
+    decisive: float
+
+    @property
+    def largest(self) -> float:
+        """The largest relative uncertainty of g at the distances where most of the virtual force acts."""
+        return float(self.uncertainty[self.distances <= self.decisive].max())
+
+    @property
+    def worst_at(self) -> float:
+        """The distance of this largest uncertainty [m]."""
+        return float(self.distances[int(self.uncertainty[self.distances <= self.decisive].argmax())])
+
+    @property
+    def largest_anywhere(self) -> float:
+        """The largest relative uncertainty of g in the usable range."""
+        return float(self.uncertainty.max())
+
+    @property
+    def worst_anywhere_at(self) -> float:
+        """The distance of the largest uncertainty in the usable range [m]."""
+        return float(self.distances[int(self.uncertainty.argmax())])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,10 +64,12 @@ class DrawnCurve(Value):
     Args:
         sensor: the curve, valid on the window.
         offset: the output without an object that belongs to this curve, in the unit of the outputs.
+        ignored: the distance of a reading that this curve ignores because it may be wrong [m]; None for none.
     """
 
     sensor: SensorModel
     offset: float
+    ignored: float | None = None
 
 
 class AllowedCurves(Protocol):
@@ -226,7 +249,8 @@ class SensorFit(Described, Value):
         sensor: the fitted curve, valid on the window.
         parameters: estimate of each parameter, by name.
         covariance: covariance of the parameters, in the order of `parameters`, including the effect of the offset.
-        middle_slope: g in the middle of the window [1/m], which is determined even if the parameters are not.
+        middle_slope: g in the middle of the window [1/m], which is determined even if the parameters are not. Its
+            errors include the choice of the curve family.
         window: the usable window.
         offset: the offset that was subtracted.
         noise: the noise by which the readings were weighted.
@@ -352,7 +376,15 @@ class CalibrationReport(Described, Value):
             "saturation": self.window.saturation,
             "offset": self.offset or dict.fromkeys(OffsetEstimate.__slots__),
             "noise": self.noise or dict.fromkeys(NoiseEstimate.__slots__),
-            "slope": slope and {"distances": slope.distances, "values": slope.slope, "uncertainty": slope.uncertainty},
+            "slope": slope
+            and {
+                "distances": slope.distances,
+                "values": slope.slope,
+                "uncertainty": slope.uncertainty,
+                "decisive_distance": slope.decisive,
+                "largest_uncertainty": slope.largest,
+                "largest_uncertainty_anywhere": slope.largest_anywhere,
+            },
             "left_out": self.left_out,
             "models": self.fits,
             "not_fitted": self.not_fitted,

@@ -9,6 +9,7 @@ most of the impulse of any motion.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -18,11 +19,12 @@ from pretouch._core.warning_codes import caution
 
 from .averaging import slope_weights
 from .preparation import Prepared
-from .result import SensorFit, SlopeUncertainty
+from .result import Estimate, SensorFit, SlopeUncertainty
 
 _ALLOWED: Final = 0.15  # largest relative uncertainty of g with which a sensor is usable without reservation
 _DECISIVE: Final = 0.1  # share of the signal at the nearest distance down to which g is judged
-_PLACES: Final = 25  # distances at which g is evaluated
+_PLACES: Final = 25  # distances at which g is evaluated where most of the force acts
+_BEYOND: Final = 15  # distances at which g is evaluated from there to the end of the usable range
 _FALL: Final = 0.5  # decrease of ln xi over which the slopes of readings and curve are compared
 _FEWEST: Final = 4  # fewest readings in such a comparison
 _SURE: Final = 4.0  # standard errors of a difference that is significant
@@ -39,15 +41,37 @@ def estimate_slope(prepared: Prepared) -> SlopeUncertainty | None:
         return None
     signal = used.output - offset.value
     inside = np.flatnonzero(signal >= _DECISIVE * signal[0])
-    last = float(used.distance[max(int(inside[-1]), 1)])
+    last, end = float(used.distance[max(int(inside[-1]), 1)]), float(used.distance[-1])
     places = np.linspace(float(used.distance[0]), last, _PLACES)
+    if end > last:
+        places = np.concatenate([places, np.linspace(last, end, _BEYOND + 1)[1:]])
     log_slope, error = curves.slope(places)
-    worst = int(error.argmax())
     return SlopeUncertainty(
         distances=places,
         slope=-np.exp(log_slope),
         uncertainty=np.expm1(_NORMAL * np.minimum(error, 10.0)),
-        worst_at=float(places[worst]),
+        decisive=last,
+    )
+
+
+def with_choice_of_family(middle: Estimate, prepared: Prepared) -> Estimate:
+    """Widen the errors of a fitted slope in the middle of the usable range by the choice of the curve family.
+
+    `middle` has the errors within one family. Other families that fit the readings as well have other slopes.
+    """
+    curves = prepared.possible_curves
+    if curves is None or not middle.value < 0:
+        return middle
+    place = np.array([(prepared.used.distance[0] + prepared.used.distance[-1]) / 2])
+    log_slope, error = (float(v[0]) for v in curves.slope(place))
+    error = math.hypot(error, log_slope - math.log(-middle.value))
+    quantile = math.sqrt(curves.rise / curves.inflation)  # of Student's t, since few readings hardly show the noise
+    factor = math.exp(min(quantile * error, 10.0))
+    return replace(
+        middle,
+        standard_error=max(middle.standard_error, -middle.value * error),
+        low=min(middle.low, middle.value * factor),
+        high=max(middle.high, middle.value / factor),
     )
 
 
@@ -60,7 +84,7 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
     if slope is None:
         return []
     warnings = []
-    worst = float(slope.uncertainty.max())
+    worst = slope.largest
     if worst > _ALLOWED:
         offset = prepared.offset
         remedy, detail = "read more distances, each several times, where the signal is strong", ""
@@ -73,7 +97,7 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
         elif offset is not None and best.slope_shift > 0.5 * _ALLOWED / _NORMAL:
             remedy = "record the output with no object more often, because its uncertainty changes the slope"
         size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
-        near, far = (format_quantity(float(d), "m", 3) for d in slope.distances[[0, -1]])
+        near, far = (format_quantity(float(d), "m", 3) for d in (slope.distances[0], slope.decisive))
         warnings.append(
             caution(
                 "PT107",
@@ -82,7 +106,7 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
                 f"{remedy}.{detail} This limit applies from {near} to {far}, where most of the virtual force acts.",
             )
         )
-    gap = _largest_gap(prepared, best, float(slope.distances[-1]))
+    gap = _largest_gap(prepared, best, slope.decisive)
     if gap is not None:
         share, near, far = gap[0], *(format_quantity(d, "m", 3) for d in gap[1:])
         difference = f"{100 * abs(share):.0f} % {'flatter' if share > 0 else 'steeper'}"

@@ -22,6 +22,7 @@ from .slope_uncertainty import slope_reservations
 _FEW_POINTS = 6  # number of distances below which a reservation is made
 _MORE_THAN_UNKNOWNS = 3  # distances needed beyond the number of unknowns, to judge a fit
 _LARGE_MISFIT = 0.1  # misfit of ln xi; over one step of distance, the virtual force has about this relative error
+_PROBABLY_WRONG = 0.5  # probability of a wrong nearest reading from which on a reservation is made
 _FEW_EMPTY = 4  # readings without an object from which the noise can be estimated, as from repeats
 _DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # allowed `PossibleCurves.doubt` of each kind of offset
 _MOST_NAMED = 5  # readings that a sentence lists
@@ -145,6 +146,7 @@ def find_reservations(
                 "measure again at these distances.",
             )
         )
+    reasons += _wrong_nearest(prepared)
     if fall < _SMALL_FALL:
         falls = f"the output falls only by a factor of {math.exp(fall):.2g}"
         reasons.append(caution("PT105", f"From {low} to {high} {falls}: measure over a wider range."))
@@ -154,6 +156,25 @@ def find_reservations(
         reasons += slope_reservations(prepared, fits[0], slope)
         reasons += _misfits(prepared, fits)
     return reasons
+
+
+def _wrong_nearest(prepared: Prepared) -> list[str]:
+    """Return a warning if the nearest reading is probably wrong."""
+    # If its output is left out of the usable range, it changes no curve.
+    witness, used = prepared.witness, prepared.used
+    if witness is None or not len(used.distance) or used.distance[0] > witness.ceilings.nearest:
+        return []
+    probability = witness.ceilings.nearest_is_wrong
+    if probability <= _PROBABLY_WRONG:
+        return []
+    level, at = _level(prepared.calibration, used.output[0]), format_quantity(float(used.distance[0]), "m")
+    return [
+        caution(
+            "PT117",
+            f"The reading of {level} at the smallest distance {at} is probably wrong: repeat it five times or more. It "
+            f"disagrees with the curves through the other readings (probability {100 * min(probability, 0.99):.0f} %).",
+        )
+    ]
 
 
 def _offset_reservations(prepared: Prepared) -> list[str]:

@@ -98,7 +98,7 @@ def judge_recording(calibration: Calibration | None, goal: RecordGoal, *, final:
             return Judgment(is_enough=False, reason=_ENDS, missing=missing)
     report = rank_models(calibration)
     missing = _missing(calibration, report, goal)
-    slope = None if report.slope is None else float(report.slope.uncertainty.max())
+    slope = None if report.slope is None else report.slope.largest
     reason = _objection(report, slope, missing, goal)
     if not reason and goal.load is not None:
         reason = _objection_of_scenario(goal.load)

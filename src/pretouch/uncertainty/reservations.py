@@ -97,12 +97,27 @@ class Reservations(Value):
         if not any(parts):
             return None
         if contradiction is not None and self._extension is None:
-            nearest, farthest = self._measured_span
-            parts.append(
-                f"Measure the sensor output at more distances between {nearest} and {farthest}, several times at each "
-                "distance."
-            )
+            parts.append(self._measurement)
         return " ".join(part for part in (self._receding, *parts) if part)
+
+    @property
+    def _measurement(self) -> str:
+        """Advice on what to measure so that the readings allow fewer contact speeds."""
+        witness, offset = self.witness, self.report.offset
+        if witness is not None and witness.suspect is not None:
+            at = format_quantity(witness.suspect, "m")
+            return (
+                f"Repeat the reading at the distance {at} of the calibration, five times or more: it disagrees with the "
+                "other readings, or no other reading confirms it."
+            )
+        if witness is not None and witness.is_offset_decisive and offset is not None:
+            again = "ten more times" if offset.kind == "measured" else "ten times"
+            return f"Record the sensor output with no object {again}, because the offset causes most of this range."
+        nearest, farthest = self._measured_span
+        return (
+            f"Measure the sensor output at more distances between {nearest} and {farthest}, several times at each "
+            "distance."
+        )
 
     @property
     def _receding(self) -> str:
@@ -250,10 +265,18 @@ class Reservations(Value):
             "window_reasons": [window.start_reason, window.end_reason],
             **{name: plain(getattr(self, name)) for name in (*names, "speed", "speed_without_force")},
             "witness": None if self.witness is None else self.witness.to_dict(),
+            "contact_speed": self._contact_speed(),
             "left_out": list(self.report.left_out),
             "output_unit": self.report.calibration.unit,
             "offset": None if offset is None else {name: plain(getattr(offset, name)) for name in offset_names},
         }
+
+    def _contact_speed(self) -> dict[str, Any] | None:
+        """Return the contact speed on the fitted curve, and its range on the curves that the readings allow."""
+        w = self.witness
+        if w is None:
+            return None
+        return {"predicted": w.predicted, "low": w.probable_low, "high": w.probable_high, "unit": "m/s"}
 
     def __str__(self) -> str:
         head = f"calibration {self.report.calibration.name}: {self.report.verdict}"
@@ -266,6 +289,8 @@ class Reservations(Value):
         """The verdict on the calibration and its offset in one line."""
         offset, unit = self.report.offset, self.report.calibration.unit
         text = f"Calibration {self.report.calibration.name}: {self.report.verdict}"
+        if self.witness is not None and self.witness.headline is not None:
+            text += ", but not accurate enough for this contact speed"
         if offset is None:
             return text
         level = f"{offset.value:.4g} {unit}".rstrip()

@@ -7,7 +7,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
@@ -23,11 +23,13 @@ CLOSE: Final = 0.15
 """Relative tolerance of the speed at contact: a curve within it agrees with the prediction."""
 
 _THROUGH: Final = 40  # curves through the readings
-_UNDER: Final = 60  # curves under ceilings
+_UNDER: Final = 60  # weighted curves
 _FEW: Final = 4, 6  # numbers of both kinds of curves for a law that is integrated one encounter after the other
 _SEED: Final = 1
-_DISAGREE: Final = 0.25  # largest share of the curves under ceilings that may disagree with the prediction
-_QUANTILES: Final = (0.05, 0.95)  # the stated range covers these quantiles of both kinds of curves
+_DISAGREE: Final = 0.25  # largest share of the weighted curves that may disagree with the prediction
+_FEW_DEVIATE: Final = 0.1  # largest share of the weighted curves that may disagree without a range in the first line
+_QUANTILES: Final = (0.05, 0.95)  # the stated ranges lie between these quantiles
+_CAUSE: Final = 0.5  # share of the deviating curves, or of the variance, from which on a cause is decisive
 _BEYOND: Final = 12  # points on the fitted curve on either side of the readings
 _SMALLEST: Final = 1e-3  # smallest share of a drawn signal that remains after another offset is subtracted
 _MOST: Final = 500  # encounters of an array that are checked
@@ -40,8 +42,9 @@ _SAMPLES: Final = 60  # points at which a drawn curve that is not piecewise cubi
 class WitnessCheck(Value):
     """Result of testing a gain on many sensor curves.
 
-    All curves fit the calibration readings. Some curves pass through the readings, the others flatten under soft
-    ceilings.
+    All curves fit the calibration readings. Some curves pass through the readings. The others are drawn from fits with
+    weights; these fits may flatten under a soft ceiling, or ignore the nearest reading. The weights say how probable each
+    curve is, so the weighted curves give the probable range of the contact speed.
 
     For an array of encounters, the numbers are those of the encounter with the largest disagreement.
 
@@ -51,11 +54,15 @@ class WitnessCheck(Value):
         unmitigated: |l'| at contact without mitigation [m/s].
         low: the smallest |l'| at contact on these curves [m/s], without the lowest 5 % of either kind.
         high: the largest |l'| [m/s], without the highest 5 %.
-        share_outside: the share of the curves under ceilings on which |l'| differs from the prediction by more
-            than 15 %.
+        probable_low: the smallest |l'| at contact on the weighted curves [m/s], without the lowest 5 %. A curve without
+            contact counts as 0.
+        probable_high: the largest |l'| on the weighted curves [m/s], without the highest 5 %.
+        share_outside: the share of the weighted curves on which |l'| differs from the prediction by more than 15 %.
         harder_count: the number of curves on which contact is harder than without mitigation, contrary to the
             prediction.
         is_contradicted: whether no curve through the readings agrees with the prediction within 15 %.
+        suspect: the distance of a reading that causes most of the deviations if it is wrong [m]; None without.
+        is_offset_decisive: whether the uncertain offset causes most of the deviations.
         encounters: the number of encounters that were checked.
         unsupported: the number of these whose prediction the readings do not support.
     """
@@ -65,9 +72,13 @@ class WitnessCheck(Value):
     unmitigated: float
     low: float
     high: float
+    probable_low: float
+    probable_high: float
     share_outside: float
     harder_count: int
     is_contradicted: bool
+    suspect: float | None = None
+    is_offset_decisive: bool = False
     encounters: int = 1
     unsupported: int = 0
 
@@ -77,13 +88,18 @@ class WitnessCheck(Value):
         return not (self.is_contradicted or self.harder_count or self.share_outside > _DISAGREE)
 
     @property
-    def headline(self) -> str | None:
-        """A warning that the readings do not support the predicted contact speed.
+    def is_precise(self) -> bool:
+        """Whether nine of ten weighted curves agree with the predicted speed within 15 %."""
+        return self.share_outside <= _FEW_DEVIATE
 
-        It is None if the readings support the prediction.
+    @property
+    def headline(self) -> str | None:
+        """A warning that the readings do not support the predicted contact speed, or allow clearly different ones.
+
+        It is None if the readings support the prediction, and nine of ten weighted curves agree with it.
         """
         if self.is_supported:
-            return None
+            return None if self.is_precise else self._range
         low, high, predicted, free = (
             format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted, self.unmitigated)
         )
@@ -107,14 +123,30 @@ class WitnessCheck(Value):
         )
 
     @property
+    def _range(self) -> str:
+        """A warning that the readings allow a wide range of contact speeds."""
+        low, high, predicted = (
+            format_quantity(v, "m/s", 3) for v in (self.probable_low, self.probable_high, self.predicted)
+        )
+        unit = low.rpartition(" ")[2]
+        ends = f"{low.removesuffix(f' {unit}')} to {high}" if high.endswith(f" {unit}") else f"{low} to {high}"
+        of = f" These speeds are those of the worst of {self.encounters} encounters." if self.encounters > 1 else ""
+        return caution(
+            "PT116",
+            f"The readings also allow sensor curves with which contact occurs at {ends}. The fitted curve predicts "
+            f"{predicted}.{of}",
+        )
+
+    @property
     def text(self) -> str:
         """Text that compares the contact speeds on different sensor curves."""
-        low, high, predicted = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted))
+        ends = (self.probable_low, self.probable_high) if self.is_supported else (self.low, self.high)
+        low, high, predicted = (format_quantity(v, "m/s", 3) for v in (*ends, self.predicted))
         sentences = [
-            f"on {self.curves} sensor curves that fit the readings, the contact speed is {low} to {high}",
+            f"on 90 % of the sensor curves that fit the readings, the contact speed is {low} to {high}",
             f"The fitted curve predicts {predicted}",
         ]
-        if not is_within(self.predicted, self.low, self.high):
+        if not is_within(self.predicted, *ends):
             sentences += [
                 "This prediction is outside of the range",
                 f"A difference of up to {100 * CLOSE:.0f} % counts as agreement",
@@ -123,7 +155,7 @@ class WitnessCheck(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the gain test as a JSON dictionary in SI units."""
-        return {"is_supported": self.is_supported, **asdict(self)}
+        return {"is_supported": self.is_supported, "is_precise": self.is_precise, **asdict(self)}
 
 
 def is_within(value: float, low: float, high: float) -> bool:
@@ -167,20 +199,37 @@ def check_on_readings(
     speeds = _speeds(law, encounters, mounted, gains)
     valid = np.isfinite(predicted) & np.isfinite(free)
     rows = zip(speeds[valid], predicted[valid], free[valid], strict=True)
-    checks = [_judge(row[:through], row[through:], p, f) for row, p, f in rows]
+    weighted = drawn[through:]
+    checks = [_judge(row[:through], row[through:], p, f, weighted) for row, p, f in rows]
     if not checks:
         return None
-    worst = max(checks, key=lambda check: (not check.is_supported, check.harder_count, check.share_outside, check.high))
+    worst = max(
+        checks,
+        key=lambda check: (
+            not check.is_supported,
+            not check.is_precise,
+            check.harder_count,
+            check.share_outside,
+            check.high,
+        ),
+    )
     unsupported = sum(not check.is_supported for check in checks)
     return replace(worst, encounters=len(checks), unsupported=unsupported)
 
 
-def _judge(through: FloatArray, under: FloatArray, predicted: float, free: float) -> WitnessCheck:
-    """Compare the predicted contact speed with the speeds on other curves."""
+def _judge(
+    through: FloatArray, under: FloatArray, predicted: float, free: float, weighted: tuple[DrawnCurve, ...]
+) -> WitnessCheck:
+    """Compare the predicted contact speed with the speeds on other curves.
+
+    The speeds `under` are those on the `weighted` curves.
+    """
+    probable_low, probable_high = np.quantile(np.where(np.isfinite(under), under, 0.0), _QUANTILES)
     groups = [group[np.isfinite(group)] for group in (through, under)]
     ends = np.concatenate([np.quantile(group, _QUANTILES) for group in groups if len(group)] or [np.array([np.nan])])
     agreeing = np.abs(under - predicted) <= CLOSE * predicted
     reached = through[np.isfinite(through)]
+    suspect, is_offset_decisive = _causes(under, ~agreeing, weighted)
     agrees = len(reached) > 0 and (1 - CLOSE) * reached.min() <= predicted <= (1 + CLOSE) * reached.max()
     return WitnessCheck(
         curves=len(through) + len(under),
@@ -188,10 +237,33 @@ def _judge(through: FloatArray, under: FloatArray, predicted: float, free: float
         unmitigated=float(free),
         low=float(ends.min()),
         high=float(ends.max()),
+        probable_low=float(probable_low),
+        probable_high=float(probable_high),
         share_outside=float(np.mean(~agreeing)),
         harder_count=int((np.concatenate([through, under]) > _HARDER * free).sum()) if predicted <= free else 0,
         is_contradicted=not agrees,
+        suspect=suspect,
+        is_offset_decisive=is_offset_decisive,
     )
+
+
+def _causes(speeds: FloatArray, deviating: BoolArray, curves: tuple[DrawnCurve, ...]) -> tuple[float | None, bool]:
+    """Return why the contact speeds differ from the prediction.
+
+    The first result is the distance of a nearest reading that must be wrong in most of the deviating curves, or None.
+    The second result is whether the offset explains most of the variance of the speeds.
+    """
+    if not deviating.any():
+        return None, False
+    suspects = [curve.ignored for curve, deviates in zip(curves, deviating, strict=True) if deviates]
+    known = [distance for distance in suspects if distance is not None]
+    if len(known) > _CAUSE * len(suspects):
+        return known[0], False
+    complete = np.isfinite(speeds) & np.array([curve.ignored is None for curve in curves])
+    offsets, speeds = np.array([curve.offset for curve in curves])[complete], speeds[complete]
+    if len(speeds) < 3 or not np.ptp(offsets) > 0 or not np.ptp(speeds) > 0:
+        return None, False
+    return None, bool(np.corrcoef(offsets, speeds)[0, 1] ** 2 > _CAUSE)
 
 
 def _speed(result: ContactResult) -> FloatArray:

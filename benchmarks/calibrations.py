@@ -24,8 +24,8 @@ It prints, with the requirement in parentheses; the exit code is 1 if one is mis
 - sensors that are refused;
 - sensors with 15 good distances and a known offset that are usable (95 %);
 - intervals of a fitted offset that contain the true one (90 to 98 %);
-- 95 % intervals of the slope g in the middle of the usable range that contain the true one: of all sensors, and of those
-  whose true curve is of another family than the fitted one (85 %);
+- 95 % intervals of the slope g in the middle of the usable range that contain the true one (85 %): of all sensors,
+  and of those whose true curve is of another family than the fitted one;
 - the time of a fit.
 """
 

@@ -25,9 +25,7 @@ SCENARIO = pt.Scenario(
     admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
     obstacle=pt.Obstacle(position=0.08, velocity=-0.3),
 )
-TASK = pt.Task(
-    SCENARIO, TRUTH, pt.excursion_objective(position_scale=0.5, velocity_scale=0.3), bounds=(-20.0, -1e-3)
-)
+TASK = pt.Task(SCENARIO, TRUTH, pt.excursion_objective(position_scale=0.5, velocity_scale=0.3), bounds=(-20.0, -1e-3))
 NOISE = np.array([3.0, -6.0, 2.0, 4.0, -2.0, 1.0, -1.0])
 
 
@@ -147,9 +145,7 @@ samples = 32
 def test_a_wide_range_alone_is_a_warning_with_both_ends() -> None:
     """The witness of a good calibration, with a tenth of the weighted curves moved away."""
     found, *_ = limits(fitted(0.0))
-    wide = replace(
-        found, witness=replace(found.witness, probable_low=0.0762, probable_high=0.121, share_outside=0.2)
-    )
+    wide = replace(found, witness=replace(found.witness, probable_low=0.0762, probable_high=0.121, share_outside=0.2))
     assert wide.witness.is_supported
     assert not wide.witness.is_precise
     assert "contact occurs at 0.0762 to 0.121 m/s" in wide.headline

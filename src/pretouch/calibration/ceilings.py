@@ -202,9 +202,7 @@ def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: Offset
     lanes = []
     for family in families_of(curve):  # slow families are fitted without a ceiling only
         above, sharpness, ignored = np.array([(np.inf, 2.0, np.nan), *(ceilings if family.quick else []), *suspects]).T
-        problem = _Problem(
-            curve=curve, noise=noise, family=family, above=above, sharpness=sharpness, ignored=ignored
-        )
+        problem = _Problem(curve=curve, noise=noise, family=family, above=above, sharpness=sharpness, ignored=ignored)
         lanes.append(problem.lanes(offset))
     # integrating over the unknown scale of the errors gives a power of the sum of squares
     power = 0.5 * (min(len(curve.distance), _FULL_WEIGHT) - 3 + _ERROR_FREEDOM)

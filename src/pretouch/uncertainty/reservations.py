@@ -107,8 +107,8 @@ class Reservations(Value):
         if witness is not None and witness.suspect is not None:
             at = format_quantity(witness.suspect, "m")
             return (
-                f"Repeat the reading at the distance {at} of the calibration, five times or more: it disagrees with the "
-                "other readings, or no other reading confirms it."
+                f"Repeat the reading at the distance {at} of the calibration, five times or more: it disagrees with "
+                "the other readings, or no other reading confirms it."
             )
         if witness is not None and witness.is_offset_decisive and offset is not None:
             again = "ten more times" if offset.kind == "measured" else "ten times"

@@ -42,9 +42,9 @@ _SAMPLES: Final = 60  # points at which a drawn curve that is not piecewise cubi
 class WitnessCheck(Value):
     """Result of testing a gain on many sensor curves.
 
-    All curves fit the calibration readings. Some curves pass through the readings. The others are drawn from fits with
-    weights; these fits may flatten under a soft ceiling, or ignore the nearest reading. The weights say how probable each
-    curve is, so the weighted curves give the probable range of the contact speed.
+    All curves fit the calibration readings. Some curves pass through the readings. The others are drawn from weighted
+    fits, which may flatten under a soft ceiling, or ignore the nearest reading. The weights say how probable each curve
+    is, so the weighted curves give the probable range of the contact speed.
 
     For an array of encounters, the numbers are those of the encounter with the largest disagreement.
 
@@ -220,10 +220,8 @@ def check_on_readings(
 def _judge(
     through: FloatArray, under: FloatArray, predicted: float, free: float, weighted: tuple[DrawnCurve, ...]
 ) -> WitnessCheck:
-    """Compare the predicted contact speed with the speeds on other curves.
-
-    The speeds `under` are those on the `weighted` curves.
-    """
+    """Compare the predicted contact speed with the speeds on other curves."""
+    # The speeds `under` are those on the `weighted` curves.
     probable_low, probable_high = np.quantile(np.where(np.isfinite(under), under, 0.0), _QUANTILES)
     groups = [group[np.isfinite(group)] for group in (through, under)]
     ends = np.concatenate([np.quantile(group, _QUANTILES) for group in groups if len(group)] or [np.array([np.nan])])

@@ -241,7 +241,7 @@ def test_a_prediction_outside_of_the_range_of_the_sensors_is_explained(exponent:
     assert check.is_good_enough
     on_loop, in_time = (format_quantity(v, "m/s", 3) for v in (check.predicted, check.witness.predicted))
     assert f"On the sampled loop without noise, the contact speed is {on_loop} with the fitted curve" in check.text
-    assert "in continuous time: on 100 sensor curves that fit the readings, the contact speed is " in check.text
+    assert "in continuous time: on 90 % of the sensor curves that fit the readings, the contact speed is " in check.text
     assert f"The fitted curve predicts {in_time}" in check.text
     assert (f"the fitted curve predicts a {way} contact than most of these sensors" in check.text) is bool(way)
     assert (

@@ -215,6 +215,10 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
     )
     if check.is_good_enough:
         return check
+    if witness is not None and witness.suspect is not None:
+        at = format_quantity(witness.suspect, "m")
+        repeat = f"repeat the reading at the distance {at} of the calibration, five times or more"
+        return replace(check, decisive="curve", remedy=repeat)
     decisive = _decisive(task, gain, sensors, outcome, predicted)
     return replace(check, decisive=decisive, remedy=_remedy(task, report, decisive))
 

@@ -110,6 +110,7 @@ def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
 class Drawn:
     sensor: pt.SensorModel
     offset: float
+    ignored: float | None = None
 
 
 @dataclass(frozen=True)

@@ -323,6 +323,12 @@ def reservations_apply(answer: Any) -> bool:
     """Return whether warnings about the calibration apply to a result.
 
     They do not apply to results without a predicted encounter, such as the replay of a recording.
+
+    Args:
+        answer: a result of any verb, or a task.
+
+    Returns:
+        Whether the result has an encounter and a sensor.
     """
     return hasattr(answer, "scenario") and hasattr(answer, "sensor")
 

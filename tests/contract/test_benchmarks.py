@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -241,3 +243,26 @@ def test_a_narrow_range_of_feasible_gains_is_not_called_infeasible() -> None:
     assert known.status.value == "optimal"
     assert found is not None
     assert found[2, 0] != limits.INFEASIBLE
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+def test_failing_sensors_stay_below_the_bound_of_the_verdict() -> None:
+    from benchmarks import disturbances
+
+    failures = disturbances.draw_failures(3, 7)
+    task, bound, gain = disturbances.guarded("loop")
+    assert disturbances.judge("loop", lambda f, e: disturbances.run_loop(task, gain, f, e), failures, bound) == 0
+
+
+def test_a_sensor_that_fails_without_a_check_of_jumps_is_noticed() -> None:
+    from benchmarks import disturbances
+
+    event = disturbances.Disturbance(kind="cable", distance=0.025)
+    failures = [disturbances.Failure(event, 0.0422, -0.3, 0)]
+    task = disturbances.pt.load_scenario(disturbances.EXAMPLES / "loop.toml")
+    law = task.loop.law
+    loop = dataclasses.replace(
+        task.loop, law=dataclasses.replace(law, conditioning=dataclasses.replace(law.conditioning, largest_rate=None))
+    )
+    bare = task.replace(loop=loop)
+    assert disturbances.judge("loop", lambda f, e: disturbances.run_loop(bare, -0.86, f, e), failures, 0.05) > 0

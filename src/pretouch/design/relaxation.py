@@ -17,13 +17,15 @@ from pretouch.motion import LawNumber
 from .constraints import Constraint
 from .problem import GainProblem, ratio
 from .search import HELD, Effort, GainAxis, Landscape, Scan, search_axis
+from .search.landscape import Evaluate
 from .search.local import descend, reduce_violation
-from .search.scan import EXACT, Evaluate
+from .search.scan import EXACT
 from .search.trials import Trials
 
 DIGITS: Final = 3
 """Significant digits of a raised limit."""
 
+_FINEST: Final = 1e-6  # width in u at which the search for a raised limit ends
 _ONE: Final = np.ones(1)
 
 
@@ -102,7 +104,7 @@ def relax_on_axis(
     nearest = scanned.least_violation
     if nearest is None or not constraints:
         return ()
-    found = []
+    found, coarse = [], replace(effort, finest=max(effort.finest, _FINEST), most=2)  # the values are rounded up
     for i, constraint in enumerate(constraints):
 
         def alone(landscape: Landscape, i: int = i) -> Landscape:
@@ -110,7 +112,7 @@ def relax_on_axis(
             return Landscape(objective=value, ratios=np.delete(landscape.ratios, i, axis=0))
 
         start = replace(scanned, landscape=alone(scanned.landscape))
-        _, minima = search_axis(lambda u, alone=alone: alone(evaluate(u)), *axis.span, effort, start)  # type: ignore[misc]
+        _, minima = search_axis(lambda u, alone=alone: alone(evaluate(u)), *axis.span, coarse, start)  # type: ignore[misc]
         if minima:
             gain = float(axis.gain(minima[0].coordinate))
             found.append(_relaxation((constraint,), (minima[0].value,), gain, number))

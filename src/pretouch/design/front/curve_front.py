@@ -10,7 +10,7 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray
 
 from ..search import Effort, Scan, refine, scan_feasible
-from ..search.scan import Evaluate
+from ..search.landscape import Evaluate
 from .dominance import FoundFront, extent_of, non_dominated, shortfall
 
 _EFFORT: Final = Effort(share=0.01)  # a quantity may pass through 0

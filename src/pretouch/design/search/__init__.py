@@ -7,10 +7,10 @@ encounters are scanned together (`many`). Over several free parameters, `local` 
 `box_maximum` computes a certified maximum on a box.
 """
 
-from .bands import HELD
 from .gain_axis import GainAxis
+from .landscape import HELD, Landscape
 from .minima import Minimum, refine, scan_feasible, search_axis
-from .scan import MEASURED, RUNS, SAMPLED, Effort, Landscape, Scan, scan
+from .scan import MEASURED, RUNS, SAMPLED, Effort, Scan, scan
 
 __all__ = [
     "HELD",

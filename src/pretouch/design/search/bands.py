@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
-if TYPE_CHECKING:
-    from .scan import Landscape
-
-HELD: Final = 1 - 1e-11
-"""Largest share of a limit that the search uses, so that a repeated solution at the optimal gain meets the limit."""
+from .landscape import HELD, Landscape
 
 _EDGE: Final = 1e-3  # share of the axis: largest interval in which feasibility may change
 _NARROW: Final = 1 / 8  # the same as a share of the feasible range next to it

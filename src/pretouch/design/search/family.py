@@ -21,8 +21,8 @@ from pretouch.motion import Scenario
 from pretouch.motion.scenario import scenario_with
 
 from ..problem import GainProblem
-from .bands import HELD
 from .compiled import OPTIMAL, search_compiled, supported_terms
+from .landscape import HELD
 
 _NODES: Final = 20
 _LEAST: Final = 20 * _NODES  # smallest number of encounters for interpolation

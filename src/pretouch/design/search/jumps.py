@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 
-if TYPE_CHECKING:
-    from .scan import Evaluate, Landscape
+from .landscape import Evaluate, Landscape
 
 RESERVE: Final = 0.01 + 5e-4
 """Smallest distance of a recommended gain from a jump, as a share of the gain.

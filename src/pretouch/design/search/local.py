@@ -9,7 +9,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-from .bands import HELD
+from .landscape import HELD
 from .trials import Trials
 
 _STARTS: Final = 6  # most searches for the least violation

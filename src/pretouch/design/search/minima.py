@@ -12,10 +12,10 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 
-from .bands import HELD
 from .jumps import Jump, away_from, find_jump
+from .landscape import HELD, Evaluate
 from .polynomials import FIT, NODES, minimize_polynomials
-from .scan import EXACT, Effort, Evaluate, Scan, scan
+from .scan import EXACT, Effort, Scan, scan
 
 _LOOP_ROUNDING: Final = 1e-12  # relative rounding error of an objective from some hundred steps of a loop
 _ROUNDED: Final = 1e-5  # largest allowed error by rounding, relative to the range; a corner has 100 times that error

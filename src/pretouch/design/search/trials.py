@@ -12,9 +12,8 @@ from pretouch.motion import ContactResult
 
 from ..constraints import Constraint
 from ..problem import Criterion, GainProblem, along, ratio
-from .bands import HELD
 from .freedom import Freedom
-from .scan import Landscape
+from .landscape import HELD, Landscape
 
 _STEP: Final = 2e-4  # step in [0, 1] at which differences of order 4 are as accurate as the contacts
 _NODES: Final = np.arange(-2.0, 3.0)

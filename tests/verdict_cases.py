@@ -64,7 +64,7 @@ CASES: dict[str, Callable[[], pt.Verdict]] = {
     "VCNL4010 that pushes": lambda: pushing(
         "VCNL4010",
         COUNTS,
-        {"floor": 30.0, "sensor_period": 4e-3},
+        {"floor": 460.0, "sensor_period": 4e-3},
         uncertainty=SPEED,
         constraints=[
             limit("relative_velocity", 0.12, 0.9),

@@ -23,7 +23,7 @@ def controller(period: float, **conditioning: Any) -> Controller:
     """The letter's controller without filters."""
     return Controller(
         period=period,
-        conditioning=Conditioning(**{"floor": 1e-3} | conditioning),
+        conditioning=Conditioning(**{"floor": 0.0455} | conditioning),
         law=VirtualDamper(gain=0.0),
         admittance=ADMITTANCE,
     )

@@ -253,8 +253,8 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
         ),
         (
             lambda: pt.simulate_encounter(with_floor(loop_task(), 15e3).replace(gain=-0.7)).warnings,
-            "of the signal change had no effect",
-            "lower the floor, or use a faster sensor",
+            "detects the object only at",
+            "or set floor = 1980 in [controller], and design again",
         ),
     ],
 )

@@ -25,7 +25,7 @@ OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
 LOOP = pt.ClosedLoop(
     law=pt.control.Controller(
         period=1e-3,
-        conditioning=pt.control.Conditioning(floor=1e-3, sensor_period=4e-3),
+        conditioning=pt.control.Conditioning(floor=0.0455, sensor_period=4e-3),
         law=pt.control.VirtualDamper(gain=0.0),
         admittance=pt.control.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
     ),

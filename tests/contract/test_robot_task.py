@@ -184,7 +184,7 @@ def test_an_impact_without_a_mass_needs_a_robot_model(read) -> None:
 
 
 def test_a_loop_with_a_robot_model_runs_with_its_limits(read) -> None:
-    chain = '[chain]\nrate = "250 Hz"\n[controller]\nrate = "1 kHz"\nfloor = 1e-3\n'
+    chain = '[chain]\nrate = "250 Hz"\n[controller]\nrate = "1 kHz"\nfloor = 0.0455\n'
     task = read(BENT, FILE + chain)
     assert task.loop is not None
     assert "excursion" in {limit.name for limit in task.limits}
@@ -192,7 +192,7 @@ def test_a_loop_with_a_robot_model_runs_with_its_limits(read) -> None:
 
 @pytest.mark.parametrize("verb", ["design", "verify"])
 def test_the_answers_repeat_the_warnings_about_the_robot(verb, tmp_path, read) -> None:
-    chain = '[chain]\nrate = "250 Hz"\n[controller]\nrate = "1 kHz"\nfloor = 1e-3\n[verify]\nruns = 5\n'
+    chain = '[chain]\nrate = "250 Hz"\n[controller]\nrate = "1 kHz"\nfloor = 0.0455\n[verify]\nruns = 5\n'
     task = read(BENT.replace("bent", "stretched"), FILE + chain)
     assert any("singularity" in text for text in task.warnings)
     answer = pt.design_gain(task) if verb == "design" else pt.verify_gain(task, changes=False)

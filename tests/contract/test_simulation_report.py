@@ -42,7 +42,7 @@ IMPACT = pt.HertzImpact(robot_mass=2.0, effective_modulus=1e7, radius=0.0225)
 def law(period: float = 1e-3, *, stiffness: float = 25.0, limits: Limits | None = None, **given: Any) -> Controller:
     return Controller(
         period=period,
-        conditioning=Conditioning(**{"floor": 1e-3, **given}),
+        conditioning=Conditioning(**{"floor": 0.0455, **given}),
         law=VirtualDamper(gain=0.0),
         admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=stiffness),
         limits=limits or Limits(),
@@ -64,7 +64,7 @@ def run(
 CASES: dict[str, Callable[[], pt.SimulatedEncounter]] = {
     "VCNL4010 that pushes": lambda: run(
         COUNTS,
-        law=law(floor=30.0, sensor_period=4e-3),
+        law=law(floor=460.0, sensor_period=4e-3),
         chain=pt.simulation.sensor_part("VCNL4010").chain,
         plant=ROBOT,
         contact=CONTACT,
@@ -85,7 +85,7 @@ CASES: dict[str, Callable[[], pt.SimulatedEncounter]] = {
     "repeated": lambda: run(
         COUNTS,
         -0.3,
-        law=law(floor=30.0, sensor_period=4e-3),
+        law=law(floor=460.0, sensor_period=4e-3),
         chain=pt.simulation.sensor_part("VCNL4010").chain,
         plant=pt.simulation.ImpedancePlant(mass=1.5, stiffness=60.0, damping=2.0),
         contact=pt.simulation.HuntCrossley(stiffness=1e7, dissipation=0.3),

@@ -540,6 +540,19 @@ _TABLE: Final = (
         "in [controller].",
     ),
     (
+        "PT421",
+        "The controller detects the object elsewhere than the encounter starts",
+        "The floor of the controller detects the object clearly before or after the start of the encounter. There is "
+        "no such warning if both distances agree within 5 %, or if neither the predicted contact speed nor the largest "
+        "excursion changes by 3 %.",
+        "On the robot, the law acts from the detection distance. A design assumes that it acts from the start, and so "
+        "do simulated runs that begin nearer. So gain, contact speed and excursion are those of another encounter.",
+        "Set the start or the floor to the value in the message. If the object comes from farther away than it is "
+        "detected, start the encounter at the detection distance, and set `start_distance` in `[loop]`.",
+        "The floor of 100 detects the object at 164.5 mm, but the encounter starts at 42.2 mm: set position = "
+        '"164.5 mm" in [obstacle], or set floor = 1980 in [controller].',
+    ),
+    (
         "PT423",
         "A part of a report is missing",
         "A figure or a section could not be drawn, or the report could not be written.",

@@ -73,6 +73,7 @@ def loop_fields(
     if sensor is not None:
         refuse_curve_below_floor(file, sensor, controller.conditioning, part)
     options = {name: settings.pop(name) for name in ("seed", "horizon", "follow_time")}
+    options["start_distance"] = settings.pop("start_distance", None)
     loop = ClosedLoop(law=controller, chain=chain, plant=plant, contact=contact, **options)
     return {"loop": loop, "gain": values.get("gain"), "sensor_part": part, **settings}
 

@@ -208,6 +208,7 @@ LOOP_VARIANTS: Final[Mapping[str, Mapping[str, Section]]] = {
                 "seed": Key(whole(0, "0"), 0),
                 "horizon": Key(_SPAN, 10.0),
                 "follow_time": Key(Quantity("s", '"1 ms"', "nonnegative"), 0.2),
+                "start_distance": Key(Quantity("m", '"300 mm"', "positive")),
                 "stability_margin": Key(Quantity("", "2.0", "positive")),
             },
             _check_margin,

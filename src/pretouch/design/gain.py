@@ -221,6 +221,7 @@ def _conflict(design: GainDesign) -> str:
 def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     """Yield the warnings about a designed gain, most important first."""
     yield from _about_contact(design, scanned)
+    yield from design.problem.task.start_warnings(design.gain)
     yield from design.problem.task.warnings
     if design.certificate is not None and design.certificate.at == "bound":
         yield caution(

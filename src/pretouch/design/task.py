@@ -6,14 +6,14 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
-from functools import wraps
+from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Final, ParamSpec, Protocol, TypeVar, cast
 
 from pretouch._core.blocks import InNotebooks
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
 from pretouch._core.values import Value
-from pretouch.motion import DAMPER, ContinuousLaw, Scenario
+from pretouch.motion import DAMPER, ContactResult, ContinuousLaw, Scenario
 from pretouch.motion.evaluator import Evaluator
 from pretouch.motion.laws import continuous_law
 from pretouch.sensors import SensorModel
@@ -207,6 +207,24 @@ class Task(ExplainsNames, InNotebooks, Value):
         )
         return stable
 
+    def start_warnings(self, gain: float | None) -> tuple[str, ...]:
+        """Return a warning if the controller of the loop detects the object elsewhere than the encounter starts.
+
+        Args:
+            gain: the law's number, whose effect decides whether the difference matters; None for any difference.
+
+        Returns:
+            At most one warning; none without a loop.
+        """
+        if self.loop is None:
+            return ()
+
+        how: dict[str, Any] = {"method": self.method, "horizon": self.horizon}
+        predict = None
+        if gain is not None:
+            predict = partial(_contact_of, self.law, self.sensor, gain, how)
+        return cast("tuple[str, ...]", self.loop.start_warnings(self.scenario, self.sensor, predict))
+
     def replace(self, **changes: Any) -> Task:
         """Return a copy of the task with some new values.
 
@@ -216,6 +234,13 @@ class Task(ExplainsNames, InNotebooks, Value):
         """
         law_of_loop = {"law": _OF_LOOP} if changes.get("loop") is not None else {}
         return dataclasses.replace(self, **{**law_of_loop, **changes})
+
+
+def _contact_of(
+    law: ContinuousLaw, sensor: SensorModel, gain: float, how: dict[str, Any], scenario: Scenario
+) -> ContactResult:
+    """Predict the contact of an encounter."""
+    return law.contact(scenario, sensor, gain, **how)
 
 
 def _law_of(loop: Any) -> ContinuousLaw:

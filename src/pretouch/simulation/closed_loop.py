@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.blocks import Cell, Measured, PageSection, PageTable, cell_as_text
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.fields import check_types
-from pretouch._core.numbers import FloatArray, IntArray, finite
+from pretouch._core.fields import check_types, quantity
+from pretouch._core.numbers import FloatArray, IntArray, finite, positive
 from pretouch.control import Controller
 from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Scenario
 from pretouch.motion.contact import KnownColumns
@@ -21,6 +21,7 @@ from pretouch.motion.laws import continuous_law
 from pretouch.sensors import SensorModel
 
 from .chain import SensorChain, timing_of
+from .detection import DetectionRange, detection_range, start_in_words
 from .law import SampledLaw, TunableLaw
 from .native_loop import RESULT_COLUMNS, Loop, run_loop
 from .result import FOLLOW, HORIZON, SimulationResult, check_loop, result_of, runs_of, whole
@@ -47,8 +48,11 @@ class ClosedLoop:
         contact: the contact force, for a plant with a mass.
         seed: seed of the noise; every gain is tried with the same random numbers.
         first_run: index of the run whose noise the first encounter has; the next encounters have those that follow.
-        horizon: longest time to wait for contact [s].
+        horizon: longest time to wait for contact [s], from the start of the encounter.
         follow_time: time to continue after the first contact [s].
+        start_distance: distance at which simulated runs begin [m]; None for the distance at the start of the encounter.
+            From there to the start, the object keeps its velocity at the start. Times still count from the start, so
+            they are negative before.
 
     Examples:
         >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
@@ -82,6 +86,7 @@ class ClosedLoop:
     first_run: int = 0
     horizon: float = HORIZON
     follow_time: float = FOLLOW
+    start_distance: Any = quantity("m", None, sign="positive")
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -123,6 +128,34 @@ class ClosedLoop:
         for name in ("settling_distance", "impulse_residual"):  # both need the equations of the law
             columns[name] = np.full(loop.shape, np.nan)
         return ContactResult(KnownColumns(columns), "loop")
+
+    def detection(self, scenario: Scenario, sensor: SensorModel) -> DetectionRange | None:
+        """Return where the controller detects the object of an encounter.
+
+        Returns:
+            The detection distance next to the start; None for an array of encounters and for a law whose floor is
+            unknown.
+        """
+        law: Any = self.law
+        if not isinstance(law, Controller) or scenario.shape:
+            return None
+        return detection_range(scenario, sensor, self.chain, law.conditioning)
+
+    def start_warnings(
+        self, scenario: Scenario, sensor: SensorModel, predict: Callable[[Scenario], ContactResult] | None
+    ) -> tuple[str, ...]:
+        """Return a warning if the controller detects the object elsewhere than an encounter starts.
+
+        Args:
+            scenario: the encounter.
+            sensor: the sensor curve.
+            predict: function that predicts the contact of an encounter; a difference without effect on it is no reason
+                for a warning. None for a warning about any difference.
+
+        Returns:
+            At most one warning.
+        """
+        return tuple(start_in_words(self.detection(scenario, sensor), scenario, predict))
 
     @property
     def continuous(self) -> ContinuousLaw | None:
@@ -265,6 +298,7 @@ class ClosedLoop:
         shape = (*first, *shape)
         zeros = np.zeros(shape, dtype=np.int64)
         laws, law_of = self._laws(gains) if gain is not None else ((self.law,), 0)
+        lead = self._lead(scenario)
         return check_loop(
             Loop(
                 scenario=scenario,
@@ -276,12 +310,26 @@ class ClosedLoop:
                 chain=self.chain,
                 plant=self.plant,
                 contact=self.contact,
-                horizon=self.horizon,
+                horizon=self.horizon if lead is None else self.horizon + float(np.max(lead)),
                 follow_time=self.follow_time,
                 seed=self.seed,
                 shape=shape,
+                lead=lead,
             )
         )
+
+    def _lead(self, scenario: Scenario) -> FloatArray | None:
+        """Return how long runs take from `start_distance` to the start of each encounter [s].
+
+        None if all runs begin at the start. An object that does not approach at the start begins there.
+        """
+        if self.start_distance is None:
+            return None
+        place = np.asarray(positive(self.start_distance, "start_distance", "m"))
+        speed = -np.asarray(scenario.relative_velocity, dtype=np.float64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            time = np.where(speed > 0, np.maximum(place - scenario.distance, 0.0) / speed, 0.0)
+        return np.broadcast_to(time, scenario.shape) if np.any(time > 0) else None
 
     def _laws(self, gains: FloatArray) -> tuple[tuple[SampledLaw, ...], IntArray]:
         """Return a controller for every distinct gain.
@@ -345,6 +393,8 @@ def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
     """Yield table rows with noise seed and duration of the runs."""
     yield "seed of the noise", str(loop.seed)
     yield "longest time until contact", Measured(loop.horizon, "s")
+    if loop.start_distance is not None and not np.ndim(loop.start_distance):
+        yield "distance at which runs begin", Measured(float(loop.start_distance), "m")
     if loop.contact is not None:
         yield "time after the first contact", Measured(loop.follow_time, "s")
 

@@ -29,6 +29,7 @@ from pretouch.sensors import SensorModel
 from pretouch.sensors.model import cache_by_curve
 
 from .chain import SensorChain
+from .detection import begun_before
 from .disturbance import MOST_DISTURBANCES
 from .law import SampledLaw
 from .robot import COEFFICIENTS, ContactModel, PlantModel, plant_step
@@ -58,6 +59,7 @@ TOUCHES: Final = 32
 CONTACT_NUMBERS: Final = "stiffness", "damping", "exponent", "grows", "inverse_mass"
 """The coefficients of a contact model in the compiled loop."""
 
+_TIMES: Final = "time", "detection_time", "end_time"
 _Step = ctypes.CFUNCTYPE(None, POINTER, POINTER, ctypes.POINTER(RawSample), ctypes.POINTER(RawOutput))
 _INDEX: Final = np.dtype(np.int64)
 _READING: Final = 3  # numbers stored for each undelivered reading
@@ -133,7 +135,7 @@ class Loop(Value):
     Each run can be repeated exactly from these inputs. `shape` is the shape of the array of runs.
 
     Each run has one of the `sensors`, one of the `laws` (which share a period and a step), and the noise of the run
-    with the index in `noise_of`.
+    with the index in `noise_of`. A run begins `lead` seconds before the start of its encounter; None for all at 0.
     """
 
     scenario: Scenario
@@ -149,6 +151,12 @@ class Loop(Value):
     follow_time: float
     seed: int
     shape: tuple[int, ...]
+    lead: FloatArray | None = None
+
+    @property
+    def begun(self) -> Scenario:
+        """The encounters from the beginning of the runs."""
+        return self.scenario if self.lead is None else begun_before(self.scenario, self.lead)
 
 
 def run_loop(
@@ -192,7 +200,20 @@ def run_loop(
         run_in_chunks(run, len(which), least=least, most=_MOST_STRETCH)
     else:  # with a law in Python, threads would wait for each other at every step
         run(0, len(which))
+    if loop.lead is not None:
+        _count_from_start(np.broadcast_to(loop.lead, loop.shape).ravel()[which], outputs)
     return outputs
+
+
+def _count_from_start(lead: FloatArray, outputs: tuple[FloatArray, ...]) -> None:
+    """Shift the times of runs, so that they count from the start of the encounters."""
+    ends, touches, trace, course = outputs
+    for name in _TIMES:
+        ends[:, RESULT_COLUMNS.index(name)] -= lead
+    touches[:, :, 0] -= lead[:, None]
+    if len(trace) or len(course):  # of a single run
+        trace[:, 0] -= lead[0]
+        course[:, 0] -= lead[0]
 
 
 def waiting_readings(chain: SensorChain, period: float) -> FloatArray:
@@ -225,8 +246,8 @@ def curve_structure(sensor: SensorModel, farthest: float) -> tuple[ctypes.Struct
 def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> tuple[_Loop, _PythonStep | None]:
     """Copy the inputs of selected encounters for the compiled simulation."""
     # The structure contains the output arrays of `run_loop`.
-    scenes, period = _columns(loop, _scene_of(loop.scenario))[which], loop.laws[0].period
-    course = loop.scenario.obstacle.course
+    begun, period = loop.begun, loop.laws[0].period
+    scenes, course = _columns(loop, _scene_of(begun))[which], begun.obstacle.course
     stretches = _columns(loop, [number for s in course for number in (s.until, s.acceleration)])[which]
     laws, python_step = _laws(loop, which, scenes)
     used_sensors, curve_of = np.unique(loop.sensor_of.ravel()[which], return_inverse=True)
@@ -299,12 +320,13 @@ def _columns(loop: Loop, columns: Sequence[Any]) -> FloatArray:
 def _curves(loop: Loop, indices: IntArray) -> list[tuple[FloatArray, float, float, float]]:
     """Tabulate each sensor curve of the simulated runs."""
     sensor_of, distance = loop.sensor_of.ravel(), np.broadcast_to(loop.scenario.distance, loop.shape).ravel()
+    begun = distance if loop.lead is None else np.broadcast_to(loop.begun.distance, loop.shape).ravel()
     curves = []
     for index in indices:
         sensor = loop.sensors[index]
         low, high = sensor.valid_range
         check_curve(sensor, distance if len(loop.sensors) == 1 else distance[sensor_of == index])
-        farthest = float(distance.max() if len(loop.sensors) == 1 else distance[sensor_of == index].max())
+        farthest = float(begun.max() if len(loop.sensors) == 1 else begun[sensor_of == index].max())
         curves.append((*_curve_table(sensor, _BEYOND * farthest + low), high))
     return curves
 

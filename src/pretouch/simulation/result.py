@@ -296,7 +296,8 @@ def result_of(loop: Loop) -> SimulationResult:
 
 def _trace(loop: Loop, index: int) -> LoopTrace:
     ended, *_ = run_loop(loop, np.array([index]))
-    rows = math.ceil(float(ended[0, RESULT_COLUMNS.index("end_time")]) / loop.laws[0].period) + 1
+    lead = 0.0 if loop.lead is None else float(np.broadcast_to(loop.lead, loop.shape).ravel()[index])
+    rows = math.ceil((float(ended[0, RESULT_COLUMNS.index("end_time")]) + lead) / loop.laws[0].period) + 1
     course_rows = _COURSE if loop.contact else 0
     _, touches, trace, course = run_loop(loop, np.array([index]), rows, course_rows=course_rows)
     trace, course = (part[~np.isnan(part[:, 0])] for part in (trace, course))

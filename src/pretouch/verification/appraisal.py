@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
+from pretouch.control import Controller
 from pretouch.design import ElasticImpact, ImpactModel, Task
 from pretouch.design.custom_objectives import CustomObjective, appraise
 from pretouch.design.quantities import quantity_of, size_of
@@ -24,6 +25,7 @@ from pretouch.motion.layout import PEAKS
 from pretouch.motion.scenario import map_fields
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
+from pretouch.simulation.detection import detection_distance
 from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
 from pretouch.uncertainty.ensemble import check_nominal
 
@@ -78,6 +80,7 @@ class Draws:
     scenarios: Scenario  # shape () or (runs,)
     ensemble: Ensemble | None = None  # None if every run has the nominal encounter
     sensors: tuple[SensorModel, ...] = ()  # one for each run if sensor parameters are uncertain
+    starts: FloatArray | None = None  # distance at which each run begins [m], if some begin before their encounter
 
     @property
     def compared(self) -> int:
@@ -101,6 +104,8 @@ class Draws:
         which = slice(first, self.task.verify.runs if count is None else count)
         several = map_fields(self.scenarios, lambda v: v[which] if np.ndim(v) else v)
         later = loop.after(first)
+        if self.starts is not None:
+            later = replace(later, start_distance=self.starts[which])
         if not self.sensors:
             return later.run(several, self.task.sensor, gain)
         return later.run_each(several, self.sensors[which], gain)
@@ -128,6 +133,7 @@ def draw_encounters(task: Task) -> Draws:
         return Draws(task=task, scenarios=replace(task.scenario, obstacle=alike))
     check_nominal(task.uncertainty, task.scenario, task.sensor)
     values = sample_inputs(task.uncertainty, task.verify.runs, seed=task.loop.seed)
+    starts = _begin_at_detection(task, values)
     certain = [name for name in values if name.startswith("admittance.")]
     if certain:
         raise InvalidInputError(
@@ -136,7 +142,27 @@ def draw_encounters(task: Task) -> Draws:
         )
     several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
     sensors = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
-    return Draws(task=task, scenarios=several.scenario, ensemble=several, sensors=sensors)
+    return Draws(task=task, scenarios=several.scenario, ensemble=several, sensors=sensors, starts=starts)
+
+
+def _begin_at_detection(task: Task, values: dict[str, FloatArray]) -> FloatArray | None:
+    """Let encounters that start undetected begin where the controller detects the object.
+
+    The law acts from there on, so the prediction must begin there. Changes the drawn positions.
+
+    Returns:
+        The drawn distances at which the runs begin [m]; None if all encounters begin there.
+    """
+    name, law, o = "obstacle.position", task.loop.law, task.scenario.obstacle
+    if name not in values or not isinstance(law, Controller) or o.course or o.acceleration:
+        return None
+    plant = values.get("plant.position", task.scenario.plant.position)
+    drawn = np.asarray(values[name] - plant, dtype=np.float64)
+    farthest = detection_distance(task.sensor, task.loop.chain, law.conditioning)
+    if not np.any(drawn > farthest) or not farthest > 0:
+        return None
+    values[name] = plant + np.minimum(drawn, farthest)
+    return drawn if task.loop.start_distance is None else np.maximum(drawn, task.loop.start_distance)
 
 
 class Requirement(NamedTuple):

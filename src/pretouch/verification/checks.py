@@ -31,6 +31,7 @@ from .encounter_parts import detection_step
 from .result import Comparison, LimitCheck, Reached, RunSpread
 
 _COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
+_HIDDEN: Final = "at larger distances the reading is below the floor"
 _SHARE: Final = 0.1  # a cause is named if it explains at least this share of the time to detection
 _LATE: Final = 0.95  # a first detection below this share of the start distance is late
 _FORCE_APART: Final = 1.25  # smallest ratio of simulated to predicted impact force that causes a warning
@@ -186,6 +187,7 @@ def cautions_of(
     design: GainDesign,
     *,
     at_rest: RestMotion | None,
+    starts: tuple[str, ...],
     largest_rate: float,
     breakage: Breakage | None,
 ) -> tuple[str, ...]:
@@ -197,6 +199,7 @@ def cautions_of(
         comparisons: the quantities, predicted and simulated.
         design: the ideal design.
         at_rest: how far noise moves a robot at rest.
+        starts: a warning if the controller detects the object elsewhere than the encounter starts.
         largest_rate: a largest plausible rate of ln xi for the controller [1/s].
         breakage: what the robot does if the sensor fails.
 
@@ -206,6 +209,7 @@ def cautions_of(
     loop = draws.task.loop
     return (
         *_no_ideal_gain(design),
+        *starts,
         *_other_admittance(loop, draws.task.scenario),
         *_failing_sensor(loop, largest_rate, breakage),
         *_detection(loop, draws, runs[0]),
@@ -273,11 +277,15 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
     reference = (np.asarray(s.reference.velocity) + 0.5 * s.reference.acceleration * t) * t
     distance = (draws.distance + obstacle - reference)[seen]
     start, late = float(draws.distance[seen].mean()), float(t[seen].mean())
+    why = _why_late(loop, late)
+    at = loop.detection(draws.task.scenario, draws.task.sensor)
+    if why == _HIDDEN and at is not None and at.is_late:  # PT421 warns unless this has no effect
+        return
     if distance.mean() < _LATE * start:
         near, far = format_quantity(float(distance.mean()), "m"), format_quantity(start, "m")
         yield caution(
             "PT405",
-            f"The object is detected late, at a mean distance of {near}, because {_why_late(loop, late)}. The mean "
+            f"The object is detected late, at a mean distance of {near}, because {why}. The mean "
             f"start distance is {far}. The mean time until detection is {format_quantity(late, 's')}.",
         )
 
@@ -287,10 +295,9 @@ def _why_late(loop: ClosedLoop, late: float) -> str:
     chain = loop.chain
     phase = chain.period / 2 if chain.random_phase else chain.phase
     wait = phase + chain.exposure + chain.delay + loop.law.period / 2
-    hidden = "at larger distances the reading is below the floor"
     if late - wait < _SHARE * late:
         return "the sensor is too slow for an earlier reading"
-    return hidden if wait < _SHARE * late else f"a first reading takes {format_quantity(wait, 's')}, and {hidden}"
+    return _HIDDEN if wait < _SHARE * late else f"a first reading takes {format_quantity(wait, 's')}, and {_HIDDEN}"
 
 
 def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> Iterator[str]:

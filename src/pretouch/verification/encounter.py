@@ -227,13 +227,20 @@ class SimulatedEncounter(Described, Value):
         """Warnings about the simulated encounter, most important first."""
         parts = self.detection, self.flags, self.contacts
         both = self.law.number, self.gain, self.run, self.unmitigated
+        at = self.loop.detection(self.scenario, self.sensor)
         return (
             *harm_in_words(*both),
+            *self.loop.start_warnings(self.scenario, self.sensor, self._predict),
             *self._instability(),
-            *cautions_in_words(self.loop, self.run, *parts, grows=self.grows_after_impact),
+            *cautions_in_words(
+                self.loop, self.run, *parts, grows=self.grows_after_impact, floor_is_late=at is not None and at.is_late
+            ),
             *force_in_words(self.comparison("largest_virtual_force")),
             *idleness_in_words(*both),
         )
+
+    def _predict(self, scenario: Scenario) -> ContactResult:
+        return self.law.contact(scenario, self.sensor, self.gain, method=self.method, horizon=self.horizon)
 
     def _instability(self) -> Iterator[str]:
         """Yield a warning if the gain margin is too small."""

@@ -379,17 +379,19 @@ def cautions_in_words(
     contacts: tuple[LoopContact, ...],
     *,
     grows: bool,
+    floor_is_late: bool,
 ) -> Iterator[str]:
     """Yield the warnings about a simulated run.
 
-    They concern detection, controller flags and contacts.
+    They concern detection, controller flags and contacts. If the floor already explains a late detection, another
+    warning says so.
     """
     if detection is None:
         yield caution(
             "PT405",
             f"The object was never detected, so there was no virtual force: {detection_step(loop)}.",
         )
-    elif detection.missed_share is not None and detection.missed_share > _LATE:
+    elif detection.missed_share is not None and detection.missed_share > _LATE and not floor_is_late:
         distance, start = (format_quantity(d, "m") for d in (detection.distance, detection.start_distance))
         text = (
             f"The object is detected late, at a distance of {distance}, so the first "

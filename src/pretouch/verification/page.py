@@ -166,6 +166,7 @@ def _next_steps(v: Verdict) -> Iterator[str]:
         return
     if v.mitigated is not None and np.isnan(v.mitigated.detection_time).all():
         yield detection_step(v.loop)
+    yield "" if v.approach is None or v.approach.is_met else f"{v.approach.cures}, and design again"
     if calibration is not None and not calibration.is_good_enough:
         yield calibration.remedy
     yield from _gain_steps(v, v.gain)

@@ -73,6 +73,10 @@ def _failures(v: Verdict) -> Iterator[str]:
         place = format_quantity(v.at_rest.distance, "m", 3)
         yield f"{v.at_rest.text[0].lower()}{v.at_rest.text[1:]}, as far as an object at {place}"
     yield from (_limit_missed(check, v.runs) for check in v.limits if not check.is_met)
+    if v.approach is not None:
+        yield from (f"{v.approach.place}: {_limit_missed(check, v.runs)}" for check in v.approach.missed)
+        if v.approach.is_harder:
+            yield f"{v.approach.place}, contact is harder than without mitigation"
     if calibration is not None and not calibration.is_good_enough:
         yield calibration.reason
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from pretouch._core.blocks import Described
 from pretouch._core.files import plain
@@ -28,6 +28,9 @@ from .calibration_check import CalibrationCheck
 from .effect import Effect, SensorSpeed, VerdictStatus
 from .improvement import LoopChange, Loss
 from .stability import StabilityCheck
+
+if TYPE_CHECKING:
+    from .approach import ApproachCheck
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,6 +190,8 @@ class Verdict(Described, Value):
             contact.
         comparisons: each quantity, predicted and simulated, with and without mitigation.
         limits: each limit.
+        approach: the same limits in runs that begin where the controller detects the object; None if the encounter
+            starts there.
         stability: gain margin and sensor rates; None if they are not known.
         stability_text: the stability in words, or why it is not known.
         sensor_speed: comparison with an infinitely fast sensor; None for a law without a sensor rate, or without
@@ -228,6 +233,7 @@ class Verdict(Described, Value):
     effect: Effect | None = None
     comparisons: tuple[Comparison, ...] = ()
     limits: tuple[LimitCheck, ...] = ()
+    approach: ApproachCheck | None = None
     stability: StabilityCheck | None = None
     stability_text: str = ""
     sensor_speed: SensorSpeed | None = None
@@ -301,7 +307,7 @@ class Verdict(Described, Value):
         names = (
             *("status", "headline", "gain", "reasons", "runs", "compared_runs", "needed_rate", "seed", "confidence"),
             *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),
-            *("sensor_speed", "at_rest", "breakage", "noiseless_effect", "speed_tolerance"),
+            *("approach", "sensor_speed", "at_rest", "breakage", "noiseless_effect", "speed_tolerance"),
             *("calibration_check", "loss", "changes", "advice", "unchanged", "assumptions", "warnings"),
         )
         design, best = self.design, self.best_change

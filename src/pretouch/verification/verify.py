@@ -26,6 +26,7 @@ from pretouch.simulation.stability import passage
 
 from .advice import find_advice
 from .appraisal import LoopProblem, draw_encounters, foreseen_impact, predicted_contact
+from .approach import check_approach
 from .at_rest import motion_at_rest
 from .breakage import check_breakage
 from .calibration_check import check_calibration
@@ -73,7 +74,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         >>> from pretouch.simulation import ClosedLoop, SensorChain
         >>> from pretouch.verification import VerifyOptions
         >>> virtual = VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
-        >>> conditioning = Conditioning(floor=1e-3, sensor_period=4e-3)
+        >>> conditioning = Conditioning(floor=0.046, sensor_period=4e-3)
         >>> law = Controller(period=1e-3, conditioning=conditioning, law=VirtualDamper(gain=0.0), admittance=virtual)
         >>> chain = SensorChain(rate=250.0, exposure=170e-6, delay=120e-6, relative_noise=2e-3)
         >>> admittance = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
@@ -148,12 +149,14 @@ def _verify(
     note_work("computing the stability of the loop")
     stability = check_stability(loop, sensor, passed, gain, limit, has_rates=basis is None)
     runs = outcomes.result, unmitigated
+    approach = check_approach(problem, loop.detection(task.scenario, sensor), predicted, gain)
     at_rest = motion_at_rest(task, gain) if basis is None or not _is_calm(basis, loop, gain) else None
     fields = _inputs(task, design, gain) | {
         "reached": check_reached(outcomes.result, times, loop.horizon, task.verify.confidence),
         "effect": effect,
         "noiseless_effect": effect_of(quiet, unmitigated),
         "limits": check_limits(task, outcomes, predicted, gain),
+        "approach": approach,
         "stability": stability,
         "sensor_speed": fast,
         "calibration_check": None if task.calibration is None else check_calibration(task, task.calibration, gain),
@@ -176,7 +179,14 @@ def _verify(
         stability_text=stability.text if stability else _no_stability_in_words(task, gain, limit is not None),
         assumptions=assumptions_of(task, draws.compared),
         warnings=cautions_of(
-            draws, runs, comparisons, design, at_rest=at_rest, largest_rate=largest_rate, breakage=breakage
+            draws,
+            runs,
+            comparisons,
+            design,
+            at_rest=at_rest,
+            starts=task.start_warnings(gain),
+            largest_rate=largest_rate,
+            breakage=breakage,
         ),
     )
     if not changes:
@@ -300,7 +310,7 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
         >>> from pretouch.sensors import InversePower
         >>> from pretouch.simulation import ClosedLoop, SensorChain
         >>> virtual = VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
-        >>> conditioning = Conditioning(floor=1e-3, sensor_period=4e-3)
+        >>> conditioning = Conditioning(floor=0.046, sensor_period=4e-3)
         >>> law = Controller(period=1e-3, conditioning=conditioning, law=VirtualDamper(gain=0.0), admittance=virtual)
         >>> loop = ClosedLoop(law=law, chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6))
         >>> admittance = Admittance(mass=1.0, damping=10.0, stiffness=25.0)

@@ -59,7 +59,7 @@ def drag_page(design: DragDesign) -> Page:
     """Return the report of a virtual drag design."""
     task, run = design.designed_task, design.result
     acceleration = push_of(design.scenario)
-    warnings = [*task.warnings]
+    warnings = [*task.start_warnings(design.drag), *task.warnings]
     if acceleration:
         warnings.append(
             caution(

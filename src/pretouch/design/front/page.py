@@ -64,7 +64,7 @@ def front_page(front: ParetoFront) -> Page:
         status=_STATUS[front.status],
         good=front.status is FrontStatus.FOUND,
         key_figures=tuple(_key_figures(front)),
-        warnings=front.problem.task.warnings,
+        warnings=(*front.problem.task.start_warnings(None), *front.problem.task.warnings),
         findings=tuple(_sentences(front)) if len(front.gain) else (),
         next_step=_next_step(front),
         lead="pareto",

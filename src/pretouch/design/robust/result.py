@@ -384,6 +384,7 @@ def _conflict(design: RobustDesign) -> str:
 
 def _warnings(design: RobustDesign) -> Iterator[str]:
     """Yield the warnings about a robust gain, most important first."""
+    yield from design.problem.task.start_warnings(design.gain)
     yield from design.problem.task.warnings
     v = design.validation
     if v is None or design.gain is None:

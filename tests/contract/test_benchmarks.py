@@ -202,6 +202,12 @@ def test_the_page_names_every_program() -> None:
     assert {name for name in programs if f"python -m benchmarks.{name}`" not in page} == set()
 
 
+def test_starts_and_detection_distances_are_compared() -> None:
+    from benchmarks import starts
+
+    assert starts.check(3, 7) == 0
+
+
 def test_designs_with_limits_agree_with_the_full_search() -> None:
     from benchmarks import limits
 

@@ -85,6 +85,90 @@ def test_the_options_are_the_values_of_the_file(tmp_path: Path) -> None:
     assert task.sensor_part.name == "VCNL4040"
 
 
+def test_every_value_of_the_first_encounter_has_an_option(tmp_path: Path) -> None:
+    """A landing leg: without gravity, its optimal gain was half as strong."""
+    options = {"speed": "0.8 m/s", "acceleration": "-9.81 m/s^2", "distance": "80 mm", "impact-force": "400 N"}
+    options |= {"stiffness": "30 kN/m", "latency": "5 ms", "control-rate": "500 Hz", "rate": "100 Hz"}
+    words = [word for name, value in options.items() for word in (f"--{name}", value)]
+    assert run("init", "--part", "VCNL4010", *words, folder=tmp_path).returncode == 0
+    task = pt.load_scenario(tmp_path / "scenario.toml")
+    assert task.scenario.obstacle.acceleration == -9.81
+    assert {c.name: c.limit for c in task.limits} == {"excursion": 0.2, "impact_force": 400.0}
+    assert task.impact.stiffness == 30e3
+    assert (task.loop.chain.rate, task.loop.chain.delay, task.loop.law.period) == (100.0, 5e-3, 2e-3)
+    words = ["--effective-modulus", "2 MPa", "--radius", "20 mm", "--force"]
+    assert run("init", *words, folder=tmp_path).returncode == 0
+    impact = pt.load_scenario(tmp_path / "scenario.toml").impact
+    assert (impact.effective_modulus, impact.radius) == (2e6, 0.02)
+
+
+@pytest.mark.parametrize(
+    ("words", "rate", "control"),
+    [
+        (["csv", "--rate", "2 kHz"], 2000.0, 2000.0),
+        (["csv", "--rate", "2 kHz", "--control-rate", "1 kHz"], 1000.0, 1000.0),
+        (["--part", "VCNL4040", "--rate", "250 Hz"], 250.0, 1000.0),
+        (["--part", "VL53L0X", "--rate", "100 Hz"], 100.0, 1000.0),
+        (["--part", "RPR-220"], 1000.0, 1000.0),
+        (["--part", "RPR-220", "--control-rate", "5 kHz"], 5000.0, 5000.0),
+    ],
+)
+def test_the_rates_of_sensor_and_controller_fit_together(
+    words: list[str], rate: float, control: float, tmp_path: Path
+) -> None:
+    words = [EXAMPLES / "sensor.csv" if word == "csv" else word for word in words]
+    answer = run("init", *words, folder=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    loop = pt.load_scenario(tmp_path / "scenario.toml").loop
+    assert (loop.chain.rate, 1 / loop.law.period) == pytest.approx((rate, control))
+
+
+CHOICES = {
+    "rate": ("20 Hz", "250 Hz", "2 kHz", "5 kHz"),
+    "control-rate": ("100 Hz", "1 kHz", "4 kHz"),
+    "latency": ("0", "2 ms", "100 ms"),
+    "distance": ("20 mm", "40 mm"),
+    "recess": ("6 mm", "10 mm"),
+    "speed": ("0.05 m/s", "0.5 m/s", "2 m/s"),
+    "acceleration": ("-9.81 m/s^2", "0.1 m/s^2"),
+    "excursion": ("20 mm", "300 mm"),
+    "contact-speed": ("0.1 m/s",),
+    "impact-force": ("20 N", "100 N"),
+    "robot-mass": ("0.3 kg", "20 kg"),
+    "radius": ("30 mm",),
+}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_whatever_is_chosen_the_file_runs_and_starts_where_its_floor_detects(seed: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(seed)
+    words: list[object] = [EXAMPLES / "sensor.csv"]
+    if rng.random() < 0.7:
+        words = ["--part", str(rng.choice([*PARTS, "other"]))]
+    for name, values in CHOICES.items():
+        if rng.random() < 0.4:
+            words += [f"--{name}", str(rng.choice(values))]
+    drag = rng.random() < 0.3
+    answer = run("init", *words, *(["--drag"] if drag else []), folder=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    task = pt.load_scenario(tmp_path / "scenario.toml")
+    assert task.start_warnings(None) == ()
+    task = task.replace(verify=pt.VerifyOptions(runs=3))
+    if not drag:
+        task = task.replace(gain=pt.design_gain(task).gain or -0.1)
+    for answer in (pt.simulate_encounter(task), pt.verify_gain(task, changes=False)):
+        assert not any(text.startswith("PT421") for text in answer.warnings)
+
+
+def test_raw_counts_are_counts(tmp_path: Path) -> None:
+    text = (EXAMPLES / "sensor.csv").read_text(encoding="utf-8")
+    (tmp_path / "raw.csv").write_text(text.replace("[counts]", "[raw counts]"), encoding="utf-8")
+    assert "raw counts" in (tmp_path / "raw.csv").read_text(encoding="utf-8")
+    answer = run("init", "raw.csv", "--part", "VCNL4010", folder=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    assert pt.load_scenario(tmp_path / "scenario.toml").sensor_part.name == "VCNL4010"
+
+
 def write_two_curves(path: Path) -> None:
     rows = [*curve(label="a,"), *curve(rate=-50.0, label="b,", seed=2)]
     path.write_text("\n".join(["unit,distance [mm],output [V]", *rows]) + "\n")
@@ -182,6 +266,12 @@ def test_the_typical_curve_has_the_signal_of_the_part(tmp_path: Path) -> None:
         (["--columns", "distance=1,output=2"], "--columns: this option needs a calibration"),
         (["--speed", "-3 m/s"], "positive"),
         (["missing.csv"], "missing.csv"),
+        (["old.csv", "--part", "RPR-220"], "--part: the sensor component reports readings in V"),
+        (["--part", "VCNL4010", "--distance", "250 mm"], "--distance: found 0.25 m"),
+        (["--stiffness", "1 kN/m", "--radius", "1 mm"], "--stiffness: found a stiffness together with a padding"),
+        (["--acceleration", "-9.81"], "--acceleration: found -9.81, expected an acceleration with its unit"),
+        (["--latency", "-1 s"], "--latency: found -1 s, expected a positive time"),
+        (["--impact-force", "5"], "--impact-force: found 5, expected a force with its unit, such as 50 N"),
         (["old.csv", "--recess", "1 m"], "--recess"),
         (["two.csv"], "choose a curve with --select, for example --select unit=a"),
         (["two.csv", "--select", "unit=c"], "available in two.csv: unit=a"),
@@ -198,6 +288,7 @@ def test_a_mistake_of_init_writes_nothing(words: list[str], told: str, tmp_path:
     assert answer.returncode == 2
     assert answer.stdout == ""
     assert told in answer.stderr
+    assert ", line " not in answer.stderr  # of a file that was not written
     assert "Traceback" not in answer.stderr
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 

@@ -97,7 +97,7 @@ stiffness = "30 N/mm^1.5"
 exponent = 1.5
 dissipation = "0.5 s/m"
 """,
-    "loop": 'seed = 7\nhorizon = "3 s"\nfollow_time = "0.1 s"\nstability_margin = 1.5\n',
+    "loop": 'seed = 7\nhorizon = "3 s"\nfollow_time = "0.1 s"\nstart_distance = "70 mm"\nstability_margin = 1.5\n',
     "verify": "runs = 20\nconfidence = 0.9\nspeed_tolerance = 0.2\n",
 }
 LOOP = ClosedLoop(
@@ -150,6 +150,7 @@ LOOP = ClosedLoop(
     seed=7,
     horizon=3.0,
     follow_time=0.1,
+    start_distance=0.07,
 )
 
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import re
 import sys
 import tomllib
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
 
 import typer
 
-from pretouch._core.errors import InvalidInputError, PretouchError, UnitError
+from pretouch._core.errors import InvalidInputError, PretouchError, ScenarioFileError, UnitError
 from pretouch._core.files import as_json, refuse_input, write_text
 from pretouch._core.units import missing_unit, read_quantity
 from pretouch._core.warning_codes import split_code
@@ -24,14 +26,18 @@ from .terminal import conclude, option, print_text
 from .verbs import refuse_existing
 
 if TYPE_CHECKING:
+    from pretouch.config.first_scenario import FirstScenario
     from pretouch.config.sensor import FitRequest
+    from pretouch.design import Task
     from pretouch.simulation import SensorPart
 
 _T = TypeVar("_T")
 _NONE: Final = "other"  # the answer for a sensor that is no built-in part
 _INSIDE: Final = 0.98  # of the usable range, at which the encounter starts
 _ROUNDING: Final = 1e-6
-_DEFAULTS: Final = {"speed": "0.3 m/s", "excursion": "0.2 m", "robot-mass": "4 kg", "rate": "100 Hz"}
+_UNKNOWN_RANGE: Final = 1.0  # m, of a sensor without data sheet and calibration
+_TYPICAL: Final = 0.098  # m, farthest start with such a sensor
+_MOST: Final = 0.3  # m, farthest start whose distance is not given
 
 
 def init(
@@ -46,7 +52,13 @@ def init(
         "scenario.toml"
     ),
     part: Annotated[str | None, option("NAME", "Sensor part, such as VCNL4010; `other` for none of them.")] = None,
-    rate: Annotated[str | None, option("RATE", 'Readings per second of another sensor, such as "100 Hz".')] = None,
+    rate: Annotated[str | None, option("RATE", 'Readings per second, such as "100 Hz".')] = None,
+    control_rate: Annotated[
+        str | None, option("RATE", "Control steps per second; by default 1 kHz, or the rate of a faster sensor.")
+    ] = None,
+    latency: Annotated[
+        str | None, option("TIME", 'Time from the end of a measurement until the controller has it, such as "5 ms".')
+    ] = None,
     recess: Annotated[
         str | None,
         option("DISTANCE", "Distance of the sensor behind the contact surface; by default, the smallest usable one."),
@@ -56,22 +68,35 @@ def init(
         option("DISTANCE", "Distance at which the sensor sees the object; by default the end of the usable range."),
     ] = None,
     speed: Annotated[str | None, option("SPEED", 'Approach speed, such as "0.3 m/s".')] = None,
+    acceleration: Annotated[
+        str | None, option("ACCELERATION", 'Acceleration of the object; "-9.81 m/s^2" for a leg that lands.')
+    ] = None,
     excursion: Annotated[str | None, option("DISTANCE", 'How far the robot can retreat, such as "0.2 m".')] = None,
     contact_speed: Annotated[str | None, option("SPEED", "Largest allowed speed at contact.")] = None,
+    impact_force: Annotated[str | None, option("FORCE", 'Largest allowed impact force, such as "50 N".')] = None,
     robot_mass: Annotated[str | None, option("MASS", 'Reflected mass of the robot, such as "4 kg".')] = None,
+    stiffness: Annotated[str | None, option("STIFFNESS", 'Stiffness of the contact, such as "30 kN/m".')] = None,
+    effective_modulus: Annotated[
+        str | None, option("MODULUS", 'Effective modulus of the padding, such as "10 MPa", instead of a stiffness.')
+    ] = None,
+    radius: Annotated[str | None, option("LENGTH", 'Radius of the contact surface, such as "10 mm".')] = None,
     drag: Annotated[bool, typer.Option("--drag", help="Use the virtual drag instead of the virtual damper.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print only a JSON object; ask nothing.")] = False,
 ) -> None:
     """Write a first scenario file (TOML), ready to run and with a comment on every value.
 
-    In a terminal, asks for everything that no option gives. Otherwise uses the defaults. With a calibration (CSV), the
-    file starts at the far end of the usable range.
+    In a terminal, asks for the most important values that no option gives. Otherwise uses the defaults. With a
+    calibration (CSV), the encounter starts at the far end of the usable range. The floor of the controller detects the
+    object there.
 
     Exit status: 0 the file is written, 2 a mistake in the request.
     """
     answers = {"part": part, "rate": rate, "recess": recess, "distance": distance, "speed": speed}
-    answers |= {"excursion": excursion, "contact-speed": contact_speed, "robot-mass": robot_mass}
+    answers |= {"control-rate": control_rate, "latency": latency, "acceleration": acceleration}
+    answers |= {"excursion": excursion, "contact-speed": contact_speed, "impact-force": impact_force}
+    answers |= {"robot-mass": robot_mass, "stiffness": stiffness, "effective-modulus": effective_modulus}
+    answers |= {"radius": radius}
 
     def run() -> None:
         request = _request(csv, columns, labels, select)
@@ -99,7 +124,6 @@ def _init(
 ) -> None:
     """Create, check and write a first scenario file."""
     from pretouch.config import load_document  # noqa: PLC0415 - keeps `pretouch --help` quick
-    from pretouch.config.first_scenario import FirstScenario  # noqa: PLC0415
 
     refuse_existing(output, force=force)
     if request is not None:
@@ -108,37 +132,17 @@ def _init(
         raise InvalidInputError(f"{output.parent}: there is no such folder; make it, or choose another --output")
     asks = sys.stdin is not None and sys.stdin.isatty() and not json
 
-    def size(name: str, unit: str, asks: bool = asks) -> float:
-        return _answer(name, answers, _DEFAULTS.get(name, ""), partial(_size, unit=unit), asks=asks)
+    draft, warnings = _draft(request, output, answers, drag=drag, asks=asks)
 
-    chosen = _answer("part", answers, "VCNL4010" if request is None else _NONE, _part, asks=asks)
-    near, far, warnings = _usable(request, chosen)
-    if answers["recess"] is not None:
-        near = _answer("recess", answers, "", partial(_size, unit="m", zero=True), asks=False)
-    reach = math.floor(1e4 * _INSIDE * (far - near)) / 1e4
-    start = min(reach, 0.3) if answers["distance"] is None else size("distance", "m", asks=False)
-    if not start > 0:
-        raise InvalidInputError(
-            f"--recess: a recess of {near:g} m is too large, because the usable range of the sensor ends at {far:g} m. "
-            "Choose a smaller recess"
-        )
-    scenario = FirstScenario(
-        calibration="" if request is None else Path(os.path.relpath(request.path, output.parent)).as_posix(),
-        columns={} if request is None else request.columns,
-        labels=None if request is None else request.labels,
-        select={} if request is None else request.select,
-        recess=near,
-        part=chosen,
-        rate=size("rate", "Hz") if chosen is None else chosen.chain.rate,
-        distance=float(f"{start:.4g}"),
-        speed=size("speed", "m/s"),
-        excursion=size("excursion", "m"),
-        contact_speed=None if answers["contact-speed"] is None else size("contact-speed", "m/s", asks=False),
-        robot_mass=size("robot-mass", "kg"),
-        drag=drag,
-    )
+    def load(text: str) -> Task:
+        try:
+            return load_document(output, text, hashlib.sha256(text.encode()).hexdigest(), tomllib.loads(text))
+        except ScenarioFileError as error:  # no such file exists: the message must name options
+            raise InvalidInputError(_as_options(str(error))) from None
+
+    scenario = draft.starting_where_detected(load, keep_distance=answers["distance"] is not None)
     text = scenario.text()
-    load_document(output, text, hashlib.sha256(text.encode()).hexdigest(), tomllib.loads(text))  # it runs
+    load(text)  # it runs
     write_text(output, text, overwrite=force)
     if json:
         print_text(
@@ -155,10 +159,10 @@ def _init(
     content = "this first scenario file uses a typical sensor curve; replace it by your calibration"
     if request is not None:
         content = "this first scenario file uses your calibration"
-    elif chosen is not None and chosen.chain.measures_distance:
+    elif scenario.part is not None and scenario.part.chain.measures_distance:
         content = (
-            f"this first scenario file uses the sensor part {chosen.name}. This part needs no calibration, because it "
-            "reports distances"
+            f"this first scenario file uses the sensor part {scenario.part.name}. This part needs no calibration, "
+            "because it reports distances"
         )
     print_text(
         f"{output}: {content}.\n\nCheck the values in the file. Then run\n"
@@ -175,6 +179,71 @@ def _init(
         print_text("\n".join(lines))
 
 
+def _draft(
+    request: FitRequest | None, output: Path, answers: dict[str, str | None], *, drag: bool, asks: bool
+) -> tuple[FirstScenario, tuple[str, ...]]:
+    """Return a first scenario from options and answers, and the calibration warnings."""
+    from pretouch.config.first_scenario import FirstScenario  # noqa: PLC0415 - keeps `pretouch --help` quick
+
+    if answers["stiffness"] is not None and (answers["effective-modulus"] or answers["radius"]):
+        raise InvalidInputError(
+            "--stiffness: found a stiffness together with a padding; remove --stiffness, or --effective-modulus and "
+            "--radius"
+        )
+
+    def size(name: str) -> float:
+        return _answer(name, answers, _SIZES[name].default, partial(_size, name), asks=asks and bool(_question(name)))
+
+    def given(name: str) -> float | None:
+        return None if answers[name] is None else size(name)
+
+    chosen = _answer("part", answers, "VCNL4010" if request is None else _NONE, _part, asks=asks)
+    near, far, warnings = _usable(request, chosen)
+    near = near if answers["recess"] is None else size("recess")
+    start = _start(near, far, given("distance"), _TYPICAL if request is None and chosen is None else _MOST)
+    draft = FirstScenario(
+        calibration="" if request is None else Path(os.path.relpath(request.path, output.parent)).as_posix(),
+        columns={} if request is None else request.columns,
+        labels=None if request is None else request.labels,
+        select={} if request is None else request.select,
+        recess=near,
+        part=chosen,
+        rate=size("rate") if chosen is None or answers["rate"] is not None else chosen.chain.rate,
+        control_rate=given("control-rate"),
+        latency=given("latency"),
+        distance=float(f"{start:.4g}"),
+        floor=None,
+        speed=size("speed"),
+        acceleration=size("acceleration"),
+        excursion=size("excursion"),
+        contact_speed=given("contact-speed"),
+        impact_force=given("impact-force"),
+        robot_mass=size("robot-mass"),
+        stiffness=given("stiffness"),
+        effective_modulus=size("effective-modulus"),
+        radius=size("radius"),
+        drag=drag,
+    )
+    return draft, warnings
+
+
+def _start(near: float, far: float, distance: float | None, most: float) -> float:
+    """Return the distance at the start [m]."""
+    # By default, it is near the end of the usable range, but at most `most`.
+    reach = math.floor(1e4 * _INSIDE * (far - near)) / 1e4
+    if not reach > 0:
+        raise InvalidInputError(
+            f"--recess: a recess of {near:g} m is too large, because the usable range of the sensor ends at {far:g} m. "
+            "Choose a smaller recess"
+        )
+    if distance is not None and distance > far - near:
+        raise InvalidInputError(
+            f"--distance: found {distance:g} m, but the usable range of the sensor ends at a distance of "
+            f"{far - near:g} m. Choose a smaller distance"
+        )
+    return min(reach, most) if distance is None else distance
+
+
 def _answer(name: str, answers: dict[str, str | None], default: str, read: Callable[[str], _T], *, asks: bool) -> _T:
     """Parse the value of an option or the user's answer."""
     # An invalid answer is asked again. Without an answer, the default value is parsed.
@@ -187,7 +256,7 @@ def _answer(name: str, answers: dict[str, str | None], default: str, read: Calla
             raise typer.BadParameter(str(error)) from None
 
     if value is None and asks:
-        answer: _T = typer.prompt(_QUESTIONS[name], default=default, err=True, value_proc=read_answer)
+        answer: _T = typer.prompt(_question(name), default=default, err=True, value_proc=read_answer)
         return answer
     try:
         return read(default if value is None else value)
@@ -195,38 +264,104 @@ def _answer(name: str, answers: dict[str, str | None], default: str, read: Calla
         raise InvalidInputError(f"--{name}: {error}") from None
 
 
-_QUESTIONS: Final = {
-    "part": "Sensor part (RPR-220, VCNL4010, VCNL4040, APDS-9960, VL53L0X, VL53L1X, VL53L5CX-4x4, VL53L5CX-8x8, other)",
-    "rate": "Readings per second",
-    "speed": "How fast does the object approach",
-    "excursion": "How far can the robot retreat",
-    "robot-mass": "Reflected mass of the robot at the contact point",
+@dataclass(frozen=True, slots=True)
+class _Size:
+    """A quantity of the first scenario."""
+
+    kind: str  # what it is, in words
+    unit: str
+    example: str
+    default: str  # its value if it is not given; empty for none
+    question: str = ""  # what a terminal is asked; empty if it is not asked
+    sign: str = "positive"  # `positive`, `nonnegative` or `any`
+
+
+_PARTS_QUESTION: Final = (
+    "Sensor part (RPR-220, VCNL4010, VCNL4040, APDS-9960, VL53L0X, VL53L1X, VL53L5CX-4x4, VL53L5CX-8x8, other)"
+)
+_SIZES: Final = {
+    "rate": _Size("rate", "Hz", "100 Hz", "100 Hz", "Readings per second"),
+    "control-rate": _Size("rate", "Hz", "1 kHz", ""),
+    "latency": _Size("time", "s", "5 ms", "", sign="nonnegative"),
+    "recess": _Size("length", "m", "200 mm", "", sign="nonnegative"),
+    "distance": _Size("length", "m", "200 mm", ""),
+    "speed": _Size("speed", "m/s", "0.3 m/s", "0.3 m/s", "How fast does the object approach"),
+    "acceleration": _Size("acceleration", "m/s^2", "-9.81 m/s^2", "0 m/s^2", sign="any"),
+    "excursion": _Size("length", "m", "200 mm", "0.2 m", "How far can the robot retreat"),
+    "contact-speed": _Size("speed", "m/s", "0.3 m/s", ""),
+    "impact-force": _Size("force", "N", "50 N", ""),
+    "robot-mass": _Size("mass", "kg", "4 kg", "4 kg", "Reflected mass of the robot at the contact point"),
+    "stiffness": _Size("stiffness", "N/m", "30 kN/m", ""),
+    "effective-modulus": _Size("modulus", "Pa", "10 MPa", "10 MPa"),
+    "radius": _Size("length", "m", "10 mm", "10 mm"),
 }
-
-_DIMENSIONS: Final = {
-    "m": ("length", "200 mm"),
-    "m/s": ("speed", "0.3 m/s"),
-    "kg": ("mass", "4 kg"),
-    "Hz": ("rate", "100 Hz"),
-}
-"""The name and an example of the quantities that have a unit."""
+"""The quantities by the names of their options."""
 
 
-def _size(text: str, *, unit: str, zero: bool = False) -> float:
-    """Parse a positive quantity with its unit."""
-    # If `zero` is true, 0 is also allowed.
-    name, example = _DIMENSIONS[unit]
-    if zero and text.strip() == "0":
+def _question(name: str) -> str:
+    """Return what a terminal is asked for an option; empty if it is not asked."""
+    return _PARTS_QUESTION if name == "part" else _SIZES[name].question
+
+
+def _size(name: str, text: str) -> float:
+    """Parse a quantity with its unit."""
+    size = _SIZES[name]
+    if size.sign == "nonnegative" and text.strip() == "0":
         return 0.0
     try:
-        value = math.nan if missing_unit(text, unit) else read_quantity(text, unit, name="")
+        value = math.nan if missing_unit(text, size.unit) else read_quantity(text, size.unit, name="")
     except UnitError:
         value = math.nan
+    article = "an" if size.kind[0] in "aeiou" else "a"
     if math.isnan(value):
-        raise InvalidInputError(f"found {text}, expected a {name} with its unit, such as {example}")
-    if not (0 < value < math.inf or (zero and value == 0)):
-        raise InvalidInputError(f"found {text}, expected a positive {name}, such as {example}")
+        raise InvalidInputError(f"found {text}, expected {article} {size.kind} with its unit, such as {size.example}")
+    allowed = size.sign == "any" or value > 0 or (size.sign == "nonnegative" and value == 0)
+    if not (allowed and math.isfinite(value)):
+        sign = "finite" if size.sign == "any" else "positive"
+        raise InvalidInputError(f"found {text}, expected a {sign} {size.kind}, such as {size.example}")
     return value
+
+
+_OPTION_OF: Final = {
+    "chain.part": "--part",
+    "chain.rate": "--rate",
+    "chain.exposure": "--rate",
+    "chain.delay": "--latency",
+    "chain": "--rate, --latency",
+    "controller.rate": "--control-rate",
+    "controller": "--control-rate, --latency",
+    "obstacle.position": "--distance",
+    "obstacle.velocity": "--speed",
+    "obstacle.acceleration": "--acceleration",
+    "constraints.excursion": "--excursion",
+    "constraints.relative_velocity": "--contact-speed",
+    "constraints.impact_force": "--impact-force",
+    "impact.robot_mass": "--robot-mass",
+    "robot.mass": "--robot-mass",
+    "impact.stiffness": "--stiffness",
+    "impact.effective_modulus": "--effective-modulus",
+    "impact.radius": "--radius",
+    "impact": "--stiffness, --effective-modulus, --radius",
+    "robot": "--robot-mass",
+    "sensor.recess": "--recess",
+    "sensor.calibration": "CSV",
+    "sensor": "--recess",
+    "loop.horizon": "--distance, --speed",
+    "law": "--drag",
+}
+"""The option that sets a key or section of the scenario file."""
+
+
+def _as_options(message: str) -> str:
+    """Return the mistakes of a scenario that was not written, with options instead of keys and lines."""
+    rows = []
+    for row in message.splitlines():
+        located = re.fullmatch(r".*?, line \d+: ([\w.\[\]]+): (.*)", row)
+        key, sentence = (located[1], located[2]) if located else ("", row)
+        named = _OPTION_OF.get(key) or _OPTION_OF.get(key.partition(".")[0])
+        sentence = re.sub(r" \(see the key [^)]*\)|, line \d+", "", sentence)
+        rows.append(f"{named}: {sentence}" if named else f"these options describe no valid scenario: {sentence}")
+    return "\n".join(rows)
 
 
 def _part(name: str) -> SensorPart | None:
@@ -246,7 +381,7 @@ def _usable(request: FitRequest | None, part: SensorPart | None) -> tuple[float,
     """Return the usable distance range and the calibration warnings."""
     # The distances are in m, the smallest one rounded up to 0.1 mm.
     if request is None:
-        return 0.0, 0.1 if part is None else part.range[1], ()
+        return 0.0, _UNKNOWN_RANGE if part is None else part.range[1], ()
     curves = request.read()
     if len(curves) > 1:
         raise InvalidInputError(

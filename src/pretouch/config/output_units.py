@@ -6,7 +6,7 @@ The unit of a sensor output in a scenario file is V or counts.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from pretouch.simulation import SensorPart
 
@@ -18,13 +18,27 @@ if TYPE_CHECKING:
     from .reading import Reading
 
 
+_COUNTS: Final = frozenset({"count", "counts", "raw counts", "raw", "adc counts", "lsb", "digits"})
+"""Names of the dimensionless steps of a converter, in lower case."""
+
+
+def is_same_output(one: str, other: str) -> bool:
+    """Return True if two texts name the same unit of a sensor output.
+
+    Examples:
+        >>> is_same_output("raw counts", "counts"), is_same_output("mV", "V")
+        (True, False)
+    """
+    return one == other or {one.lower(), other.lower()} <= _COUNTS
+
+
 def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> None:
     """Report sensor outputs in different units.
 
     The sensor component and the sampled loop must have the output unit of the sensor curve.
     """
     path, unit = _unit_of_sensor(file, calibration)
-    if part is not None and unit and part.unit not in {"", unit}:
+    if part is not None and unit and part.unit and not is_same_output(part.unit, unit):
         file.refuse(
             ("chain", "part"),
             f"the sensor component reports readings in {part.unit}, but the outputs of the sensor curve "
@@ -37,7 +51,7 @@ def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: Cali
     for key, value, value_unit in _loop_outputs(file):
         if not unit:
             path, unit = key, value_unit
-        elif value_unit != unit:
+        elif not is_same_output(value_unit, unit):
             file.refuse(key, f'found "{value}", expected {unit}, the unit of {_location(file, path)}')
 
 

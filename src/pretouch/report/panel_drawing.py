@@ -91,7 +91,7 @@ def draw_figure(panels: Sequence[Panel], columns: int, height: float) -> Figure:
         contours = None if panel.map is None else _draw_map(axes, panel.map)
         _draw_panel(axes, panel, room, height - _BELOW)
         if contours is not None:
-            _number_contours(axes, contours)
+            _number_contours(axes, contours, np.array([room, height - _BELOW]))
         add_legend(axes, listed, panel.title, room)
     figure.align_ylabels()
     return figure
@@ -447,16 +447,23 @@ def _draw_map(axes: Axes, shown: Map) -> ContourSet | None:
     return axes.contour(filled, levels=inner, colors=INK, linewidths=0.8, linestyles="solid", zorder=0.9)
 
 
-def _number_contours(axes: Axes, contours: ContourSet) -> None:
-    """Write the value of each contour line at its middle, except at the edge of the panel."""
+def _number_contours(axes: Axes, contours: ContourSet, size: FloatArray) -> None:
+    """Write the value of each contour line at its middle, except at the edge of the panel and on another number.
+
+    The size [inch] is that of the panel.
+    """
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
+    numbers: list[FloatArray] = []  # places of the numbers so far [inch]
     for level, parts in zip(contours.levels, contours.allsegs, strict=True):
+        text = minus(f"{level:.4g}")
         middle = max(parts, key=len, default=np.full((1, 2), np.nan))
         place = middle[len(middle) // 2]
-        if (np.abs(_shares(axes, [place])[0] - 0.5) < 0.5 - _AT_EDGE).all():
-            axes.text(
-                place[0], place[1], minus(f"{level:.4g}"), fontsize=7.5, ha="center", va="center", bbox=box, zorder=1
-            )
+        share = _shares(axes, [place])[0]
+        apart = np.array([1.2 * _LETTER * len(text), 1.5 * _TEXT_HEIGHT])
+        covers = any((np.abs(share * size - other) < apart).all() for other in numbers)
+        if (np.abs(share - 0.5) < 0.5 - _AT_EDGE).all() and not covers:
+            numbers.append(share * size)
+            axes.text(place[0], place[1], text, fontsize=7.5, ha="center", va="center", bbox=box, zorder=1)
 
 
 def _contour_levels(values: FloatArray) -> FloatArray:

@@ -123,18 +123,18 @@ def test_gains_that_are_given_up_miss_a_limit_over_all_runs() -> None:
 def test_without_a_gain_that_meets_the_limits_the_nearest_is_that_of_all_runs() -> None:
     """Gains that were given up are completed as far as they may be the best: brute force finds no better one.
 
-    To demonstrate 98 %, 149 runs that meet the limit suffice, and the search simulates 1.5 times as many.
+    To demonstrate 98 %, 149 runs are needed, which is more than the verdict has.
     """
     hard = velocity_limit(0.0735, 0.98)
     found = verdict(NOISY, constraints=[hard], bounds=(-0.95, -0.3), gain=-0.9, runs=120)
     assert found.loss is not None
     assert found.loss.loop_gain is None
     curve = found.loss.curve
-    assert curve.runs.min() < curve.runs.max() == 224
+    assert curve.runs.min() < curve.runs.max() == 149
     nearest = next(change for change in found.changes if change.name == "gain")
-    shortfalls = [shortfall_of(gain, 224, 0.0735, 0.98, 0.0) for gain in curve.gain.tolist()]
+    shortfalls = [shortfall_of(gain, 149, 0.0735, 0.98, 0.0) for gain in curve.gain.tolist()]
     assert min(shortfalls) > 1
-    assert shortfall_of(nearest.gain, 224, 0.0735, 0.98, 0.0) == pytest.approx(min(shortfalls), rel=2e-3)
+    assert shortfall_of(nearest.gain, 149, 0.0735, 0.98, 0.0) == pytest.approx(min(shortfalls), rel=2e-3)
 
 
 def test_every_change_is_what_its_own_loop_gives() -> None:

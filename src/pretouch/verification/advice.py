@@ -84,7 +84,7 @@ def find_advice(task: Task, verdict: Verdict, found: Improvements, passed: Passe
 
     Returns:
         The advice; None if the verdict holds and nothing improves it, or if something else must be mended first: the
-        motion of the object, its detection, or the calibration.
+        motion of the object, its detection, the calibration, or noise that no floor keeps away.
     """
     check, reached = verdict.calibration_check, verdict.reached
     if reached is not None and reached.late:
@@ -94,7 +94,9 @@ def find_advice(task: Task, verdict: Verdict, found: Improvements, passed: Passe
         return Advice(kind="horizon", sentence=text, settings=settings_between(task, longer))
     avoided = reached is None or not (reached.predicted or reached.simulated)
     unseen = verdict.mitigated is None or bool(np.isnan(verdict.mitigated.detection_time).all())
-    if avoided or unseen or (check is not None and not check.is_good_enough):
+    rest = verdict.at_rest
+    restless = rest is not None and rest.reaches_object and rest.quiet_floor is None
+    if avoided or unseen or restless or (check is not None and not check.is_good_enough):
         return None  # every change is compared by the contacts that it leads to
     if verdict.reasons and _is_noise_a_guess(task):
         text = (
@@ -149,9 +151,7 @@ class _Seeker:
     def _searches(self) -> Iterator[tuple[_Start, GainSearch]]:
         """Yield searches for a gain on the loop and on changed loops, cheapest changes first."""
         start, rest = _Start(self.task.loop, ()), self.verdict.at_rest
-        if rest is not None and rest.reaches_object:
-            if rest.quiet_floor is None:
-                return
+        if rest is not None and rest.reaches_object and rest.quiet_floor is not None:
             law: Any = self.task.loop.law
             quiet = replace(law, conditioning=replace(law.conditioning, floor=rest.quiet_floor))
             words = f"set the floor to {rest.quiet_floor:g} instead of {law.conditioning.floor:g}"

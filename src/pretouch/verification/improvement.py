@@ -42,7 +42,6 @@ _BEYOND: Final = 1e3  # a larger margin is not reported
 _SAME: Final = 1e-6  # relative difference below which two gains are the same
 _ORDER: Final = (VerdictStatus.DOES_NOT_HOLD, VerdictStatus.HOLDS_NARROWLY, VerdictStatus.HOLDS)
 _DIGITS: Final = 12  # decimals of u = ln|D_p| that distinguish two gains
-_MORE: Final = 1.5  # factor on the smallest number of runs that can demonstrate a probability: a few may miss the limit
 _MOST_SEARCHED: Final = 1000  # largest number of runs of each gain in a search
 _UNVALUED: Final = 1e30  # objective of a gain without a mean objective: such gains are ranked after all others
 _PRINTED: Final = (4, 5, 6, 8, 12)  # significant digits with which a gain may be printed, fewest first
@@ -374,7 +373,7 @@ def runs_of_search(task: Task, compared: int) -> int:
     """
     probabilities = [limit.probability for limit in limits_of(task.constraints) if limit.probability < 1]
     needed = [runs_to_show(1.0, p, task.verify.confidence) for p in probabilities]
-    enough = max((_MOST_SEARCHED if count is None else math.ceil(_MORE * count) for count in needed), default=0)
+    enough = max((_MOST_SEARCHED if count is None else count for count in needed), default=0)
     return max(compared, min(enough, _MOST_SEARCHED))
 
 

@@ -45,7 +45,7 @@ class Curve(Value):
     Args:
         x: horizontal coordinates, shape (N,), in the unit of the panel's x label.
         y: vertical coordinates, shape (N,), in the unit of the panel's y label; NaN breaks the line.
-        label: name of the curve, written next to the curve in the same color; empty for none.
+        label: name of the curve in the legend, in the color of the curve; empty for none.
         style: index of the palette, 0 to 4, for color, line style and marker; None for the position among the curves
             of the panel that are not quiet. A quiet curve ignores its style.
         kind: `line`, `points` for measured or sampled values, or `both`.
@@ -115,7 +115,7 @@ class Mark(Value):
     Args:
         x: horizontal coordinate, in the unit of the panel's x label.
         y: vertical coordinate, in the unit of the panel's y label.
-        label: name of the point, written next to the point; empty for none.
+        label: name of the point, in the legend, or next to the point if it is short; empty for none.
         style: index of the palette for the color, 0 to 4; None for black.
         shape: `dot`, `ring` or `square`.
 
@@ -147,7 +147,7 @@ class Span(Value):
     Args:
         start: lower end, in the unit of the panel's x label.
         end: upper end, larger than `start`.
-        label: name of the range, written inside the range; empty for none.
+        label: name of the range, in the legend; empty for none.
         kind: `blocked` (hatched, for infeasible values), `missing` (hatched in the other direction, for missing values)
             or `used` (shaded).
 

@@ -288,7 +288,7 @@ def test_a_mistake_of_init_writes_nothing(words: list[str], told: str, tmp_path:
     assert answer.returncode == 2
     assert answer.stdout == ""
     assert told in answer.stderr
-    assert ", line " not in answer.stderr  # of a file that was not written
+    assert ".toml, line " not in answer.stderr  # of a file that was not written
     assert "Traceback" not in answer.stderr
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 

@@ -463,6 +463,7 @@ VALUES = [
     ),
     *(Case(f"simulation.{name}", STATE_SPACE) for name in ("StateSpace", "StateSpacePlant")),
     Case("simulation.PositionPlant", {"mass": 1.0, "bandwidth": 10.0, "damping_ratio": 1.0}),
+    Case("simulation.Disturbance", {"kind": "cable", "time": 0.05, "duration": 0.02}),
     Case("simulation.HuntCrossley", {"obstacle_mass": 1.0, "stiffness": 1e4, "dissipation": 0.0, "exponent": 1.5}),
     Case("simulation.SpringDamper", {"obstacle_mass": 1.0, "stiffness": 1e4, "damping": 0.0}),
     Case("robust.ConditionalValueAtRisk", {"probability": 0.9}),

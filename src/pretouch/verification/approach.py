@@ -5,54 +5,18 @@ An encounter may start nearer than that. An object that comes from farther away 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch._core.units import format_quantity
-from pretouch._core.values import Value
 from pretouch.design import Task
 from pretouch.motion import ContactResult
 from pretouch.simulation.detection import DetectionRange, moved_on, time_at
 
 from .appraisal import LoopProblem
 from .checks import check_limits
-from .result import LimitCheck
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ApproachCheck(Value):
-    """Result of the runs that begin where the controller detects the object.
-
-    Args:
-        start: distance at the start of the encounter [m].
-        distance: detection distance [m], at which these runs begin.
-        cures: how to make both distances agree.
-        limits: how often these runs meet each limit.
-        is_harder: whether contact is harder than without mitigation.
-    """
-
-    start: float
-    distance: float
-    cures: str
-    limits: tuple[LimitCheck, ...]
-    is_harder: bool
-
-    @property
-    def missed(self) -> tuple[LimitCheck, ...]:
-        """The limits that these runs miss."""
-        return tuple(check for check in self.limits if not check.is_met)
-
-    @property
-    def is_met(self) -> bool:
-        """True if these runs meet every limit, and contact is no harder than without mitigation."""
-        return not self.missed and not self.is_harder
-
-    @property
-    def place(self) -> str:
-        """Where these runs begin, in words."""
-        return f"from {format_quantity(self.distance, 'm')}, where the floor detects the object"
+from .result import ApproachCheck
 
 
 def check_approach(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from pretouch._core.blocks import Described
 from pretouch._core.files import plain
@@ -28,9 +28,6 @@ from .calibration_check import CalibrationCheck
 from .effect import Effect, SensorSpeed, VerdictStatus
 from .improvement import LoopChange, Loss
 from .stability import StabilityCheck
-
-if TYPE_CHECKING:
-    from .approach import ApproachCheck
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +140,40 @@ class LimitCheck(Value):
         names = ("name", "label", "limit", "unit", "is_met", "predicted", "held", "value", "margin", "source")
         values = {name: getattr(self, name) for name in names}
         return {**values, "probability": self.required.probability, "held_at_least": self.low}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ApproachCheck(Value):
+    """Result of the runs that begin where the controller detects the object.
+
+    Args:
+        start: distance at the start of the encounter [m].
+        distance: detection distance [m], at which these runs begin.
+        cures: how to make both distances agree.
+        limits: how often these runs meet each limit.
+        is_harder: whether contact is harder than without mitigation.
+    """
+
+    start: float
+    distance: float
+    cures: str
+    limits: tuple[LimitCheck, ...]
+    is_harder: bool
+
+    @property
+    def missed(self) -> tuple[LimitCheck, ...]:
+        """The limits that these runs miss."""
+        return tuple(check for check in self.limits if not check.is_met)
+
+    @property
+    def is_met(self) -> bool:
+        """True if these runs meet every limit, and contact is no harder than without mitigation."""
+        return not self.missed and not self.is_harder
+
+    @property
+    def place(self) -> str:
+        """Where these runs begin, in words."""
+        return f"from {format_quantity(self.distance, 'm')}, where the floor detects the object"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

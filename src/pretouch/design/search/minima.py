@@ -111,7 +111,12 @@ def scan_feasible(
 ) -> Scan:
     """Scan an axis, and refine the smallest violation if no scanned coordinate is feasible.
 
-    The arguments are those of `search_axis`, except that the objective may have several rows.
+    Args:
+        evaluate: a function that maps coordinates to a Landscape, whose objective may have several rows.
+        low: start of the axis.
+        high: end of the axis.
+        effort: settings of the search.
+        start: a scan to continue; a new one by default.
 
     Returns:
         The scan; it contains the coordinate with the smallest violation.

@@ -57,7 +57,7 @@ obstacle.velocity = {{ normal = ["-{speed}", "{spread}"], between = ["-{fastest}
 [controller]
 rate = "{control_rate}"
 largest_excursion = "{excursion}"    # the law moves the robot no farther, even if the sensor fails
-{controller}
+{damper}{controller}
 [robot]                           # how the robot follows commands; replace by your robot
 kind = "impedance"
 mass = "{robot_mass}"             # change it together with robot_mass in [impact]
@@ -105,6 +105,9 @@ _CONTROL_RATE: Final = 1000.0  # Hz, of a controller whose rate is not given
 _LONGEST: Final = 20.0  # times the time to contact without mitigation, until which runs wait for contact
 _SHORTEST: Final = 5.0  # s: runs wait at least so long
 _WAITING: Final = 5.0  # sensor periods: with a longer latency, the controller needs a longer timeout
+_DAMPER: Final = """\
+approach_only = true                 # a sensor that fails, or an object that leaves, pulls the robot nowhere
+"""
 _SIGMAS: Final = 3.0  # smallest floor, in standard deviations of the noise
 _PROVISIONAL: Final = 1.0  # floor with which the output of a sensor without noise is computed
 
@@ -189,6 +192,7 @@ class FirstScenario(Value):
             strongest=f"{ends[0]} {unit}",
             weakest=f"{ends[1]} {unit}",
             law=_DRAG.format(noise=self._noise()) if self.drag else "",
+            damper="" if self.drag else _DAMPER,
             acceleration=self._acceleration(),
             contact_speed=contact,
             impact_force="" if self.impact_force is None else f'impact_force = "{_as_text(self.impact_force, "N")}"\n',

@@ -19,6 +19,7 @@ from pretouch._core.errors import InvalidInputError, ScenarioFileError
 from pretouch._core.units import format_quantity
 from pretouch.design.task import Task
 from pretouch.simulation import PARTS, SensorPart
+from pretouch.simulation.detection import floor_at
 
 from .document import read_document
 from .robust_sections import FROM_CALIBRATION
@@ -59,8 +60,8 @@ def tasks_of_parts(path: str | os.PathLike[str]) -> PartTasks:
     """Create a design task for each built-in sensor part.
 
     The sensor chain of the scenario file is replaced by that of the part. The curve keeps its shape, also if it was
-    fitted to a calibration. Its scale, the floor of the controller and the noise become those of the part. A file
-    without [controller] gets a controller at 1 kHz.
+    fitted to a calibration. Its scale and the noise become those of the part, and the floor of the controller detects
+    the object where the encounter starts. A file without [controller] gets a controller at 1 kHz.
 
     Args:
         path: the scenario file, with a sensor curve by its parameters or points, or with a calibration.
@@ -148,6 +149,13 @@ def _with_part(
     else:
         changed["sensor"]["scale"] = factor * _scale_of(base)
     try:
+        task = read(changed)
+        loop = task.loop
+        assert loop is not None  # noqa: S101 - the document has a chain and a controller
+        floor = floor_at(task.sensor, loop.chain, loop.law.conditioning, start)
+        if floor is None:  # the default floor, which detects the object later
+            return task
+        changed["controller"]["floor"] = floor
         return read(changed)
     except ScenarioFileError as error:
         raise InvalidInputError(f"sensor part {part.name}: {error}") from None

@@ -193,14 +193,17 @@ def detection_range(
         brighter=brighter,
         reaches=sensor.valid_range[1],
         floor=conditioning.floor,
-        floor_at_start=_floor_at(sensor, chain, conditioning, start),
+        floor_at_start=floor_at(sensor, chain, conditioning, start),
         moved=moved,
         velocity=float(scenario.obstacle.velocity),
     )
 
 
-def _floor_at(sensor: SensorModel, chain: SensorChain, conditioning: Conditioning, distance: float) -> float | None:
-    """Return the floor with which the controller detects the object at a distance [output unit]."""
+def floor_at(sensor: SensorModel, chain: SensorChain, conditioning: Conditioning, distance: float) -> float | None:
+    """Return the floor with which the controller detects the object at a distance [output unit].
+
+    None if the signal is lost in the noise there.
+    """
     place = np.array([distance])
     xi = float(np.exp(np.asarray(sensor.log_output(place)))[0])
     floor = xi + chain.offset + chain.crosstalk - conditioning.offset

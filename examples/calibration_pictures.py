@@ -127,7 +127,7 @@ def _distance_axis(axes: Axes, case: Case, last: float | None = None) -> None:
 
 
 def _legend(axes: Axes) -> None:
-    axes.legend(frameon=False, fontsize=_SMALL, labelcolor="linecolor", handlelength=1.6)
+    axes.legend(frameon=False, fontsize=_SMALL, handlelength=1.6)
 
 
 def _left_out(case: Case) -> Array:

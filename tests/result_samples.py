@@ -213,6 +213,7 @@ REQUESTS: dict[str, Callable[[], Any]] = {
     "loop": lambda: TOUCHING,
     "timing": lambda: pt.simulation.timing_of(NOISY.chain, NOISY.law),
     "part": lambda: pt.simulation.sensor_part("VCNL4010"),
+    "disturbance": lambda: pt.simulation.Disturbance(kind="cable", time=0.05),
     "position plant": lambda: pt.simulation.PositionPlant(mass=2.0, bandwidth=20.0),
     "hertz": lambda: pt.HertzImpact(robot_mass=1.0, effective_modulus=1e7, radius=0.01),
     "elastic": lambda: pt.design.ElasticImpact(robot_mass=1.0, stiffness=1e5, exponent=2.2),

@@ -17,6 +17,7 @@ import subprocess
 import sys
 import types
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,10 @@ MS = 1_000_000  # ns
 def task(design: str) -> pt.Task:
     name, gain = DESIGNS[design]
     scenario = pt.load_scenario(EXAMPLES / name)
+    if design == "damper":  # the readings of these tests are above this floor
+        law = scenario.loop.law
+        law = replace(law, conditioning=replace(law.conditioning, floor=100.0))
+        scenario = scenario.replace(loop=replace(scenario.loop, law=law))
     return scenario if gain is None else scenario.replace(gain=gain)
 
 

@@ -221,7 +221,7 @@ t.cut_small(setattr, encounters=2000)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
 try:
     t.sweep_wide(sys.argv[1])
-except t.InvalidInputError as error:
+except t.OutputError as error:
     print(error)
 """
 

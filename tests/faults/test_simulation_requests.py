@@ -60,7 +60,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         (lambda: simulate(runs=0), "runs: found 0, expected a whole number from 1"),
         (
             lambda: simulate(runs=10**12),
-            "runs: found 1,000,000,000,000 runs, which would need 1,720,000 GB",
+            "runs: found 1,000,000,000,000 runs, which would need 1,728,000 GB",
         ),
         (lambda: simulate(seed=-1), "seed: found -1"),
         (

@@ -139,7 +139,7 @@ def judged(make: Callable[[np.random.Generator], Drawn], sensor: Any = SENSOR, *
     """Judge the letter's gain with a calibration that allows these curves."""
     known = replace(report(), curves=Allowed(make))
     chain = {"offset": 0.05} | options.pop("chain", {})
-    loop = loop_of(rate=1000.0, conditioning={"offset": 0.05}, **chain)
+    loop = loop_of(rate=1000.0, conditioning={"offset": 0.05, "floor": 1e-3}, **chain)
     return pt.verify_gain(
         pt.Task(
             SCENARIO,

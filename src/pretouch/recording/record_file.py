@@ -199,6 +199,8 @@ def _append(path: Path) -> int:
     try:
         return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | binary, 0o666)
     except OSError as error:
+        if not path.absolute().parent.is_dir():
+            raise InvalidInputError(f"{path}: the folder {path.parent} does not exist; create it first") from None
         raise OutputError(f"{path}: this file cannot be written ({error.strerror}); choose another folder") from None
 
 

@@ -133,8 +133,8 @@ def detection_distance(
         >>> from pretouch.sensors import InversePower
         >>> curve = InversePower(scale=0.533, distance_offset=0.0419, exponent=3.32)
         >>> chain = SensorChain(rate=250.0, crosstalk=150.0)
-        >>> round(detection_distance(curve, chain, Conditioning(floor=100.0, offset=150.0)), 4)
-        0.1647
+        >>> round(detection_distance(curve, chain, Conditioning(floor=100.0, offset=150.0)), 3)
+        0.165
     """
     low, high = max(sensor.valid_range[0], 0.0), sensor.valid_range[1]
     least = _least_signal(chain, conditioning)
@@ -184,7 +184,7 @@ def detection_range(
     moved = None
     if math.isfinite(found) and found > 0:
         time = float(time_at(scenario, found))
-        moved = None if math.isnan(time) else moved_on(scenario, time)
+        moved = moved_on(scenario, time) if math.isfinite(time) else None  # an object at rest is never farther away
         if found > start:  # an object at rest does not come from farther away
             found = start if moved is None else float(moved.distance)
     return DetectionRange(

@@ -72,6 +72,7 @@ def check_demands(found: ContactResult, sure: ContactResult, request: Request) -
         assert (np.abs(mine - theirs) <= 1e-9 * theirs + 1e-13 * size).all(), name
 
 
+@pytest.mark.slow(keep=14)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", CURVES)
 def test_the_largest_demands_until_a_contact_need_no_whole_motion(

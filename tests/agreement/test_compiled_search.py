@@ -83,6 +83,7 @@ def any_encounter(rng: np.random.Generator) -> Scenario:
     )
 
 
+@pytest.mark.slow(keep=13)
 @pytest.mark.parametrize("objective", OBJECTIVES)
 @pytest.mark.parametrize("sensor", [FIRST, POWER], ids=lambda s: s.name)
 def test_what_is_settled_is_the_optimum(sensor: object, objective: str) -> None:
@@ -153,6 +154,7 @@ LIMITS = {
 }
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("sensor", [FIRST, POWER], ids=lambda s: s.name)
 @pytest.mark.parametrize("name", LIMITS)
 def test_designs_with_limits_are_those_of_the_adaptive_scan(sensor: object, name: str) -> None:

@@ -75,6 +75,7 @@ def _draw(sensor: SensorModel, seed: int, count: int) -> tuple[np.ndarray, ...]:
     return l_0, v, a, phi
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize("name", CURVES)
 def test_contacts_and_turns_agree_with_an_integration_in_time(name: str) -> None:
     sensor = CURVES[name]

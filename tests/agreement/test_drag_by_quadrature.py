@@ -45,6 +45,7 @@ def _square(sensor: SensorModel, k: float, start: tuple[float, float, float], di
     return mp.exp(-_growth(sensor, k, distance, l_0)) * (w_0 - 2 * a * pushed)
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("sensor", [POWER, FLAT], ids=["power", "exponential"])
 @pytest.mark.parametrize("kind", ["uniform", "pushed", "braking", "from rest", "receding"])
 def test_contact_speed_and_time_are_those_of_20_digits(sensor: SensorModel, kind: str) -> None:

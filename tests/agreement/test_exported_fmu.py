@@ -108,6 +108,7 @@ def expected(controller: Controller, samples: tuple[Sample, ...]) -> list[list[f
     return [[*out[:-1], int(out.status)] for out in outputs]
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("design", DESIGNS)
 def test_both_units_are_valid_and_every_bit_is_that_of_the_vectors(design: str, exports: dict[str, Path]) -> None:

@@ -242,6 +242,7 @@ def adversarial(folder: Path, flags: str = "") -> Path:
     return program
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("design", ["filters", "drag"])
 def test_a_million_adversarial_steps_give_the_same_bits_as_the_package(
     design: str, tmp_path: Path, export: Callable[[str], pt.Task]
@@ -271,6 +272,7 @@ def test_a_million_adversarial_steps_give_the_same_bits_as_the_package(
     assert 0.04 < (found[:, 3] != 0).mean() < 0.99  # most jumps of the readings are rejected
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("precision", ["double", "float"])
 @pytest.mark.parametrize("design", DESIGNS)
 def test_outputs_stay_finite_and_within_limits_for_any_sample(

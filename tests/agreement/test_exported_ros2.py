@@ -94,6 +94,7 @@ def program(design: str, packages: dict[str, Path], request: pytest.FixtureReque
 # ---- equal to the law ----
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chained", [0, 1], ids=["reference from a topic", "chained"])
 @pytest.mark.parametrize(("output", "column"), [("position", 0), ("velocity", 1), ("wrench", 3)])
 def test_commands_equal_the_vectors_in_every_bit(
@@ -437,6 +438,7 @@ endfunction()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     shutil.which("cmake") is None or shutil.which("g++") is None, reason="cmake or g++ is not installed"
 )

@@ -79,6 +79,7 @@ def differences(e: Encounters, sensor: SensorModel, name: str, step: np.ndarray,
     return at_contact(scenario, sensor, gain, quantities) @ weights / step
 
 
+@pytest.mark.slow(keep=7)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("curve", CURVES)
 def test_every_derivative_is_that_of_the_guaranteed_path(curve: str, kind: str) -> None:

@@ -26,6 +26,7 @@ def test_there_are_forty(curves):
     assert list(curves) == LABELS
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("label", LABELS)
 def test_every_curve_comes_to_a_fit_or_a_verdict(curves, label):
     measured = curves[label]
@@ -55,6 +56,7 @@ def test_every_curve_comes_to_a_fit_or_a_verdict(curves, label):
         assert entry["middle_slope"]["value"] < 0
 
 
+@pytest.mark.slow
 def test_nearly_all_are_usable_and_none_is_taken_as_perfect(curves):
     usable = [label for label in LABELS[:8] if rank_models(curves[label], ("exponential-1",)).best is not None]
     assert len(usable) >= 7  # of eight sensors on the first day, sensor 0 is the noisiest
@@ -95,6 +97,7 @@ rate = "1 kHz"
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", [0, 1, 2, 3])
 def test_a_real_sensor_comes_to_a_verdict_on_its_loop(tmp_path, sensor):
     """The readings of the loop stand on the plateau, scatter and step as those of the calibration."""

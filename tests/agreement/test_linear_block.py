@@ -236,6 +236,7 @@ def differences(q, t):
     return np.transpose(columns)  # to each input, times its scale
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["letter", *KINDS[:3]])
 def test_gradients_are_the_differences_of_many_digits(kind):
     inputs = [np.array(x) for x in np.broadcast_arrays(*letter(60))] if kind == "letter" else scattered(60, 6, kind)

@@ -142,6 +142,7 @@ def curves_of(name: str) -> ManyCurves:
     return found
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("name", FAMILIES)
 def test_many_curves_in_one_call_are_each_alone(name: str) -> None:
     several = ensemble(name)
@@ -214,6 +215,7 @@ def test_what_does_not_end_in_contact_is_left_to_each_curve_alone(name: str) -> 
             np.testing.assert_array_equal(found.closest_distance[:, i], alone.closest_distance)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("name", ["gaussian", "recessed mittag-leffler"])
 def test_gradients_are_those_of_each_curve_alone(name: str) -> None:
     several = ensemble(name)
@@ -263,6 +265,7 @@ def test_an_inverse_power_keeps_its_likeness() -> None:
     assert several.likeness is not None
 
 
+@pytest.mark.slow(keep=10)
 @pytest.mark.parametrize("name", FAMILIES)
 def test_most_of_what_many_curves_come_to_is_right_to_rounding(name: str) -> None:
     several = ensemble(name)

@@ -43,6 +43,7 @@ def _all_kinds(kinds: Sequence[str]) -> Encounters:
     return together(random_encounters(kind, PER_CASE, seed=20261121) for kind in kinds)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in CURVES if n != "table"])
 def test_contact_agrees_with_an_independent_integration(name: str) -> None:
     sensor, batch = CURVES[name], _all_kinds(KINDS)
@@ -100,6 +101,7 @@ def _check_stiff(scenario: Scenario, sensor: SensorModel, gain: float, end: floa
     assert abs((p + (v + a * end / 2) * end - x) / relative_velocity / end) < CLAIM
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["letter", "over-damped", "near-critical", "free"])
 def test_contact_of_a_table_agrees_from_knot_to_knot(kind: str) -> None:
     sensor, batch = CURVES["table"], random_encounters(kind, PER_CASE, seed=20261121)
@@ -113,6 +115,7 @@ def test_contact_of_a_table_agrees_from_knot_to_knot(kind: str) -> None:
     assert (np.abs(found.end.relative_velocity / fine["relative_velocity"] - 1)[trusted] < 1e-7).all()
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("name", CURVES)
 def test_no_contact_is_reported_only_where_there_is_none(name: str) -> None:
     kinds = ("accelerated", "tracking", "everything")

@@ -76,6 +76,7 @@ def bounds_of(found: WitnessResult, step: float, contact: pt.simulation.SpringDa
     }
 
 
+@pytest.mark.slow(keep=2)
 @needs_mujoco
 @pytest.mark.parametrize("strength", ["none", "optimum", "strong"])
 @pytest.mark.parametrize("name", ENCOUNTERS)

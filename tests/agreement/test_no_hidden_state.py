@@ -44,6 +44,7 @@ def late() -> dict[str, str]:
     return told("late", 2, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CALLS)
 def test_a_call_gives_the_same_bits_early_and_late_on_one_core_and_two(
     name: str, early: dict[str, str], late: dict[str, str]

@@ -262,6 +262,7 @@ def test_a_contact_of_an_obstacle_with_a_course(name: str, law: str) -> None:
     np.testing.assert_allclose(motion.distance + motion.position, places, atol=1e-14)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("law", LAWS)
 def test_a_course_of_constant_velocity_changes_nothing(law: str) -> None:
     """Contacts agree within what all solvers claim; a gain within what the search resolves of its objective, 1e-8."""
@@ -277,6 +278,7 @@ def test_a_course_of_constant_velocity_changes_nothing(law: str) -> None:
     assert designs[0].gain != designs[1].gain or designs[0].objective != designs[1].objective  # another solver
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("sensor", [SENSOR, pt.ExponentialFirstOrder(scale=1.0, rate=-60.0)], ids=["any", "constant"])
 def test_the_compiled_solver_agrees_with_the_numerical_integration(sensor: pt.SensorModel, seed: int) -> None:

@@ -74,6 +74,7 @@ def check(found: Any, expected: Any, which: Any, damping_rate: Any) -> None:
         assert np.max(error[which], initial=0.0) < TIGHT, name
 
 
+@pytest.mark.slow(keep=12)
 @pytest.mark.parametrize("kind", ["letter", "everything", "tracking"])
 @pytest.mark.parametrize("name", CURVES)
 def test_the_damper_as_a_law_of_ones_own(name: str, kind: str) -> None:

@@ -54,6 +54,7 @@ def apart_and_pushed(result: RobotSimulation, place: int, run: int = 0) -> tuple
     return abs(times[0] - times[1]), abs(float(trace.configuration[second, place] - trace.configuration[0, place]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has_hand", [False, True])
 @pytest.mark.parametrize("offset", [0.01, -0.01, 0.003])
 def test_both_fingers_touch_an_object_off_center_together(has_hand: bool, offset: float) -> None:
@@ -66,6 +67,7 @@ def test_both_fingers_touch_an_object_off_center_together(has_hand: bool, offset
         assert apart_and_pushed(simulate_robot(model, data, finger_laws()), place)[0] > 50e-3  # without centering
 
 
+@pytest.mark.slow
 def test_a_slow_sensor_centers_as_well() -> None:
     model, data = scene(0.01)
     result = simulate_robot(model, data, finger_laws(rate=250.0), centering=CENTERED, runs=3)
@@ -75,6 +77,7 @@ def test_a_slow_sensor_centers_as_well() -> None:
         assert pushed < 1e-3
 
 
+@pytest.mark.slow
 def test_unequal_reflectances_shift_the_hand() -> None:
     """At the first touch, ln 2 = ln xi(0) - ln xi(l): the other finger is still l_0 (2^(1/n) - 1) = 9.7 mm away."""
     model, data = scene(0.0)

@@ -71,6 +71,7 @@ def stretched_arm(elbow: float, *, speed: float = 0.3, strength: float = 1.0, sh
     return with_object(arm_text(strength), make_data(model, posture), "fingertip", speed)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("elbow", [-0.3, -0.2, -0.1])
 @pytest.mark.parametrize("error", [0.0, 0.3, -0.3])
 def test_a_posture_near_a_singularity_costs_nothing_with_strong_drives(elbow: float, error: float) -> None:

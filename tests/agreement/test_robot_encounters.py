@@ -55,6 +55,7 @@ def arm_deviation(posture: str, speed: float, tracking, **options) -> float:
     return share(result.simulated("fingertip", "relative_velocity"), predicted)
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("speed", [0.1, 0.3, 0.6])
 @pytest.mark.parametrize("error", [0.0, 0.3, -0.3])
 def test_an_arm_by_computed_torque_meets_the_prediction(speed: float, error: float) -> None:
@@ -190,6 +191,7 @@ def test_a_ball_beside_the_axis_is_seen_by_its_geometry(offset: float) -> None:
     assert CURVE.log_output(found) == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("view", "offset", "by_curve"), [(0, 0.03, 0.01), (8, 0.0, 0.02), (8, 0.02, 0.03), (8, 0.03, 0.09)]
 )

@@ -67,6 +67,7 @@ def _continuous(scenario: Scenario, gain: float) -> np.ndarray:
     return np.array([found.time, found.position, found.relative_velocity])
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize("name", ENCOUNTERS)
 @pytest.mark.parametrize("gain", [-0.1, -0.7, -3.0])
 def test_the_sampled_law_converges_at_first_order(name: str, gain: float) -> None:

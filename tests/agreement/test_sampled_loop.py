@@ -49,6 +49,7 @@ def limit_of(law: Any, chain: pt.SensorChain, guess: float, plant: Any = None, p
     return simulated_limit(run, guess)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [bare, full])
 @pytest.mark.parametrize("rate", [15.0, 50.0, 250.0, 1000.0])
 @pytest.mark.parametrize("part", [0.0, 0.5, 1.0, 2.5])
@@ -59,6 +60,7 @@ def test_the_stability_limit_is_that_of_the_simulation(law: Any, rate: float, pa
     assert found == pytest.approx(predicted, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "plant",
     [
@@ -131,6 +133,7 @@ def test_the_limit_holds_with_the_filters_of_the_letter() -> None:
     assert limit_of(law, chain, predicted, period=1e-4) == pytest.approx(predicted, rel=0.02)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("distance", [0.005, 0.02, 0.04])
 def test_the_limit_of_a_curve_is_that_of_its_slope_there(distance: float, letter_power: pt.InversePower) -> None:
     """A motion of a micrometer is linear: the curvature of ln xi changes g by 1e-5 over it."""

@@ -258,6 +258,7 @@ def differences(inputs: list[np.ndarray], sensor: SensorModel, which: int, step:
     return total
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("name", SENSORS)
 def test_gradients_agree_with_differences_of_the_guaranteed_path(name: str) -> None:
     count = 60

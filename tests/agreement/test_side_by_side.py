@@ -83,6 +83,7 @@ def runs(name: str, *, alone: bool, course: bool = False) -> tuple[np.ndarray, n
     return np.concatenate([r[0] for r in results]), np.concatenate([r[1] for r in results])
 
 
+@pytest.mark.slow(keep=6)
 @pytest.mark.parametrize("course", [False, True], ids=["constant acceleration", "course"])
 @pytest.mark.parametrize("name", LOOPS)
 def test_encounters_side_by_side_have_the_bits_of_encounters_alone(name: str, *, course: bool) -> None:

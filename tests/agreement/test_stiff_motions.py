@@ -85,6 +85,7 @@ def radau(scenario: Scenario, sensor: SensorModel, gain: float, tolerance: float
     return float(done.t_events[0][0]), float(done.y_events[0][0][1])
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("sensor", "scenario", "gain"),
     [

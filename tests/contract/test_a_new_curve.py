@@ -214,6 +214,7 @@ def test_a_fitted_curve_whose_slope_is_not_that_of_its_output_is_refused() -> No
     gc.collect()
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("module", [__name__, "pretouch.sensors.failing"])
 @pytest.mark.parametrize(
     ("kind", "reason"),

@@ -85,6 +85,7 @@ def test_it_is_sampled(sampling: str) -> None:
     np.testing.assert_array_equal(both["obstacle.position"], -0.14 * both["obstacle.velocity"])
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("name", KNOWN)
 def test_a_robust_gain_is_designed_for_it_and_pages_name_it(name: str, tmp_path: Path) -> None:
     found = designed(KNOWN[name], measure=pt.robust.Quantile(probability=0.9))
@@ -122,6 +123,7 @@ def test_its_bounds_are_those_of_a_worst_case() -> None:
         designed(TWO, measure=pt.robust.WorstCase())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KNOWN)
 def test_encounters_on_a_loop_differ_by_it(name: str, tmp_path: Path) -> None:
     found = verdict(NOISY, uncertainty=KNOWN[name], runs=16, changes=False)

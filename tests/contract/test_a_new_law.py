@@ -68,6 +68,7 @@ OF_CUBE: dict[str, Callable[[], Any]] = {
 """The same of a law of which pretouch knows nothing, and of its number as a quantity."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("answers", "name", "symbol", "unit"),
     [(ANSWERS, name, "\u03c6", r"N s(\^2|\u00b2)") for name in ANSWERS]

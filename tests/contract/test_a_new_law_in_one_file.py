@@ -159,6 +159,7 @@ def test_it_stands_in_the_controller(kind: type[Shared]) -> None:
     np.testing.assert_array_equal(ours.relative_velocity, theirs.relative_velocity)
 
 
+@pytest.mark.slow
 def test_a_loop_is_designed_for_and_judged_with_it(tmp_path: Path) -> None:
     assert pt.Task(SCENARIO, SENSOR, loop=LOOP).law == OWN
     found = verdict(LOOP, gain=-1.2, runs=8, changes=False)

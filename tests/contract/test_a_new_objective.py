@@ -123,6 +123,7 @@ def test_every_measure_takes_it(objective: Any, measure: pt.robust.Measure) -> N
     assert found.gain == pytest.approx(pt.robust.design_robust_gain(task(SAME, **asked)).gain, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_loop_is_designed_and_judged_by_it(objective: Any) -> None:
     asked = task(
         objective,

@@ -110,6 +110,7 @@ def test_stability_is_told_of_them() -> None:
     assert theirs.damping.is_certified
 
 
+@pytest.mark.slow
 def test_a_gain_is_designed_and_judged_with_them_and_pages_name_them(tmp_path: Path) -> None:
     found = verdict(LOOP, runs=8, changes=False)
     write_report(found, tmp_path / "page.html")
@@ -242,6 +243,7 @@ def test_more_states_move_as_their_equations_say() -> None:
     assert abs(trace.position[-1] - trace.virtual_position[-1]) > 1e-3 * abs(trace.position[-1])
 
 
+@pytest.mark.slow
 def test_a_soft_joint_lowers_the_stability_limit_and_a_verdict_says_so(tmp_path: Path) -> None:
     timing = timing_of(NOISY.chain, NOISY.law)
     limits = [
@@ -289,6 +291,7 @@ from pretouch.simulation import LinearPlant, StateSpace
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["simulate", "verify"])
 def test_a_file_takes_that_of_an_installed_package(verb, tmp_path, monkeypatch, capsys):
     entries = {"pretouch.plants": {"flexible-joint": "joints:FlexibleJoint"}}

@@ -109,6 +109,7 @@ def test_another_process_knows_it(quantity: ContactQuantity) -> None:
     assert pt.design_gain(pickle.loads(kept)).gain == BOUNDS[0]  # noqa: S301 - our own
 
 
+@pytest.mark.slow
 def test_it_is_shown_wherever_quantities_are(quantity: ContactQuantity, tmp_path: Path) -> None:
     both = pt.Term(quantity="displacement", scale=0.5), pt.Term(quantity=quantity, scale=0.1)
     asked = task(*both, constraints=[pt.Constraint(name="energy", limit=0.02)])
@@ -145,6 +146,7 @@ def test_a_signed_one_is_not_taken_by_its_magnitude(quantity: ContactQuantity) -
     assert front.gain.tolist() == pytest.approx([BOUNDS[0]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["design", "pareto", "robust", "verify", "sweep"])
 def test_a_file_takes_that_of_an_installed_package(verb, folder, monkeypatch, capsys):
     run = command(monkeypatch, capsys)

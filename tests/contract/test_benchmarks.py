@@ -99,6 +99,7 @@ def test_a_missing_module_is_a_reason() -> None:
     assert missing("numpy", "no_such_module_at_all") == "no_such_module_at_all not installed"
 
 
+@pytest.mark.slow
 def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path) -> None:
     """Case A and the figure beside NumPy alone, in a process of its own: it holds itself to one processor."""
     file, figure = tmp_path / "rows.json", tmp_path / "cost.png"
@@ -125,6 +126,7 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
     assert figure.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "options", "printed"),
     [
@@ -251,6 +253,7 @@ def test_a_narrow_range_of_feasible_gains_is_not_called_infeasible() -> None:
     assert found[2, 0] != limits.INFEASIBLE
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_failing_sensors_stay_below_the_bound_of_the_verdict() -> None:
     from benchmarks import disturbances

@@ -91,6 +91,7 @@ def test_a_kind_changes_at_most_three_files(kind: str) -> None:
     assert len({name.partition("#")[0] for name in KINDS[kind]}) <= 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["design", "pareto", "robust", "simulate", "verify"])
 def test_every_verb_takes_the_new_kinds(verb: str, changed: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(changed / "site"), "PYTHONDONTWRITEBYTECODE": "1"}

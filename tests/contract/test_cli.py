@@ -214,6 +214,7 @@ def test_ctrl_c_ends_with_130_and_no_traceback(folder):
         assert (process.wait(), told) == (130, b"")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "utf-8"])
 def test_a_terminal_that_cannot_show_every_character_is_no_error(folder, encoding):
     environment = {**os.environ, "PYTHONIOENCODING": encoding}
@@ -227,6 +228,7 @@ def test_a_terminal_that_cannot_show_every_character_is_no_error(folder, encodin
 # --- where reports go
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(("verb", "file"), [("design", "approach.toml"), ("fit", "sensor.csv")])
 def test_a_report_is_written_again_but_nothing_of_the_user_is_overwritten(run, pages, verb, file):
     report = Path(f"{Path(file).stem}-{verb}.html")

@@ -68,6 +68,7 @@ def run(tmp_path, monkeypatch, capsys):
     return command(monkeypatch, capsys)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
     file = scenario("whole.toml", WHOLE)
@@ -93,6 +94,7 @@ def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
     assert (known["headline"], known["is_contact_supported"], known["share_beyond"]) == (None, True, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     file = scenario("clipped.toml", CLIPPED + '\nminimum_distance = "0 mm"')
@@ -119,6 +121,7 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     assert told["calibration"]["is_contact_supported"] is False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", [verb for verb in VERBS if verb != "sweep"])
 def test_every_page_has_the_reservations_and_the_headline_at_its_top(run, verb):
     extended = scenario("clipped.toml", CLIPPED + '\nminimum_distance = "0 mm"')
@@ -178,6 +181,7 @@ def test_a_motion_that_leaves_the_data_names_the_calibration(run):
     )
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("verb", VERBS)
 def test_a_contact_nearer_than_the_data_is_refused_with_the_calibration_as_the_reason(run, verb):
     code, _, err = run(verb, scenario("clipped.toml", CLIPPED), *VERBS[verb])
@@ -193,6 +197,7 @@ def test_a_contact_nearer_than_the_data_is_refused_with_the_calibration_as_the_r
     assert len(err.partition("sensor: ")[2].split()) <= 50
 
 
+@pytest.mark.slow
 def test_the_ways_out_of_a_refusal_lead_out(run):
     recessed = CLIPPED + '\nrecess = "5 mm"'
     err = run("design", scenario("clipped.toml", recessed))[2]
@@ -233,6 +238,7 @@ def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_
     )
 
 
+@pytest.mark.slow
 def test_the_mounting_of_a_sensor_is_named_by_its_fit_and_assumed_by_design_and_verdict(run):
     near, _ = near_end()
     _, out, _ = run("fit", "clipped.csv", "--no-report")
@@ -251,6 +257,7 @@ def test_the_mounting_of_a_sensor_is_named_by_its_fit_and_assumed_by_design_and_
     assert "mounted" not in Path("flush-design.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_an_exported_law_subtracts_the_offset_of_the_calibration(run):
     assert run("init", "sensor.csv", "--rate", "1 kHz")[0] == 0
     offset = pt.load_scenario("scenario.toml").calibration.offset.value

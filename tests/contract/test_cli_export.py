@@ -43,6 +43,7 @@ def run(*words: str, folder: Path, **environment: str) -> subprocess.CompletedPr
     )
 
 
+@pytest.mark.slow
 def test_a_verified_law_is_written_with_its_verdict_and_date(tmp_path: Path) -> None:
     gain = ["--gain", "-0.86 N*s", "--json"]
     answer = run("export", "c", str(LOOP), "-o", "law", *gain, folder=tmp_path, SOURCE_DATE_EPOCH="1700000000")
@@ -56,6 +57,7 @@ def test_a_verified_law_is_written_with_its_verdict_and_date(tmp_path: Path) -> 
     assert "D_p = -0.86 N s" in header
 
 
+@pytest.mark.slow
 def test_a_law_that_does_not_hold_is_not_written(tmp_path: Path) -> None:
     answer = run("export", "c", str(LOOP), "-o", "law", folder=tmp_path)
     assert answer.returncode == 1
@@ -112,6 +114,7 @@ def test_the_option_for_laws_toward_the_object_is_for_unverified_ones(tmp_path: 
     assert (answer.returncode, "needs --unverified" in answer.stderr) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_law_without_limits_is_written_with_a_warning_and_the_reason_of_its_verdict(tmp_path: Path) -> None:
     task = pt.load_scenario(LOOP).replace(constraints=(), gain=-0.86)
     free = replace(task.loop.law, limits=Limits())
@@ -132,6 +135,7 @@ def test_the_same_design_gives_the_same_files(tmp_path: Path) -> None:
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -224,6 +228,7 @@ def test_a_custom_law_has_no_c_source(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("session", SESSIONS)
 def test_the_sessions_of_the_pages_run(session: str, tmp_path: Path) -> None:
     needed = ["make", "cc"] if "make" in session else ["cc"] if "fmu" in session else []

@@ -110,6 +110,7 @@ def test_a_negative_distance_has_a_remedy(run):
     assert "otherwise add the same length to every distance" in err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -151,6 +152,7 @@ def test_notes_are_wrapped_and_count_rows_without_an_output(run):
     assert max(map(len, out.splitlines())) <= 100
 
 
+@pytest.mark.slow
 def test_fit_and_init_warn_of_distances_beyond_ten_meters(run):
     text = Path("sensor.csv").read_text().replace("distance [mm]", "distance [m]")
     Path("far.csv").write_text(text)
@@ -352,6 +354,7 @@ def test_a_scenario_chooses_columns_and_labels(run):
     assert strict(out)["gain"] == pytest.approx(-0.8081 * 61 / -fitted_rate(run), rel=1e-4)  # as of the same curve
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("lines", "line", "key", "says"),
     [

@@ -96,6 +96,7 @@ def test_a_run_without_contact_ends_with_1(run):
     assert "contact" in out
 
 
+@pytest.mark.slow
 def test_verify_prints_the_verdict_and_where_the_page_is(run):
     code, out, err = run("verify", "loop.toml", "--no-changes")
     assert (code, err) == (0, "")
@@ -106,6 +107,7 @@ def test_verify_prints_the_verdict_and_where_the_page_is(run):
     assert run("verify", "loop.toml", "--no-changes") == (code, out, err)
 
 
+@pytest.mark.slow
 def test_verify_as_json_is_the_verdict_of_the_file(run):
     code, out, err = run("verify", "loop.toml", "--json", "--runs", "30", "--seed", "2")
     assert (code, err) == (0, "")
@@ -118,6 +120,7 @@ def test_verify_as_json_is_the_verdict_of_the_file(run):
     assert {limit["name"] for limit in told["limits"]} == {"excursion", "relative_velocity"}
 
 
+@pytest.mark.slow
 def test_a_gain_that_does_not_hold_ends_with_1(run):
     code, out, err = run("verify", "loop.toml", "--json", "--gain", "-0.3 N*s", "--no-changes")
     assert (code, err) == (1, "")

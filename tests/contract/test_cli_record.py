@@ -80,6 +80,7 @@ def rows(path: Path) -> list[list[str]]:
     return [line.split(",") for line in lines[1:]]
 
 
+@pytest.mark.slow
 def test_a_stage_records_a_calibration_that_fit_reads(sensor: PtySensor, tmp_path: Path) -> None:
     done = record(sensor, tmp_path, "sensor.csv", "--distances", LIST, "--stage", sensor.stage, "--json")
     assert done.returncode == 0, done.stderr
@@ -105,6 +106,7 @@ def test_a_stage_records_a_calibration_that_fit_reads(sensor: PtySensor, tmp_pat
     assert (np.diff(moments) >= 0).all()
 
 
+@pytest.mark.slow
 def test_a_list_ends_early_if_the_slope_is_known_and_goes_on_if_asked(sensor: PtySensor, tmp_path: Path) -> None:
     far = LIST.replace(" mm", ", 70, 90 mm")
     options = ["--distances", far, "--stage", sensor.stage, "--json"]
@@ -116,6 +118,7 @@ def test_a_list_ends_early_if_the_slope_is_known_and_goes_on_if_asked(sensor: Pt
     assert full["distances"][-1] == 0.09
 
 
+@pytest.mark.slow
 def test_a_person_types_distances_and_is_told_which_are_missing(sensor: PtySensor, tmp_path: Path) -> None:
     answers = iter(["", "0", "x", "4", "8 mm", "1.2 cm", "q"])
     with subprocess.Popen(
@@ -149,6 +152,7 @@ def test_a_person_types_distances_and_is_told_which_are_missing(sensor: PtySenso
     assert "missing distances" in out
 
 
+@pytest.mark.slow
 def test_an_interrupted_recording_is_continued(sensor: PtySensor, tmp_path: Path) -> None:
     options = ["--distances", LIST, "--stage", sensor.stage]
     before = signals.signal(signals.SIGINT, signals.default_int_handler)
@@ -188,6 +192,7 @@ def test_an_interrupted_recording_is_continued(sensor: PtySensor, tmp_path: Path
     assert sum(line.startswith("distance") for line in path.read_text().splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_a_scenario_decides_what_is_enough(sensor: PtySensor, tmp_path: Path) -> None:
     (tmp_path / "approach.toml").write_text(SCENARIO)
     options = ["approach.toml", "--stage", sensor.stage, "--json"]
@@ -202,6 +207,7 @@ def test_a_scenario_decides_what_is_enough(sensor: PtySensor, tmp_path: Path) ->
     assert pt.design_gain(pt.load_scenario(tmp_path / "approach.toml")).status == "optimal"
 
 
+@pytest.mark.slow
 def test_columns_on_standard_input_bring_their_distance_and_none_is_lost(tmp_path: Path) -> None:
     lines = ["mm,output", *(f"{d / 20:.2f},{OFFSET + signal(d / 20e3):.0f}" for d in range(1200))]
     lines += ["inf,600", "inf,603", ",598", "noise", "3.0,41"]
@@ -241,6 +247,7 @@ def test_an_unplugged_sensor_is_one_sentence_and_the_readings_are_kept(sensor: P
     assert len(rows(tmp_path / "sensor-raw.csv")) >= len(rows(path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("data", "word"),
     [
@@ -286,6 +293,7 @@ def test_a_sensor_that_falls_silent_is_reported(sensor: PtySensor, tmp_path: Pat
     assert "no reading for 1 s" in done.stderr
 
 
+@pytest.mark.slow
 def test_lines_that_are_no_readings_are_skipped_and_counted(tmp_path: Path) -> None:
     def line(output: int, number: int) -> bytes:
         return b"\xff\x00?\n" if number % 50 == 7 else b"%d\n" % output
@@ -300,6 +308,7 @@ def test_lines_that_are_no_readings_are_skipped_and_counted(tmp_path: Path) -> N
     assert min(outputs) > OFFSET - 60  # nothing of the skipped lines was read as a number
 
 
+@pytest.mark.slow
 def test_no_line_is_lost_at_1_khz(tmp_path: Path) -> None:
     """Two seconds and more; `python -m benchmarks.recording` does the same for a minute."""
     with PtySensor(tmp_path, rate=1000.0, line=lambda _, number: b"%d\n" % (number * STEP % CYCLE)) as sensor:
@@ -425,6 +434,7 @@ def test_a_mistake_is_one_sentence_and_writes_nothing(words: list[str], told: st
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == before
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("stage", "word"), [("false {mm}", "status 1"), ("no-such-command {mm}", "not found")], ids=["fails", "missing"]
 )
@@ -457,6 +467,7 @@ def page_rows() -> str:
     return "".join(f"{d:g},{y:.0f}\n" for d, y in zip(places, outputs, strict=True))
 
 
+@pytest.mark.slow
 def test_the_sessions_of_the_page_run(sensor: PtySensor, tmp_path: Path) -> None:
     sessions = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
     assert len(sessions) == 4
@@ -496,6 +507,7 @@ def test_the_picture_of_the_page_is_what_the_terminal_shows() -> None:
     assert shown == picture.rstrip("\n").split("\n")
 
 
+@pytest.mark.slow
 def test_a_terminal_shows_the_live_value_and_the_curve(sensor: PtySensor, tmp_path: Path) -> None:
     master, slave = os.openpty()
     shown = bytearray()
@@ -562,6 +574,7 @@ while not stop.exists():
 """
 
 
+@pytest.mark.slow
 def test_a_live_topic_is_recorded_through_dds(tmp_path: Path) -> None:
     pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (pip install pretouch[ros])")
     path = os.pathsep.join([str(ROOT / "tests"), str(ROOT / "src")])

@@ -53,6 +53,7 @@ def test_true_contacts_by_time_and_a_part(tmp_path: Path) -> None:
     assert len(answer.stdout.splitlines()) <= 15
 
 
+@pytest.mark.slow
 def test_the_files_are_written_and_read_back(tmp_path: Path) -> None:
     pytest.importorskip("mcap", reason="needs the extra ros")
     files = ["--chain", "chain.toml", "--calibration", "pairs.csv", "--mcap", "out.mcap"]
@@ -110,6 +111,7 @@ def test_a_simulation_that_is_written_and_replayed_is_the_same_run(tmp_path: Pat
     assert np.abs(steps.virtual_force[:count]).max() > 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["simulate", "verify"])
 def test_simulate_and_verify_write_mcap(verb: str, tmp_path: Path) -> None:
     pytest.importorskip("mcap", reason="needs the extra ros")
@@ -125,6 +127,7 @@ def test_simulate_and_verify_write_mcap(verb: str, tmp_path: Path) -> None:
     assert "already exists" in again.stderr
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -177,6 +180,7 @@ def test_the_example_is_what_its_program_prints() -> None:
     assert done.stdout == TABLE.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_sessions_of_the_page_run(tmp_path: Path) -> None:
     pytest.importorskip("rosbags", reason="needs the extra ros")
     pytest.importorskip("mcap", reason="needs the extra ros")

@@ -36,6 +36,7 @@ def run(*words: object, folder: Path) -> subprocess.CompletedProcess[str]:
 # --- init
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("law", [[], ["--drag"]], ids=["damper", "drag"])
 @pytest.mark.parametrize("part", [*PARTS, "other", "csv"])
 def test_a_first_scenario_is_read_designed_and_commented(part: str, law: list[str], tmp_path: Path) -> None:
@@ -54,6 +55,7 @@ def test_a_first_scenario_is_read_designed_and_commented(part: str, law: list[st
     assert ("NOT your sensor" in text) == needs_calibration
 
 
+@pytest.mark.slow
 def test_a_first_scenario_of_a_calibration_passes_every_command(tmp_path: Path) -> None:
     assert run("init", EXAMPLES / "sensor.csv", "--rate", "200 Hz", folder=tmp_path).returncode == 0
     for verb in (["design"], ["simulate"], ["verify", "--runs", "50", "--no-changes"]):
@@ -65,6 +67,7 @@ def test_a_first_scenario_of_a_calibration_passes_every_command(tmp_path: Path) 
     assert "detections in 16 s" in answer.stdout
 
 
+@pytest.mark.slow
 def test_a_drag_is_designed_on_curves_with_a_level_part(tmp_path: Path) -> None:
     """Some curves that the readings allow are tables whose slope is zero up to rounding, of either sign."""
     run("init", EXAMPLES / "sensor.csv", "--drag", folder=tmp_path)
@@ -86,6 +89,7 @@ def test_the_options_are_the_values_of_the_file(tmp_path: Path) -> None:
     assert task.sensor_part.name == "VCNL4040"
 
 
+@pytest.mark.slow
 def test_every_value_of_the_first_encounter_has_an_option(tmp_path: Path) -> None:
     """A landing leg: without gravity, its optimal gain was half as strong."""
     options = {"speed": "0.8 m/s", "acceleration": "-9.81 m/s^2", "distance": "80 mm", "impact-force": "400 N"}
@@ -103,6 +107,7 @@ def test_every_value_of_the_first_encounter_has_an_option(tmp_path: Path) -> Non
     assert (impact.effective_modulus, impact.radius) == (2e6, 0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "rate", "control"),
     [
@@ -140,6 +145,7 @@ CHOICES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_whatever_is_chosen_the_file_runs_and_starts_where_its_floor_detects(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
@@ -161,6 +167,7 @@ def test_whatever_is_chosen_the_file_runs_and_starts_where_its_floor_detects(see
         assert not any(text.startswith("PT421") for text in answer.warnings)
 
 
+@pytest.mark.slow
 def test_raw_counts_are_counts(tmp_path: Path) -> None:
     text = (EXAMPLES / "sensor.csv").read_text(encoding="utf-8")
     (tmp_path / "raw.csv").write_text(text.replace("[counts]", "[raw counts]"), encoding="utf-8")
@@ -180,6 +187,7 @@ def write_equal_headers(path: Path) -> None:
     path.write_text("\n".join(["distance,output,output", *rows]) + "\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "options", "keys"),
     [
@@ -245,6 +253,7 @@ def test_the_typical_curve_has_the_signal_of_the_part(tmp_path: Path) -> None:
     assert pt.load_scenario(tmp_path / "scenario.toml").sensor.output(at) == pytest.approx(output, rel=1e-3)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -320,6 +329,7 @@ def test_the_parts_get_their_own_chain_floor_and_scale() -> None:
         assert task.sensor.log_slope(0.02) == pytest.approx(slope)
 
 
+@pytest.mark.slow
 def test_the_parts_take_the_shape_of_a_fitted_curve_and_say_so() -> None:
     fitted = pt.load_scenario(EXAMPLES / "fingertip.toml")
     tasks, notes = tasks_of_parts(EXAMPLES / "fingertip.toml")
@@ -364,6 +374,7 @@ def test_which_part_for_a_calibrated_encounter_is_answered(tmp_path: Path) -> No
     assert "<svg" in (tmp_path / "fingertip-compare.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_better_verdict_is_better_than_a_lower_speed() -> None:
     """The stronger gain meets the limit in 95 % of the runs; the weaker one and the ideal one do not."""
     loop = pt.load_scenario(EXAMPLES / "loop.toml")
@@ -379,6 +390,7 @@ def test_a_better_verdict_is_better_than_a_lower_speed() -> None:
     assert np.isclose(result.candidates[1].verdict.gain, -0.7463, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_gain_that_avoids_every_contact_is_best() -> None:
     task = pt.load_scenario(EXAMPLES / "loop.toml").replace(constraints=(), uncertainty={}, gain=-0.5)
     obstacle = pt.Obstacle(position=0.0422, velocity=-0.3, acceleration=1.0)
@@ -394,6 +406,7 @@ def test_a_gain_that_avoids_every_contact_is_best() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_files_are_ranked_in_a_table_and_a_report(tmp_path: Path) -> None:
     drag, loop = EXAMPLES / "drag.toml", EXAMPLES / "loop.toml"
     answer = run("compare", loop, drag, "--runs", 50, folder=tmp_path)
@@ -409,6 +422,7 @@ def test_files_are_ranked_in_a_table_and_a_report(tmp_path: Path) -> None:
     assert [c["name"] for c in told["candidates"]] == ["drag", "loop"]
 
 
+@pytest.mark.slow
 def test_parts_in_which_nothing_holds_end_with_1(tmp_path: Path) -> None:
     answer = run("compare", EXAMPLES / "loop.toml", "--parts", "--runs", 20, "--json", folder=tmp_path)
     assert answer.returncode == 1, answer.stderr
@@ -419,6 +433,7 @@ def test_parts_in_which_nothing_holds_end_with_1(tmp_path: Path) -> None:
     assert slow["reason"]
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("words", "told"),
     [

@@ -27,6 +27,7 @@ def printed(command: str, folder: Path) -> list[str]:
     return answer.stdout.splitlines()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "first"),
     [
@@ -101,6 +102,7 @@ def test_a_number_stays_with_its_unit() -> None:
         assert "12.5 N s." in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "verb", ["fit", "design", "sweep", "pareto", "robust", "simulate", "verify", "export", "replay", "reproduce"]
 )
@@ -148,6 +150,7 @@ def test_the_next_step_is_always_printed(length: int, reservations: int) -> None
     assert any("see --verbose" in line for line in text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["design", "pareto", "robust"])
 def test_the_next_step_without_a_solution_can_be_taken(verb: str, tmp_path: Path) -> None:
     text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")
@@ -158,6 +161,7 @@ def test_the_next_step_without_a_solution_can_be_taken(verb: str, tmp_path: Path
     assert "point of the front" not in " ".join(lines)
 
 
+@pytest.mark.slow
 def test_pareto_robust_and_simulate_say_that_the_object_moves_away(tmp_path: Path) -> None:
     text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8").replace('velocity = "-0.3 m/s"', 'velocity = "0.3 m/s"')
     spread = 'obstacle.velocity = { normal = ["0.3 m/s", "0.1 m/s"], between = ["0.05 m/s", "0.6 m/s"] }'
@@ -180,6 +184,7 @@ def test_a_robot_that_recedes_faster_than_the_object_is_named(tmp_path: Path) ->
     assert "Next: let the robot recede more slowly: it recedes faster than the object approaches." in lines
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["design", "verify", "simulate --gain -0.7"])
 def test_the_next_step_for_a_receding_object_is_its_sign(verb: str, tmp_path: Path) -> None:
     text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")
@@ -206,6 +211,7 @@ def test_the_next_step_for_a_gain_with_the_wrong_sign_is_the_sign(tmp_path: Path
     assert "Next: use a negative gain, such as D_p = -0.7 N s." in lines
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gain", "status"), [("0.5", 1), ("-0.7", 0)])
 def test_a_simulated_contact_that_is_harder_than_without_mitigation_has_the_exit_status_1(
     gain: str, status: int, tmp_path: Path
@@ -225,6 +231,7 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
     return task.replace(loop=replace(task.loop, law=law, chain=replace(task.loop.chain, dropout=0.01)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("warnings", "consequence", "remedy"),
     [

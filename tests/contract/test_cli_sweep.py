@@ -207,6 +207,7 @@ def test_values_may_carry_units_and_equal_ratios() -> None:
     assert read_axis("g=-1:-0.01:3:log", {"g": ""})[1] == pytest.approx([-1.0, -0.1, -0.01], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_figure_is_written_once_and_what_cannot_be_drawn_is_refused_first(run: Any, monkeypatch: Any) -> None:
     asked = ("sweep", "approach.toml", "--axis", SPEEDS, "--gain", "-0.5")
     for name, start in (("a.png", b"\x89PNG"), ("a.svg", b"<?xml"), ("a.pdf", b"%PDF")):
@@ -244,6 +245,7 @@ FIGURES: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize("kind", FIGURES)
 @pytest.mark.parametrize("results", [("time",), ("relative_velocity", "largest_excursion", "time")])
 def test_the_picture_of_a_sweep_is_legible(kind: str, results: tuple[str, ...]) -> None:

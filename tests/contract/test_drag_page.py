@@ -180,6 +180,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 def test_pages_and_figures_are_sound_whatever_was_asked(name: str) -> None:
     found = pt.design_drag(OTHERS[name])
@@ -252,6 +253,7 @@ def test_a_drag_is_warned_of_where_it_must_be_and_nowhere_else(
     assert all(words in text for words, text in zip(said, page.warnings, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "name", "limit"),
     [
@@ -358,6 +360,7 @@ SILENT = {
 }
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("name", SILENT)
 def test_nothing_is_said_of_a_drag_where_it_is_not_known_or_no_better(name: str) -> None:
     assert "virtual drag" not in str(pt.design_gain(SILENT[name]))
@@ -375,6 +378,7 @@ def test_a_custom_curve_that_turns_before_the_start_has_neither_gain_nor_drag() 
     assert "Optimal gain" in str(pt.design_gain(TASK.replace(sensor=turning, scenario=nearer)))
 
 
+@pytest.mark.slow
 def test_the_command_shows_the_drag_of_a_file_with_an_effect(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

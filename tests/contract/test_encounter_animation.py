@@ -38,6 +38,7 @@ def frames(page: str, name: str) -> tuple[np.ndarray, np.ndarray]:
     return np.array([float(at) for at, _ in rows]) / 100, np.array([float(value) for _, value in rows])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
 def test_frames_show_the_distance_and_speed_of_the_motion(design: pt.GainDesign, number: int) -> None:
     lanes, _ = lanes_of(design)
@@ -102,6 +103,7 @@ def test_the_field_of_a_curve_that_is_valid_on_a_short_range_only_is_drawn() -> 
     assert stops == sorted(stops, reverse=True)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_the_animation_moves_unless_the_reader_prefers_no_motion(design: pt.GainDesign) -> None:
     playwright = pytest.importorskip("playwright.sync_api")

@@ -70,6 +70,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["design", "pareto", "robust", "simulate", "verify", "sweep"])
 def test_every_verb_takes_a_file_that_names_an_installed_law(verb, folder, monkeypatch, capsys):
     run = command(monkeypatch, capsys)
@@ -283,6 +284,7 @@ def others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     gc.collect()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["design", "pareto", "robust", "simulate", "verify", "sweep"])
 def test_every_verb_takes_a_file_of_installed_kinds(verb, others, monkeypatch, capsys):
     run = command(monkeypatch, capsys)

@@ -14,6 +14,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import pytest
+
 import pretouch
 from pretouch._core.equations import EQUATIONS
 
@@ -154,6 +156,7 @@ def test_every_cited_equation_exists() -> None:
     assert count > len(EQUATIONS)  # else the pattern has stopped finding them
 
 
+@pytest.mark.slow
 def test_every_equation_has_a_function_that_carries_its_id() -> None:
     found = [i for _, source in _read(SOURCE, "*.py", SURFACE) for i in carriers(source)]
     assert not missing(found), (
@@ -166,6 +169,7 @@ def test_every_equation_has_a_test_by_an_independent_way() -> None:
     assert not missing(found), 'mark the tests that check these: @pytest.mark.equation("L(n)", by="...")'
 
 
+@pytest.mark.slow
 def test_every_mark_is_one_that_counts() -> None:
     flaws = [f"{file}: {f}" for file, source in _read(TESTS, "*.py", set()) for f in marks(source)[1]]
     assert not flaws

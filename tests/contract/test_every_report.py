@@ -135,6 +135,7 @@ def test_python_is_warned_of_such_a_figure(broken_figure: None) -> None:
     assert "-0.7463" in design._repr_html_()
 
 
+@pytest.mark.slow
 def test_a_report_that_cannot_be_written_is_no_mistake_of_the_request(
     run: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -47,6 +47,7 @@ def test_every_picture_of_the_program_stands_in_the_page_and_every_section_has_o
     assert all("images/calibration-" in section for section in SECTIONS)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("name", NAMES)
 def test_what_a_section_quotes_is_what_is_printed(drawn, name):
     section = next(s for s in SECTIONS if f"calibration-{name}.png" in s)
@@ -63,6 +64,7 @@ def test_the_worked_example_of_the_other_page_is_what_is_printed(drawn):
     assert plain(example) in plain(str(drawn.report("good")))
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_picture_is_legible_and_the_one_that_is_shown(drawn, name):
     from matplotlib.image import imread

@@ -57,6 +57,7 @@ def steps_of(page: str) -> list[tuple[str, str]]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if steps_of(page)])
 def test_the_sessions_of_a_page_print_what_it_shows(page: str, tmp_path: Path) -> None:
     """One after the other in one folder, because later commands read the files of earlier ones."""

@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src"
 MODULES = {
@@ -59,6 +61,7 @@ def circles() -> list[list[str]]:
     return [part for part in found if len(part) > 1]
 
 
+@pytest.mark.slow
 def test_no_module_imports_itself_by_a_detour() -> None:
     assert circles() == []
 

@@ -21,6 +21,7 @@ EXTRA = {"xarray", "zarr", "dask", "distributed", "h5netcdf", "h5py", "pandas", 
 HEAVY = {"scipy", "matplotlib", "pydantic", "typer", *EXTRA}
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize(
     "folder",
     [
@@ -124,6 +125,7 @@ def test_public_names_are_the_same_objects_as_in_their_folders() -> None:
 ROOMS = [name for name in pretouch.__all__ if isinstance(getattr(pretouch, name), ModuleType)]
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     "code", ["import pretouch.{room} as room; import pretouch", "import pretouch; room = pretouch.{room}"]
 )

@@ -91,6 +91,7 @@ def test_json_messages_are_read(tmp_path: Path) -> None:
     assert distances.values == pytest.approx(true_distances(angles), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_calibration_follows_from_joint_states(tmp_path: Path) -> None:
     bag, model = write(tmp_path, postures(1000)), arm_with_wall(tmp_path)
     words = ["--topic", "/proximity", "--joints", "/joint_states", "--model", str(model), "--site", "fingertip"]
@@ -132,6 +133,7 @@ def test_two_publishers_with_different_joints_are_refused(tmp_path: Path) -> Non
         distances_from_joints(bag, "/joint_states", pt.robots.load_model(arm_with_wall(tmp_path)), SITE)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("options", "words"),
     [

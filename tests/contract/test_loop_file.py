@@ -257,6 +257,7 @@ def test_a_sensor_at_the_rate_of_the_controller_has_its_period(read):
     assert by_period.loop.law.conditioning.sensor_period == 0.0033333333333
 
 
+@pytest.mark.slow
 def test_a_calibration_gives_noise_offset_steps_and_saturation(read, tmp_path):
     random = np.random.default_rng(3)
     distance = np.repeat(np.arange(0, 62, 2), 4)

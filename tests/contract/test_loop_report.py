@@ -41,6 +41,7 @@ def design(evaluate: Any) -> pt.GainDesign:
     return pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), evaluate=evaluate))
 
 
+@pytest.mark.slow
 def test_a_design_report_shows_the_loop() -> None:
     found = design(LOOP)
     page = report_html(found)
@@ -82,6 +83,7 @@ def test_the_motion_of_a_loop_is_its_trace_up_to_contact() -> None:
     assert not away.result.reached.all()
 
 
+@pytest.mark.slow
 def test_a_robust_report_names_the_ideal_design() -> None:
     found = pt.robust.design_robust_gain(
         pt.Task(

@@ -169,6 +169,7 @@ DAMAGES = {
 }
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_library_that_is_not_as_it_was_built_is_refused_in_one_sentence(tmp_path, damage):
     """A truncated one killed the process by SIGBUS; the others ended in a traceback."""

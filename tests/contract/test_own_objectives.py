@@ -100,6 +100,7 @@ def page(write: Callable[..., Any], found: Any, folder: Path) -> str:
     return re.sub(r"\s+", " ", path.read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 def test_a_design_says_what_was_minimized(given: tuple[Any, str, set[str]], tmp_path: Path) -> None:
     objective, name, items = given
     design = pt.design_gain(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS))
@@ -123,6 +124,7 @@ def test_a_design_says_what_was_minimized(given: tuple[Any, str, set[str]], tmp_
     assert repr(design).startswith("<GainDesign: Optimal gain")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["subclass with items", "class", "function"])
 def test_other_verbs_say_it_too(case: str, tmp_path: Path) -> None:
     objective, name, _ = GIVEN[case]
@@ -148,6 +150,7 @@ def test_other_verbs_say_it_too(case: str, tmp_path: Path) -> None:
     assert "knee" in page(write_report, front, tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["subclass with terms of another", "class", "function"])
 def test_a_verdict_is_given_by_the_same_objective(name: str, tmp_path: Path) -> None:
     """On a loop that is as good as ideal, what runs come to is what was predicted: to a step of the loop, 1e-4 s."""
@@ -162,6 +165,7 @@ def test_a_verdict_is_given_by_the_same_objective(name: str, tmp_path: Path) -> 
     assert row(page(write_report, found, tmp_path), f"{called}: a user-defined objective") == ["", ""]
 
 
+@pytest.mark.slow
 def test_a_sum_of_terms_stays_what_it_was(tmp_path: Path) -> None:
     design = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
     assert design.definition is OBJECTIVE

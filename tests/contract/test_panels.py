@@ -141,6 +141,7 @@ def names_in(shown: Panel) -> list[str]:
 GRIDS: list[tuple[int, dict[str, Any]]] = [(1, {}), (2, {}), (3, {"columns": 3, "height": 2.6}), (1, {"columns": 1})]
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("name", "copies", "given"),
     [(name, *grid) for name in PANELS for grid in GRIDS if (name, grid[0]) != ("dense", 3)],  # 80 letters need room
@@ -229,6 +230,7 @@ def test_limits_asked_for_are_kept_and_the_other_axis_follows_what_is_seen() -> 
     assert axes.get_ylim()[1] < 5
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("kind", ["svg", "png"])
 def test_the_same_chart_gives_the_same_bytes(kind: str) -> None:
     charts = [panel_figure(motions(), dense(), family()) for _ in range(2)]

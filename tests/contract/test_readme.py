@@ -25,6 +25,7 @@ PAGES = (README, FEATURES, ROBUST, VERIFICATION)
 SESSIONS = [s for page in PAGES for s in re.findall(r"```console\n(.*?)```", page, re.DOTALL)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("session", SESSIONS, ids=[s.splitlines()[0] for s in SESSIONS])
 def test_a_session_prints_what_the_readme_shows(session: str) -> None:
     command, _, expected = session.partition("\n")
@@ -55,6 +56,7 @@ def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, page: str) -> 
     assert runner.summarize().failed == 0
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("page", ["explanation/design.md", "explanation/gradients.md", "explanation/verification.md"])
 def test_the_examples_of_a_page_run(page: str) -> None:
     """Block by block, later ones with the names of earlier ones."""
@@ -70,6 +72,7 @@ def test_the_examples_of_a_page_run(page: str) -> None:
     assert runner.summarize().failed == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "page",
     [
@@ -169,6 +172,7 @@ def in_this_process(command: list[str], **_: Any) -> subprocess.CompletedProcess
     return subprocess.CompletedProcess(command, ended.value.code or 0, *texts)
 
 
+@pytest.mark.slow
 def test_the_demonstration_writes_its_reports(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -120,6 +120,7 @@ def useless() -> CalibrationReport:
     return rank_models(Calibration(distances=np.arange(10) * 0.01, outputs=noise, unit="V"))
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("draw", [plots.trade_off, plots.motion, plots.sensitivity])
 def test_design_figures_are_legible(draw: Any, design: GainDesign) -> None:
     assert_legible(draw(design))
@@ -156,6 +157,7 @@ def test_bars_of_the_drawn_slope_are_two_standard_errors_of_the_differences(usab
     assert len(halves) >= 8
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("model", ["inverse-power", "exponential-1", "exponential-2", "mittag-leffler", "table"])
 def test_the_section_for_the_scenario_file_is_the_fitted_curve(model: str, tmp_path: Path) -> None:
     """Copied from the page into a file it reads back as the fitted curve, measured from the contact surface."""
@@ -227,6 +229,7 @@ def test_importing_reports_loads_no_drawing_library() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.slow(keep=1)
 def test_design_reports_are_sound_for_every_status(design: GainDesign) -> None:
     words = assert_sound(report_html(design)).words
     assert "Method and assumptions" in words
@@ -282,6 +285,7 @@ def test_fit_reports_are_sound(usable: CalibrationReport, useless: CalibrationRe
     assert "no usable signal" in words
 
 
+@pytest.mark.slow
 def test_reports_repeat_and_recognize_themselves(letter: GainDesign, tmp_path: Path) -> None:
     page = report_html(letter)
     assert page == report_html(letter)
@@ -300,6 +304,7 @@ def test_reports_do_not_overwrite_unasked(usable: CalibrationReport, tmp_path: P
     assert is_own_unchanged(path)
 
 
+@pytest.mark.slow
 def test_reports_escape_what_users_wrote(letter: GainDesign) -> None:
     report = rank_models(measured(label=EVIL, unit=EVIL), ("exponential-1",))
     page = report_html(report)

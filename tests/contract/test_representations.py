@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import pretouch as pt
 from pretouch.design.robust.outcomes import RobustTradeOff
@@ -42,6 +43,7 @@ def test_a_scan_shows_how_many_values_it_has_and_between_which() -> None:
     assert repr(scan) == f"<TradeOff: {len(scan.gain)} gains from -10 to -0.01>"
 
 
+@pytest.mark.slow
 def test_a_verdict_shows_one_line_and_prints_a_report() -> None:
     found = verdict(NOISY, constraints=[velocity_limit(0.1)])
     assert repr(found).startswith("<Verdict: holds, D_p = -0.7463 N s, 60 runs, gain margin ")

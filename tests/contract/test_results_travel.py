@@ -104,6 +104,7 @@ def check(thing: Any, *, protocols: tuple[int, ...] = (2, 3, 4, 5)) -> None:
         assert repr(other) == repr(thing)
 
 
+@pytest.mark.slow(keep=13)
 @pytest.mark.parametrize("name", [*RESULTS, *REQUESTS])
 def test_a_result_travels_before_and_after_it_was_printed(name: str) -> None:
     thing = {**RESULTS, **REQUESTS}[name]()
@@ -144,6 +145,7 @@ def other_process() -> Any:
         yield pool
 
 
+@pytest.mark.slow(keep=6)
 @pytest.mark.parametrize("name", ["contacts", "motion", "design", "designs", "robust", "simulations", "verdict"])
 def test_another_process_reads_the_same_of_a_result(other_process: Any, name: str) -> None:
     thing = RESULTS[name]()

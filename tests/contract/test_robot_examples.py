@@ -29,6 +29,7 @@ mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 EXAMPLES = Path(__file__).parents[2] / "examples/robots"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.xml")), ids=lambda path: path.stem)
 def test_an_example_is_projected(path: Path) -> None:
     table = project_all(load_model(path))
@@ -36,6 +37,7 @@ def test_an_example_is_projected(path: Path) -> None:
     assert all(p.reflected_mass > 0 for _, p in table.projections)
 
 
+@pytest.mark.slow
 def test_the_programs_of_the_page_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(EXAMPLES.parents[1])
     blocks = re.findall(r"```python\n(.*?)```", Path("docs/how-to/robots.md").read_text(encoding="utf-8"), re.DOTALL)
@@ -57,6 +59,7 @@ def fallen_leg(speed: float):
     return model, data
 
 
+@pytest.mark.slow
 def test_a_hopping_leg_lands_with_its_designed_gain(monkeypatch: pytest.MonkeyPatch, capsys, tmp_path: Path) -> None:
     monkeypatch.syspath_prepend(str(EXAMPLES))
     landing = __import__("landing").main()
@@ -96,6 +99,7 @@ def test_an_arm_meets_a_thrown_ball(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.diff(height, 2) / np.diff(trace.time[before])[0] ** 2 == pytest.approx(-example.GRAVITY, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_gripper_centers_itself_on_an_object(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(EXAMPLES))
     plain, centered = __import__("grasp").main()
@@ -136,6 +140,7 @@ def test_fingers_close_and_the_nearer_one_touches_first() -> None:
     assert share(result.simulated("right", "time"), result.predicted("right", "time")) < 0.005
 
 
+@pytest.mark.slow
 def test_several_processes_give_the_same_runs() -> None:
     model, data = arm_with_ball("bent", 0.6)
     law = SiteLaw(site=SensorSite("fingertip", CURVE), controller=controller())

@@ -83,6 +83,7 @@ def test_robot_as_json_has_every_run(run) -> None:
     assert "35 mm" in answer["notes"][0]
 
 
+@pytest.mark.slow
 def test_robot_writes_a_report_without_scripts_and_addresses(run, folder) -> None:
     code, _, err = run("robot", "arm.toml", "--output", "film.html")
     assert (code, err) == (0, "")
@@ -180,6 +181,7 @@ def test_encounters_that_the_robot_cannot_have_are_refused(folder, change, word:
 # --- the film
 
 
+@pytest.mark.slow
 def test_the_film_has_an_animation_and_six_stills(result) -> None:
     page = report_html(result)
     still, moving, *stills = images(page)
@@ -195,6 +197,7 @@ def test_the_film_has_an_animation_and_six_stills(result) -> None:
     assert np.abs(first - last).max() > 50  # the arm has moved
 
 
+@pytest.mark.slow
 def test_without_opengl_the_frames_are_planar_drawings(result, monkeypatch) -> None:
     def broken(*_: object) -> None:
         raise RuntimeError("no OpenGL")
@@ -260,6 +263,7 @@ def test_a_filmstrip_is_a_figure_too(result) -> None:
     assert titles[0] == "0 ms, 42.2 mm"
 
 
+@pytest.mark.slow
 def test_an_encounter_without_contact_has_a_film_as_well(folder, monkeypatch) -> None:
     short = partial(pt.robots.simulate_robot, horizon=1.0)  # s, instead of 10 s
     monkeypatch.setattr("pretouch.robots.simulate_robot", short)

@@ -74,6 +74,7 @@ def test_a_ball_of_another_size_is_that_of_a_compiled_model() -> None:
         np.testing.assert_allclose(value, expected[name], rtol=1e-12, atol=1e-15, err_msg=name)
 
 
+@pytest.mark.slow
 def test_each_encounter_is_one_of_simulate_robot(dataset: Any) -> None:
     """The ball is at the same place as one that a test adds as text; the joints, the noise and the law are the same."""
     asked = request()
@@ -134,6 +135,7 @@ def test_a_figure_names_the_results_of_the_robot(dataset: Any) -> None:
     assert any("predicted" in label and "m/s" in label for label in labels)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["zarr", "nc"])
 def test_an_interrupted_sweep_resumes(dataset: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix) -> None:
     if suffix == "nc":
@@ -169,6 +171,7 @@ def test_an_interrupted_sweep_resumes(dataset: Any, tmp_path: Path, monkeypatch:
         sweep_robot(**changed, output=output)
 
 
+@pytest.mark.slow
 def test_a_cluster_computes_the_same(dataset: Any, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="needs the extra 'dask'")
     with (

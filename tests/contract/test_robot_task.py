@@ -190,6 +190,7 @@ def test_a_loop_with_a_robot_model_runs_with_its_limits(read) -> None:
     assert "excursion" in {limit.name for limit in task.limits}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["design", "verify"])
 def test_the_answers_repeat_the_warnings_about_the_robot(verb, tmp_path, read) -> None:
     chain = '[chain]\nrate = "250 Hz"\n[controller]\nrate = "1 kHz"\nfloor = 0.0455\n[verify]\nruns = 5\n'
@@ -207,6 +208,7 @@ def run(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
 
 
+@pytest.mark.slow
 def test_the_command_prints_a_table_and_json(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,6 +17,7 @@ SITE = SensorSite("fingertip", CURVE)
 RESULTS = ("relative_velocity", "largest_excursion", "largest_acceleration", "impact_force")
 
 
+@pytest.mark.slow
 def test_a_sweep_over_postures_says_where_one_gain_holds(tmp_path) -> None:
     model = load_model(ARM)
     postures = random_postures(model, SITE, 4, seed=1)
@@ -58,6 +59,7 @@ def test_a_sweep_over_postures_says_where_one_gain_holds(tmp_path) -> None:
     assert "kg" in figure.axes[0].get_title(loc="left")
 
 
+@pytest.mark.slow
 def test_the_example_takes_any_model_by_its_path(monkeypatch: pytest.MonkeyPatch, capsys, tmp_path) -> None:
     monkeypatch.syspath_prepend(str(ARM.parent))
     example = __import__("any_model")

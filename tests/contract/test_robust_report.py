@@ -90,6 +90,7 @@ def page(one: RobustDesign) -> str:
     return report_html(one)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("draw", [plots.robust, plots.outcome, plots.price])
 def test_figures_are_legible(draw: Any, found: RobustDesign) -> None:
     missing = {plots.price: found.gain is None, plots.outcome: found.status is DesignStatus.NO_CONTACT}
@@ -122,6 +123,7 @@ def test_curves_of_shares_are_the_distribution_of_the_outcomes(one: RobustDesign
         assert abs(np.mean(own <= at) - below / 100) <= 1 / len(own) + 1e-12
 
 
+@pytest.mark.slow
 def test_reports_are_sound_for_every_status(found: RobustDesign) -> None:
     page = report_html(found)
     words = assert_sound(page).words
@@ -134,6 +136,7 @@ def test_reports_are_sound_for_every_status(found: RobustDesign) -> None:
     assert ('aria-label="Distributions of contact quantities"' in page) == (found.status is not DesignStatus.NO_CONTACT)
 
 
+@pytest.mark.slow
 def test_a_report_contains_the_numbers_of_the_design(one: RobustDesign, page: str) -> None:
     v = one.validation
     assert v is not None
@@ -239,6 +242,7 @@ def test_what_fresh_samples_refuse_is_a_warning(one: RobustDesign) -> None:
     assert line(str(warned), "relative velocity at contact").endswith(" missed")
 
 
+@pytest.mark.slow
 def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
     made = design()
     page = report_html(made)
@@ -251,6 +255,7 @@ def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
         write_report(made, tmp_path / "mine.html")
 
 
+@pytest.mark.slow
 def test_reports_escape_what_users_wrote(one: RobustDesign) -> None:
     source = {"name": f"{EVIL}.toml".replace("/", ""), "text": f"# {EVIL}", "sha256": "abc"}
     page = report_html(one, source=source)

@@ -112,6 +112,7 @@ def pushing() -> pt.SimulatedEncounter:
     return CASES["VCNL4010 that pushes"]()
 
 
+@pytest.mark.slow(keep=1)
 def test_figures_are_legible(encounter: pt.SimulatedEncounter) -> None:
     assert_legible(plots.simulation(encounter))
 
@@ -167,6 +168,7 @@ def test_figures_show_the_numbers_of_the_run(pushing: pt.SimulatedEncounter) -> 
         assert shown in texts.replace("\n", " ")
 
 
+@pytest.mark.slow(keep=1)
 def test_reports_are_sound_however_a_run_ends(encounter: pt.SimulatedEncounter) -> None:
     page = report_html(encounter)
     words = assert_sound(page).words
@@ -217,6 +219,7 @@ def test_each_contact_of_a_repeated_one_is_a_row() -> None:
         assert shown[:3] == [f"after {1e3 * contact.time:.4g} ms", f"{contact.relative_velocity:.4g} m/s", peak]
 
 
+@pytest.mark.slow
 def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
     made = CASES["never seen"]()
     page = report_html(made)
@@ -229,6 +232,7 @@ def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
         write_report(made, tmp_path / "mine.html")
 
 
+@pytest.mark.slow
 def test_reports_escape_what_users_wrote_and_show_where_a_curve_is_from() -> None:
     made = CASES["never seen"]()
     report = pt.rank_models(pt.read_calibration(Path(__file__).parents[2] / "examples" / "sensor.csv"))

@@ -37,6 +37,7 @@ def run(cluster: Any, output: Path, **how: Any) -> Any:
     ).load()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_a_worker_that_is_killed_in_the_middle_changes_nothing(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -61,6 +62,7 @@ def test_a_worker_that_is_killed_in_the_middle_changes_nothing(
     xr.testing.assert_equal(found, pt.sweep(pt.Task(SCENARIO, CURVED), AXES, results=RESULTS))
 
 
+@pytest.mark.slow
 def test_a_cluster_goes_on_with_what_one_process_has_begun(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

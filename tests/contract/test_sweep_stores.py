@@ -50,6 +50,7 @@ def names(folder: Path) -> list[str]:
     return sorted(p.name for p in folder.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 @pytest.mark.parametrize("moment", ["computing", "writing", "before the ledger", "after the ledger"])
 @pytest.mark.parametrize("suffix", [".zarr", ".nc"])
@@ -73,6 +74,7 @@ def test_a_killed_sweep_goes_on_without_loss_and_without_repeats(
     found.close()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_a_sweep_that_is_killed_again_and_again_ends(small: Path, tmp_path: Path) -> None:
     """Killed by its parent after it has told of a block, whatever it then does."""
@@ -114,6 +116,7 @@ def test_a_finished_sweep_is_opened_and_not_computed_again(small: Path, tmp_path
     assert names(tmp_path) == ["computed.txt", f"out{suffix}"], "nothing else is left"
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("suffix", [".zarr", ".nc"])
 def test_another_sweep_is_refused_and_replaced_only_where_that_is_asked_for(
     small: Path, tmp_path: Path, suffix: str
@@ -230,6 +233,7 @@ def sweep_wide(output: str | Path | None) -> Any:
     return pt.sweep(pt.Task(SCENARIO, CURVED), WIDE, results=RESULTS, output=output)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX limits of a process")
 @pytest.mark.parametrize(
     ("suffix", "most"),
@@ -289,6 +293,7 @@ def test_a_real_disk_that_is_full_is_told_so(small_disk: Path, tmp_path: Path, s
 # --- equal sweeps at once
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".zarr", ".nc"])
 def test_equal_sweeps_at_once_end_well_and_leave_nothing(small: Path, tmp_path: Path, suffix: str) -> None:
     """The folder of a NetCDF file was removed under the hands of the slower one."""
@@ -332,6 +337,7 @@ def damage(path: Path, rng: np.random.Generator) -> str:
     return f"{path.name} {how}"
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("seed", range(40))
 def test_a_damaged_sweep_is_computed_again_or_refused_in_a_sentence(small: Path, tmp_path: Path, seed: int) -> None:
     """Damaged chunks were a ValueError or a KeyError; missing ones were read as NaN."""
@@ -350,6 +356,7 @@ def test_a_damaged_sweep_is_computed_again_or_refused_in_a_sentence(small: Path,
         counts(found)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_a_damaged_netcdf_file_is_refused_or_replaced(small: Path, tmp_path: Path, overwrite: bool) -> None:
     import h5py

@@ -55,6 +55,7 @@ def front_of(problem, quantities=("displacement", "relative_velocity"), choice=N
 # --- the page
 
 
+@pytest.mark.slow
 def test_the_session_prints_what_the_page_shows():
     (session,) = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
     asked, _, expected = session.partition("\n")
@@ -76,6 +77,7 @@ def test_the_python_of_the_page_runs(monkeypatch):
     assert runner.summarize().failed == 0
 
 
+@pytest.mark.slow
 def test_the_numbers_in_the_text_of_the_page_hold(problem):
     """35 times in the letter's case; two thirds of the way in the example."""
     design = pt.design_gain(problem)
@@ -143,6 +145,7 @@ def test_a_trade_off_whose_answer_is_no_ends_with_1_and_its_object(run, old, new
     assert_sound(Path("no-pareto.html").read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 def test_design_chooses_the_admittance_where_the_file_leaves_it_open(run):
     free = SCENARIO.replace("[obstacle]", "damping_ratio_bounds = [0.7, 1.5]\n[obstacle]")
     Path("free.toml").write_text(free)
@@ -229,6 +232,7 @@ def front(request, problem):
     return FRONTS[request.param](problem)
 
 
+@pytest.mark.slow
 def test_figures_of_fronts_are_legible(front):
     figure = plots.pareto(front)
     assert_legible(figure)
@@ -280,6 +284,7 @@ def check_printed_points(front, text):
             assert shown == pytest.approx(values()[i], abs=last + doubt[i]), (name, k)
 
 
+@pytest.mark.slow(keep=1)
 def test_reports_of_fronts_are_whole_pages(front):
     text = report_html(front, source={"name": EVIL, "text": EVIL, "sha256": "0"})
     assert_sound(text)
@@ -303,6 +308,7 @@ def test_reports_of_fronts_are_whole_pages(front):
     assert len(str(front).splitlines()) > len(front.quantities) + 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("free", [{"natural_frequency": (3.0, 10.0)}, {"damping_ratio": (0.7, 1.5)}, FREE])
 def test_a_designed_admittance_is_drawn_and_reported(problem, free):
     design = pt.design_admittance(
@@ -317,6 +323,7 @@ def test_a_designed_admittance_is_drawn_and_reported(problem, free):
     json.dumps(design.to_dict(), allow_nan=False)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_drawn_is_refused(problem):
     limits = [pt.Constraint(name="excursion", limit=1e-6)]
     with pytest.raises(InvalidInputError, match="this Pareto front has no points"):

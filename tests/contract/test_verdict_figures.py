@@ -31,6 +31,7 @@ def texts_of(figure: Any) -> str:
     return " ".join(text for text, _ in visible_texts(figure)).replace("\n", " ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", DRAWERS)
 def test_figures_are_legible(draw: Any, found: pt.Verdict) -> None:
     figure = drawn(draw, found)
@@ -80,6 +81,7 @@ def test_the_value_that_is_predicted_with_the_gain_is_the_one_that_is_named(one:
     assert to_rgb(named.get_color()) == to_rgb(color)
 
 
+@pytest.mark.slow
 def test_runs_that_end_without_contact_leave_a_curve_below_the_whole() -> None:
     some = verdict(replace(NOISY, horizon=0.5), runs=40, uncertainty=SPEED, changes=False)
     share = float(some.mitigated.touched.mean())

@@ -28,6 +28,7 @@ def one() -> pt.Verdict:
     return case("VCNL4010 that pushes")
 
 
+@pytest.mark.slow
 def test_reports_are_sound_for_every_status(found: pt.Verdict) -> None:
     page = report_html(found)
     words = assert_sound(page).words
@@ -64,6 +65,7 @@ def sections_of(page: str) -> list[str]:
     return [re.sub(r"<[^>]*>", "", title) for title in re.findall(r"<h2[^>]*>(.*?)</h2>", page)]
 
 
+@pytest.mark.slow
 def test_a_report_contains_the_numbers_of_the_verdict(one: pt.Verdict) -> None:
     page, s, loss = report_html(one), one.stability, one.loss
     shown = {
@@ -134,6 +136,7 @@ def test_a_contact_that_is_harder_than_without_mitigation_is_why_it_does_not_hol
     assert row(page, "largest excursion", "Limits")[:2] == ["300 mm", "every run"]
 
 
+@pytest.mark.slow
 def test_a_push_that_is_larger_with_mitigation_than_without_is_named(one: pt.Verdict) -> None:
     peak = one.comparison("peak_force")
     assert peak.simulated.mean > peak.unmitigated.mean
@@ -150,6 +153,7 @@ def test_a_verdict_without_a_gain_says_how_near_each_limit_can_be_come() -> None
     assert "Nothing was simulated" in parse(page).words
 
 
+@pytest.mark.slow
 def test_where_nothing_helps_or_nothing_was_tried_the_report_says_so() -> None:
     still = verdict(loop_of(period=1e-3, rate=1e3), runs=2)
     assert still.best_change is None
@@ -163,6 +167,7 @@ def test_where_nothing_helps_or_nothing_was_tried_the_report_says_so() -> None:
     assert {"No change helps", "What would help most", "Tried changes"}.isdisjoint(untried)
 
 
+@pytest.mark.slow
 def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
     made = case("one run, no changes")
     page = report_html(made)
@@ -175,6 +180,7 @@ def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
         write_report(made, tmp_path / "mine.html")
 
 
+@pytest.mark.slow
 def test_reports_escape_what_users_wrote_and_show_where_a_curve_is_from() -> None:
     made = case("no gain")
     report = pt.rank_models(pt.read_calibration(Path(__file__).parents[2] / "examples" / "sensor.csv"))

@@ -84,6 +84,7 @@ def exact_response(m: float, d: float, k: float, start: tuple, force: tuple, t: 
         return [y[0], y[1], y[4]]
 
 
+@pytest.mark.slow
 @pytest.mark.equation("L(8)", "L(10)", "L(13)", by="the exponential of a matrix in 60 digits")
 @examples(50)
 @given(

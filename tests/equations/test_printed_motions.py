@@ -54,6 +54,7 @@ def worth(motion: Motion, scenario: Scenario, sensor: Curve, gain: float) -> tup
     return velocity * motion.time[-1] + 4 * EPS * np.abs(motion.position).max(), velocity
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.equation(
     "L(4)", "L(7)", "L(9)", "L(14)", by="the printed equations in x, integrated by mpmath's Taylor method in 25 digits"
 )
@@ -78,6 +79,7 @@ def test_the_plant_moves_as_the_printed_equation_says(case: str, curve: str, gai
         assert np.abs(differences(motion.relative_velocity, speeds)).max() <= fast
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.equation("L(8)", by="the printed equation in l, integrated by mpmath's Taylor method in 25 digits")
 @pytest.mark.parametrize("method", ["closed-form", "integration"])
 @pytest.mark.parametrize("case", SCENARIOS)
@@ -98,6 +100,7 @@ def test_the_distance_of_a_constant_slope_obeys_its_printed_equation(case: str, 
     assert np.abs(differences(motion.relative_velocity, [printed(t)[1] for t in motion.time])).max() <= fast
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.equation("L(15)", by="the printed equation in l, integrated by mpmath's Taylor method in 25 digits")
 @pytest.mark.parametrize("curvature", [474.0, -300.0, 0.0])
 @pytest.mark.parametrize("case", ["of section IV-B", "of section V-B"])
@@ -158,6 +161,7 @@ SINGULAR: dict[str, tuple[Admittance, Curve, float]] = {
 }
 
 
+@pytest.mark.slow(keep=5)
 @pytest.mark.equation(
     "L(7)", "L(14)", by="the printed equations in x, integrated by mpmath's Taylor method in 25 digits"
 )
@@ -203,6 +207,7 @@ def test_plant_and_distance_add_up_to_the_obstacle(method: str, case: str, curve
             assert abs(float(Fraction(float(x)) + Fraction(float(distance)) - expected)) <= 8 * EPS * 0.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("curve", LETTER_CURVES)
 def test_ten_more_digits_do_not_move_the_reference(curve: str) -> None:
     scenario, force = SCENARIOS["of section IV-B"], right_side(LETTER_CURVES[curve], -0.8)

@@ -59,6 +59,7 @@ SWINGS = {
 }
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.equation("L(21)", "L(23)", by="all zeros of l on SciPy's dense output, the first of them taken")
 @pytest.mark.parametrize("curve", ["exponential-1", "exponential-2"])
 @pytest.mark.parametrize("name", SWINGS)
@@ -141,6 +142,7 @@ DESIGNS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.equation(
     "L(20)",
     "L(21)",

@@ -353,6 +353,7 @@ def test_a_mistake_is_one_sentence_with_its_line(file, text, message):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("part", ["x", "1", "[", "(a", "a b", "1 ", "a_", '"', "1,", "distance "])
 def test_lines_of_any_length_are_refused_in_one_sentence(file, part):
     """Patterns whose effort grows with the square of the length would take hours."""

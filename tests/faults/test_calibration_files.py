@@ -171,6 +171,7 @@ def test_what_never_ends_is_no_calibration(tmp_path):
             read_calibration(write(tmp_path, PLAIN), no_object=path)
 
 
+@pytest.mark.slow
 def test_many_rows_are_read_as_few_are(tmp_path):
     """A quarter of a million rows, whole columns at a time, next to the numbers themselves, row by row."""
     rng = np.random.default_rng(5)
@@ -235,6 +236,7 @@ def flat(level=50.0, noise=0.0, points=12):
     )
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     "measured",
     [

@@ -98,6 +98,7 @@ def adversarial(count: int, rng: np.random.Generator) -> np.ndarray:
     return rows
 
 
+@pytest.mark.slow
 def test_ten_million_adversarial_samples_give_no_output_out_of_limits() -> None:
     rng, seen = np.random.default_rng(20261121), 0
     met = 0
@@ -130,6 +131,7 @@ def test_any_sequence_of_samples_gives_outputs_within_limits(fed: list[Any], nam
     _within(run_rows(made, rows_of(reading, fresh=fresh, age=age, force=force)), limits, made.period)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HARD)
 def test_the_law_in_c_is_the_plain_law_bit_for_bit(name: str) -> None:
     """A million samples over all names; both take the logarithm, which no standard rounds, of one library."""

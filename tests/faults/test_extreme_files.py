@@ -132,6 +132,7 @@ def test_a_number_with_which_no_search_ends_is_refused_at_its_key(
     assert what in err
 
 
+@pytest.mark.slow
 def test_the_largest_numbers_that_are_taken_end_in_an_answer(run: Any) -> None:
     lay("drag.toml", ('"5 ms"', '"60 s"'))
     assert run("verify", "drag.toml", "--runs", "4", "--no-changes", "--no-report")[0] == 1  # the law hears nothing
@@ -155,6 +156,7 @@ def test_one_distance_far_beyond_all_others_is_a_typing_error_or_means_no_object
     assert "write inf if no object was present" in err
 
 
+@pytest.mark.slow
 def test_a_person_who_waits_is_told_how_far_the_work_is(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "_INTERVAL", 0.0)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)

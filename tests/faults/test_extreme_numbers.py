@@ -66,6 +66,7 @@ def test_contacts(extreme: tuple[str, str, float], sensor: str) -> None:
     outcome(lambda: pt.find_contact(scenario, SENSORS[sensor], 0.014, law="virtual-drag"))
 
 
+@pytest.mark.slow(keep=5)
 @pytest.mark.parametrize("extreme", EXTREMES, ids=lambda extreme: "-".join(map(str, extreme)))
 def test_custom_laws_need_few_evaluations(extreme: tuple[str, str, float]) -> None:
     count = 0

@@ -52,6 +52,7 @@ def run(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFix
 # --- standard output
 
 
+@pytest.mark.slow(keep=1)
 @FULL
 @pytest.mark.parametrize("more", [(), ("--json",)], ids=["text", "json"])
 @pytest.mark.parametrize("verb", VERBS)
@@ -65,6 +66,7 @@ def test_an_output_that_takes_nothing_is_one_sentence(
     assert (code, err) == (3, "pretouch: standard output: cannot be written (No space left on device)\n")
 
 
+@pytest.mark.slow(keep=4)
 @FULL
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize(
@@ -88,6 +90,7 @@ def test_so_are_help_and_mistakes_in_a_process_of_their_own(
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 @FULL
 def test_the_report_is_written_where_the_answer_cannot_be_printed(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     with Path("/dev/full").open("w", encoding="utf-8") as full:
@@ -119,6 +122,7 @@ def spelled(name: str) -> dict[str, str]:
     }
 
 
+@pytest.mark.slow(keep=5)
 @pytest.mark.skipif(os.name == "nt", reason="POSIX links")
 @pytest.mark.parametrize("spelling", ["as it is", "another", "whole", "symbolic link", "hard link"])
 @pytest.mark.parametrize(

@@ -59,6 +59,7 @@ def brute(scenario: Scenario, objective: Objective, limits: tuple[Constraint, ..
     return float(value.min())
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("curve", ["inverse-power", "exponential-1"])
 def test_brute_force_finds_nothing_better(letter_encounter: Scenario, case: str, curve: str) -> None:

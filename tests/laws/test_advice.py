@@ -99,6 +99,7 @@ def test_the_settings_of_a_change_make_the_loop_that_was_simulated(text: str, tm
         assert (read.gain, read.verify.runs) == (-0.8, 400)
 
 
+@pytest.mark.slow
 def test_following_the_advice_gives_the_promised_verdict_and_fresh_runs_confirm_it(tmp_path: Path) -> None:
     file = document()
     task = load(file, tmp_path)
@@ -126,6 +127,7 @@ def followed(found: pt.Verdict, **fields: Any) -> pt.Verdict:
     return verdict(NOISY, gain=float(number), changes=False, **fields)
 
 
+@pytest.mark.slow
 def test_a_probability_that_the_runs_cannot_show_is_advised_with_enough_runs() -> None:
     """To show 99 %, 299 runs are needed; the user has 100, and the search must not be content with them."""
     fields: dict[str, Any] = {"constraints": [velocity_limit(0.078, 0.99)], "uncertainty": SPEED}
@@ -140,6 +142,7 @@ def test_a_probability_that_the_runs_cannot_show_is_advised_with_enough_runs() -
     assert followed(found, runs=runs, **fields).status is pt.VerdictStatus.HOLDS
 
 
+@pytest.mark.slow
 def test_a_limit_that_no_gain_keeps_is_relaxed_to_a_value_that_a_gain_keeps() -> None:
     """The excursion grows with the gain, the speed falls: at most one limit can be kept, as a scan of gains shows."""
     limits = [velocity_limit(0.05, 0.9), pt.robust.Required(constraint=pt.Constraint(name="excursion", limit=0.1))]
@@ -162,6 +165,7 @@ def test_a_limit_that_no_gain_keeps_is_relaxed_to_a_value_that_a_gain_keeps() ->
     assert followed(found, runs=60, constraints=relaxed).status is advice.status is pt.VerdictStatus.HOLDS
 
 
+@pytest.mark.slow
 def test_the_advised_value_is_never_the_one_that_is_set() -> None:
     for limit in (0.07, 0.075, 0.08):
         found = verdict(NOISY, gain=-0.8, runs=60, constraints=[velocity_limit(limit, 0.9)], uncertainty=SPEED)
@@ -216,6 +220,7 @@ def test_no_seed_draws_encounters_that_are_too_easy(seed: int) -> None:
         assert abs(int((speed <= slower).sum()) - 500 * p) <= 2
 
 
+@pytest.mark.slow
 def test_a_verdict_on_a_noise_that_is_a_guess_first_asks_for_repeated_readings(tmp_path: Path) -> None:
     """One reading per distance does not show the noise: filters and less noise are no advice before it is known."""
     rng = np.random.default_rng(3)

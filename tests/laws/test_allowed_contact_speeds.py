@@ -60,6 +60,7 @@ def limits(report: CalibrationReport) -> tuple[Any, float, float]:
     return reservations_of(report, design), -design.result.contact.relative_velocity, -true
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [0.27, 0.2])
 def test_a_wrong_nearest_reading_is_said_first_with_the_range_and_its_repetition_helps(error: float) -> None:
     found, predicted, true = limits(fitted(error))

@@ -39,6 +39,7 @@ def noisy(model, seed, *, points=15, last=0.05, no_object=6, repeats=1):
     )
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize("model", SENSORS)
 @pytest.mark.parametrize("offset", ["zero", 0.0, (0.0, 0.0)])
 def test_exact_readings_give_their_parameters_back(model, offset):
@@ -83,6 +84,7 @@ def binomial_below(hits, trials, chance):
     return sum(math.comb(trials, k) * chance**k * (1 - chance) ** (trials - k) for k in range(hits + 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "name"), [("inverse-power", "exponent"), ("exponential-1", "rate")])
 def test_intervals_hold_the_truth_as_often_as_they_say(model, name):
     trials, truth = 16, SENSORS[model].parameters[name]
@@ -122,6 +124,7 @@ def test_the_slope_of_a_table_is_known_as_well_as_it_scatters(points):
     assert (slope.high - slope.low) / slope.standard_error == pytest.approx(2 * 1.96)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("model", SENSORS)
 @pytest.mark.parametrize("factor", [1e-3, 7.3, 1e4])
 def test_the_scale_of_the_output_changes_no_shape(model, factor):
@@ -162,6 +165,7 @@ def test_a_pedestal_left_in_weakens_the_slope_and_r_squared_hides_it():
     assert any("subtracts too little" in reason for reason in report.reasons)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(("index", "wrong"), [(5, 0.0), (11, 0.35), (7, 0.9)])
 def test_a_single_bad_reading_moves_nothing(index, wrong):
     measured = noisy("inverse-power", 12, points=20)
@@ -194,6 +198,7 @@ def test_the_report_says_that_exponent_and_offset_run_away():
     assert np.isfinite(fit.sensor.log_output(np.linspace(*fit.sensor.valid_range, 9))).all()
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("model", SENSORS)
 def test_the_model_that_made_the_readings_ranks_first_or_beside_the_first(model):
     measured = noisy(model, 21, points=40)
@@ -264,6 +269,7 @@ def copied(measured, times):
     )
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("repeats", [1, 3])
 @pytest.mark.parametrize("times", [2, 5])
 @pytest.mark.parametrize("no_object", [0, 6])

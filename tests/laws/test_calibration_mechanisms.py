@@ -41,6 +41,7 @@ def binomial_below(hits, trials, chance):
     return sum(math.comb(trials, k) * chance**k * (1 - chance) ** (trials - k) for k in range(hits + 1))
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_sensor_read_by_the_recipe_is_usable(seed):
     """The recipe of docs/how-to/good-calibration.md: 16 distances by equal falls to 3 %, five readings, ten of
@@ -75,6 +76,7 @@ def test_an_output_that_rises_is_named_and_never_fitted(seed):
     assert "peaks" not in str(report)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_where_an_amplifier_compresses_the_window_has_not_begun(seed):
     sensor, report = calibrated("soft saturation", seed)
@@ -96,6 +98,7 @@ def test_where_an_amplifier_compresses_the_window_has_not_begun(seed):
     assert felt / ideal > 0.5 or report.verdict != "usable"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mechanism", ["clipping", "near-field peak"])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_window_starts_where_the_curve_does(mechanism, seed):
@@ -119,6 +122,7 @@ def rise(sensor):
     return risen / float(np.ptp(output)), risen / error, distance[lowest]
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_far_field_that_rises_again_is_left_out_and_said(seed):
     sensor, report = calibrated("second reflection", seed)
@@ -133,6 +137,7 @@ def test_a_far_field_that_rises_again_is_left_out_and_said(seed):
         assert error_of_slope(report, sensor.ideal) < RELIABLE
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_bad_distance_is_named_or_does_no_harm(seed):
     sensor, report = calibrated("a bad distance", seed)
@@ -141,6 +146,7 @@ def test_a_bad_distance_is_named_or_does_no_harm(seed):
         assert error_of_slope(report, sensor.ideal) < RELIABLE
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("seed", range(4))
 def test_readings_that_all_lie_on_one_side_stay(seed):
     sensor, report = calibrated("misfit", seed)
@@ -148,6 +154,7 @@ def test_readings_that_all_lie_on_one_side_stay(seed):
     assert len(report.best.distances) >= 0.9 * sensor.good
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("seed", range(3))
 def test_hundreds_of_distances_are_gathered_along_the_curve(seed):
     sensor, report = calibrated("dense", seed)
@@ -171,6 +178,7 @@ def test_hundreds_of_distances_are_gathered_along_the_curve(seed):
     assert moved < report.slope.largest + less.slope.largest
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("seed", WRONG_OFFSETS)
 @pytest.mark.parametrize(
     ("mechanism", "right", "wrong"),
@@ -203,6 +211,7 @@ def test_wrong_offsets_that_matter_are_mostly_questioned(mechanism):
     assert told >= 0.55 * matter
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mechanism", ["plain", "misfit"])
 def test_noise_is_what_repeats_scatter_whatever_the_misfit(mechanism):
     judged = 0
@@ -248,6 +257,7 @@ def test_misfit_is_found_where_it_is_larger_than_the_noise_of_means():
     assert large >= 4  # of five that were chosen so
 
 
+@pytest.mark.slow
 def test_offset_intervals_hold_the_truth_of_any_family():
     trials, held = 10, 0
     for seed in range(trials):

@@ -65,6 +65,7 @@ def test_the_window_ends_where_the_signal_sinks_into_the_noise():
     assert "1 V" in end_reason
 
 
+@pytest.mark.slow
 def test_unless_told_otherwise_every_verb_ends_the_window_at_three_sigma():
     """From one distance to the next the signal falls by 5 %: a floor of 3.3 sigma, 10 % more, ends it sooner."""
     rng = np.random.default_rng(3)
@@ -202,6 +203,7 @@ def test_importing_calibration_loads_no_scipy():
     assert done.stdout.strip() == "False"
 
 
+@pytest.mark.slow
 def test_a_long_plateau_hides_no_signal():
     distance = np.arange(24) * 0.01
     outputs = np.round(50 + 900 * np.exp(-100 * distance))

@@ -71,6 +71,7 @@ def speed_on(distance: Any, log_output: Any, gain: float, start: float) -> float
     return float(0.3 + run.y[1, -1])
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("calibration", "start"), [(SATURATED, 0.021), (WITH_EMPTY, 0.021), (SEVEN, 0.05)], ids=["18", "18 and empty", "7"]
 )
@@ -96,6 +97,7 @@ def test_saturated_nearest_readings_are_left_to_the_ceiling_and_the_promise_is_t
     assert any("left out: " in line for line in left.lines)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("calibration", [SATURATED, WITH_EMPTY, SEVEN], ids=["18", "18 and empty", "7"])
 def test_a_curve_that_is_extended_over_saturated_readings_is_contradicted_first(calibration: pt.Calibration) -> None:
     report = rank_models(calibration)
@@ -124,6 +126,7 @@ def test_a_curve_that_is_extended_over_saturated_readings_is_contradicted_first(
     assert left.witness.low <= found <= left.witness.high
 
 
+@pytest.mark.slow
 def test_a_refuted_answer_ends_with_status_1_on_the_command_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -168,6 +171,7 @@ bounds = ["-20 N*s", "-0.001 N*s"]
     assert json.loads(capsys.readouterr().out)["status"] == "not-supported"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ceiling", CEILINGS)
 def test_what_is_said_of_a_sensor_that_was_read_once_holds_on_its_truth(ceiling: str) -> None:
     """Two sensors of each kind; benchmarks.calibrations --sparse tries thousands."""
@@ -306,6 +310,7 @@ def test_a_strong_signal_under_a_ceiling_is_not_called_none() -> None:
     assert report.verdict != "no usable signal"
 
 
+@pytest.mark.slow
 def test_the_interval_of_a_fitted_offset_holds_on_curves_that_are_of_no_family() -> None:
     """Twelve sensors under other ceilings, offsets withheld: three of four intervals hold (90 % of 150 did)."""
     held, count = 0, 0

@@ -83,6 +83,7 @@ def _by_expm(mass: float, damping: float, stiffness: float, period: float) -> np
     return expm(whole * period)[:2]
 
 
+@pytest.mark.slow
 @examples(400)
 @given(
     mass=st.floats(0.05, 20),

@@ -87,6 +87,7 @@ def test_a_floor_that_detects_a_little_earlier_is_not_warned_of(tmp_path: Path) 
     assert not warned(task_of(tmp_path, (FLOOR, 'floor = "1850 counts"')), None)
 
 
+@pytest.mark.slow
 def test_a_gain_that_misses_a_limit_from_the_detection_distance_does_not_hold(tmp_path: Path) -> None:
     """An independent run of encounters that really start farther away agrees with the share of missed limits."""
     task = task_of(tmp_path, (FLOOR, 'floor = "100 counts"')).replace(gain=-0.86)
@@ -127,6 +128,7 @@ def test_runs_that_begin_farther_away_are_those_of_a_farther_start(tmp_path: Pat
     assert nearer.time == loop.run(task.scenario, task.sensor, -0.8).time
 
 
+@pytest.mark.slow
 def test_the_key_start_distance_lets_runs_begin_beyond_the_range(tmp_path: Path) -> None:
     task = task_of(tmp_path, ("[loop]\n", '[loop]\nstart_distance = "200 mm"\n')).replace(gain=-0.86)
     verdict = pt.verify_gain(task, changes=False)

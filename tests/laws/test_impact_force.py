@@ -60,6 +60,7 @@ def until_they_stop(run: pt.simulation.SimulationResult) -> tuple[float, bool]:
     return float(course[:end, 3].max()), bool(len(stops))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("contact", [sphere, pad])
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_impact_force_of_a_driven_obstacle_is_continuous_in_the_stiffness(robot: str, contact: Any) -> None:
@@ -76,6 +77,7 @@ def test_the_impact_force_of_a_driven_obstacle_is_continuous_in_the_stiffness(ro
     assert np.abs(np.diff(np.log(stopped))).max() > math.log(1.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "stiffness"), [("impedance with a servo", 9e5), ("position", 7e6)])
 def test_the_impact_force_of_a_driven_obstacle_is_continuous_in_its_speed(robot: str, stiffness: float) -> None:
     """With these stiffnesses, fast obstacles stop beside the robot, and slow ones never do."""

@@ -179,6 +179,7 @@ def test_the_samples_of_a_sensor_parameter_meet_the_same_runs() -> None:
     assert each.gain == pytest.approx(once.gain, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_noise_counts_beside_the_inputs_that_vary() -> None:
     design = pt.robust.design_robust_gain(
         pt.Task(
@@ -261,6 +262,7 @@ def test_a_scan_of_jumps_ends() -> None:
     assert sum(calls) < 10_000
 
 
+@pytest.mark.slow
 def test_each_encounter_of_an_array_keeps_its_own_noise() -> None:
     speeds = np.array([-0.3, -0.25, -0.3])
     several = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=speeds))

@@ -18,6 +18,7 @@ from pretouch.design.search.scan import EXACT
 from pretouch.uncertainty import TruncatedNormal
 
 
+@pytest.mark.slow
 @given(at=st.floats(-4.5, 4.5), slopes=st.tuples(st.floats(0.1, 30), st.floats(0.1, 30)), width=st.floats(1e-5, 0.05))
 @pytest.mark.parametrize("effort", [EXACT, SAMPLED, RUNS])
 def test_a_band_between_scanned_coordinates_is_found(

@@ -130,6 +130,7 @@ def test_a_front_within_a_narrow_band_is_found() -> None:
 # --- the front of the gain
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("name", CURVES)
 def test_brute_force_over_the_gain_finds_nothing_better(letter_encounter: Scenario, name: str) -> None:
     front = pareto_front(Task(letter_encounter, CURVES[name], bounds=BOUNDS))
@@ -143,6 +144,7 @@ def test_brute_force_over_the_gain_finds_nothing_better(letter_encounter: Scenar
     assert not any(better)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("quantities", [PAIR, TRIPLE])
 @pytest.mark.parametrize("name", CURVES)
 def test_what_the_front_misses_is_what_dense_sampling_finds(
@@ -236,6 +238,7 @@ def wide() -> object:
     )
 
 
+@pytest.mark.slow
 def test_brute_force_over_gain_and_admittance_finds_nothing_better(wide: object) -> None:
     scenario, front = wide  # type: ignore[misc]
     frequency, ratio, gain = np.meshgrid(
@@ -251,6 +254,7 @@ def test_brute_force_over_gain_and_admittance_finds_nothing_better(wide: object)
     assert not any((brute <= p * (1 - 1e-4)).all(axis=1).any() for p in front.values)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(("quantities", "above"), [(PAIR, 1.0), (TRIPLE, 1.05)])
 def test_what_a_front_of_gain_and_admittance_misses_is_no_less_than_dense_sampling_finds(
     wide: object, quantities: tuple[str, ...], above: float

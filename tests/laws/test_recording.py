@@ -27,6 +27,7 @@ def stay_of(outputs: np.ndarray, wanted: int = 20, dwell: float = 1.0) -> tuple[
     return stay, counted
 
 
+@pytest.mark.slow
 def test_noise_alone_counts_as_drift_as_rarely_as_declared() -> None:
     random = np.random.default_rng(1)
     trials = 6000
@@ -161,6 +162,7 @@ LOOP = LOOP.replace(
 )  # so low that even a poor sensor detects the object
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("noise", "empty", "enough"), [(6.0, 20, True), (160.0, 3, False)], ids=["good", "bad"])
 def test_the_loop_of_a_scenario_has_the_last_word(noise: float, empty: int, enough: bool, tmp_path: Path) -> None:
     """The goal allows any uncertainty of g, so that only the check of `pretouch verify` can object."""

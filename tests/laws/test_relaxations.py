@@ -94,6 +94,7 @@ def test_a_robust_design_names_values_that_suffice(measure: Measure, probability
         assert design_robust_gain(followed(task, one)).status is DesignStatus.OPTIMAL
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("free", [{}, {"natural_frequency": (4.9, 5.1)}])
 def test_a_front_names_values_that_suffice(free: dict[str, Any]) -> None:
     task = TASK.replace(**free)
@@ -103,6 +104,7 @@ def test_a_front_names_values_that_suffice(free: dict[str, Any]) -> None:
     assert pt.pareto_front(followed(task, front.relaxations[0])).status is FrontStatus.FOUND
 
 
+@pytest.mark.slow
 def test_a_co_design_names_values_that_suffice() -> None:
     task = TASK.replace(natural_frequency=(4.9, 5.1))
     design = pt.design_admittance(task)

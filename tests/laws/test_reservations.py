@@ -73,6 +73,7 @@ def test_a_recess_as_deep_as_the_window_starts_makes_contact_supported() -> None
         assert found.headline is None
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(("first", "last"), [(0.006, 0.05), (0.0, 0.02), (0.01, 0.03)])
 @pytest.mark.parametrize("recess", [0.0, 0.004])
 def test_shares_are_those_of_the_impulse_along_the_motion(first: float, last: float, recess: float) -> None:
@@ -145,6 +146,7 @@ def test_a_motion_that_leaves_the_curve_is_said_to() -> None:
     assert "recedes" not in found.headline
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("gain", [None, -0.75, np.array([-0.5, -1.0])], ids=["none", "one", "several"])
 @pytest.mark.parametrize("velocity", [0.1, np.array([0.1, 0.2])], ids=["one", "array"])
 @pytest.mark.parametrize("near", [0.0, 0.008])
@@ -218,6 +220,7 @@ def test_a_recess_as_deep_as_a_curve_starts_reaches_contact_whatever_the_roundin
         assert recess_in_words(float(near)) == "7.5 mm"
 
 
+@pytest.mark.slow
 def test_what_a_drag_does_where_no_data_are_is_its_share_of_the_logarithm_of_the_speeds() -> None:
     """ln rho is -(phi/M) int g^2 dl, so that shares of it are those of the integral, by its closed form here."""
     sensor = replace(report(0.008, 0.06).best.sensor, minimum_distance=0.0, maximum_distance=0.2)

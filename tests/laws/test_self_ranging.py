@@ -28,6 +28,7 @@ def example() -> Any:
     return module
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(("speed", "acceleration"), [(0.3, 0.0), (0.05, 0.0), (1.0, 0.0), (0.3, -0.5), (0.3, -2.0)])
 def test_it_stays_within_its_rails_and_is_never_faster_than_the_weak_one(
     example: Any, speed: float, acceleration: float
@@ -71,6 +72,7 @@ def test_without_noise_and_delay_it_keeps_the_bound_of_the_weak_rail(
     assert -found.relative_velocity <= 1.01 * example.RAILS.contact_speed_bound(speed, -acceleration)
 
 
+@pytest.mark.slow
 def test_it_is_softer_than_the_constant_drag_that_gives_way_as_far(
     example: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -116,6 +116,7 @@ def test_the_scale_of_xi_changes_neither_g_nor_a_difference_of_ln_xi(
     assert other.log_output(near) - sensor.log_output(near) == pytest.approx(np.log(factor), abs=rounding)
 
 
+@pytest.mark.slow(keep=4)
 @EVERY_SENSOR
 @LAW
 @given(data=st.data())
@@ -188,6 +189,7 @@ def test_a_curve_is_a_value_that_cannot_change(kind: type[SensorModel], data: st
         sensor.anything = 1.0  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow(keep=3)
 @EVERY_SENSOR
 @LAW
 @given(data=st.data())

@@ -312,6 +312,7 @@ def test_an_encounter_is_one_json_object_one_line_and_a_report() -> None:
     assert "<table>" in encounter._repr_html_()
 
 
+@pytest.mark.slow
 def test_an_obstacle_with_a_course_is_run_and_predicted(tmp_path: Path) -> None:
     """The example comes, stops at 28 mm, and comes again: by its stretches at 0.3 m/s, from 0.4 s on."""
     encounter = pt.simulate_encounter(pt.load_scenario(EXAMPLES / "course.toml"))

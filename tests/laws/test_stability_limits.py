@@ -61,6 +61,7 @@ PARTS = [
 PARTS += [tuple(pair) for pair in RNG.uniform((0.0, 0.05), (5.0, 3.0), (8, 2))]
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize(
     ("rate", "delay", "hold"),
     [*((100.0, *parts) for parts in PARTS), (0.2, 1.3, 0.9), (2e4, 2.0, 1.0), (2e4, 3.4, 0.3)],
@@ -114,6 +115,7 @@ def test_a_robot_that_is_unstable_by_itself_has_a_limit_of_zero(letter_power: pt
     assert pt.simulation.lowest_rate(letter_power, LETTER, -0.1, distance=0.0, plant=plant) == math.inf
 
 
+@pytest.mark.slow
 def test_a_spring_behind_hundreds_of_periods_of_delay_has_the_smallest_of_its_many_limits() -> None:
     """The force turns by hundreds of radians over the resonance, and each turn has a limit; the smallest one counts."""
     admittance = pt.Admittance(mass=1.3, damping=6.8, stiffness=1777.0)
@@ -137,6 +139,7 @@ def test_a_delay_of_thousands_of_periods_costs_no_more_than_a_short_one(rate: fl
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.002, 0.05])
 def test_a_delay_alone_leaves_pi_half_of_mass_over_delay(delay: float) -> None:
     """M v' = -d v(t - tau) oscillates at d tau / M = pi/2; difference and hold delay by half a period each."""

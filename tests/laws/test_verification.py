@@ -78,6 +78,7 @@ def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
     assert check.is_met
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("limits", "status", "reason"),
     [
@@ -103,6 +104,7 @@ def test_the_status_follows_from_limits(limits: list[Any], status: pt.VerdictSta
     assert found.headline.startswith(first)
 
 
+@pytest.mark.slow
 def test_a_limit_that_is_halved_is_missed_in_every_run_and_one_between_in_its_share_of_them() -> None:
     speed = np.sort(np.abs(NOISY.run(SCENARIO, SENSOR, -0.7463, runs=60).relative_velocity))
     for limit, held in ((0.1, 60), (0.05, 0), (float(speed[14]), 15), (float(speed[44]), 45)):
@@ -154,6 +156,7 @@ def test_a_sensor_too_slow_for_the_gain_does_not_hold_and_a_faster_one_would() -
     assert faster.margin >= 2
 
 
+@pytest.mark.slow
 def test_the_margin_is_that_of_the_gain_limit() -> None:
     found = verdict(NOISY, gain=-0.7463, changes=False)
     law: Any = NOISY.law
@@ -169,6 +172,7 @@ def test_the_margin_is_that_of_the_gain_limit() -> None:
     assert 2.0 <= there.stability.margin < 2.1  # it is enough at any phase and any ratio of the rates
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     "contact", [pt.simulation.SpringDamper(stiffness=2e5), pt.simulation.HuntCrossley(stiffness=1e7)]
 )
@@ -190,6 +194,7 @@ def test_the_force_of_an_elastic_contact_on_a_free_mass_is_the_predicted_one(
     assert force.predicted_unmitigated == pytest.approx(contact.stiffness * depth**n)
 
 
+@pytest.mark.slow
 def test_force_limits_are_those_of_the_simulated_contact() -> None:
     loop = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e5, dissipation=0.5))
     found = verdict(loop, gain=-0.7463, constraints=[pt.Constraint(name="impact_force", limit=50.0)], changes=False)
@@ -206,6 +211,7 @@ def test_force_limits_are_those_of_the_simulated_contact() -> None:
     assert any("times the predicted force of an elastic impact" in text for text in found.warnings)
 
 
+@pytest.mark.slow
 def test_every_quantity_of_objectives_and_limits_is_simulated() -> None:
     """So none of them can be left without an answer; what needs a mass or a contact has been refused before."""
     loop = replace(QUICK, plant=ROBOT, contact=pt.simulation.SpringDamper(stiffness=1e5))
@@ -246,6 +252,7 @@ def test_a_gain_is_verified_where_there_is_no_ideal_one() -> None:
     assert named == ("relative_velocity", "relative velocity at contact")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("acceleration", "status", "headline"),
     [
@@ -270,6 +277,7 @@ def test_a_gain_is_praised_for_a_contact_that_it_avoids_and_not_for_one_that_nev
     assert headline in found.headline
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("excursion", "status"), [(0.2, HOLDS), (0.01, DOES_NOT)])
 def test_a_gain_that_avoids_the_contact_keeps_limits_of_the_contact_but_not_of_the_motion(
     excursion: float, status: pt.VerdictStatus
@@ -308,6 +316,7 @@ def test_the_next_step_for_an_unstable_loop_is_a_stable_gain() -> None:
     assert page_of(found).next_step == f"use a weaker gain: D_p = {strongest:.4g} N s has a gain margin of 2"
 
 
+@pytest.mark.slow
 def test_runs_without_the_contact_that_is_predicted_are_counted() -> None:
     """The slower the object, the later it comes: some come after the loop has stopped waiting."""
     known = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
@@ -330,6 +339,7 @@ def test_runs_without_the_contact_that_is_predicted_are_counted() -> None:
     assert speed.simulated.runs == 100 - missing
 
 
+@pytest.mark.slow
 def test_uncertain_inputs_make_other_encounters_and_sensors() -> None:
     known = {
         "obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2),
@@ -348,6 +358,7 @@ def test_uncertain_inputs_make_other_encounters_and_sensors() -> None:
     assert any("sensor.exponent normal" in text for text in found.assumptions)
 
 
+@pytest.mark.slow
 def test_a_verdict_is_the_same_for_the_same_seed_and_another_for_another() -> None:
     first, again = (verdict(NOISY, constraints=[velocity_limit(0.1)]).to_dict() for _ in range(2))
     assert first == again
@@ -356,6 +367,7 @@ def test_a_verdict_is_the_same_for_the_same_seed_and_another_for_another() -> No
     assert other["comparisons"] != first["comparisons"]
 
 
+@pytest.mark.slow
 def test_a_verdict_is_json_of_finite_numbers() -> None:
     found = verdict(NOISY, constraints=[velocity_limit(0.1)])
 
@@ -374,6 +386,7 @@ def test_a_verdict_is_json_of_finite_numbers() -> None:
     assert whole["best_change"] in {None, *(change["name"] for change in whole["changes"])}
 
 
+@pytest.mark.slow
 def test_what_a_controller_reports_is_said_in_words() -> None:
     loop = loop_of(noise=1e-3, highest=0.4, conditioning={"saturation": 0.4})
     found = verdict(loop, gain=-0.7463, runs=20, changes=False)
@@ -390,6 +403,7 @@ def test_what_a_controller_reports_is_said_in_words() -> None:
     assert not any(text.startswith(broken) for text in verdict(checked, gain=-0.7463, runs=2, changes=False).warnings)
 
 
+@pytest.mark.slow
 def test_the_objective_of_a_run_is_that_of_its_contact() -> None:
     found = verdict(NOISY, gain=-0.5)
     result, loss = found.mitigated, found.loss
@@ -404,6 +418,7 @@ def test_the_objective_of_a_run_is_that_of_its_contact() -> None:
     assert mean == f"-0.5 N s {loss.objective:.5g} \u00b1 {loss.standard_error:.1g}"
 
 
+@pytest.mark.slow
 def test_an_objective_of_forces_is_that_of_the_runs() -> None:
     objective = pt.Objective(terms=(pt.Term(quantity="virtual_force", scale=10.0),))
     options: dict[str, Any] = {"bounds": (-10.0, -0.01), "gain": -0.7463, "constraints": [velocity_limit(0.08)]}
@@ -433,6 +448,7 @@ def test_gains_that_do_not_mitigate_are_verified_as_they_are(gain: float, words:
     assert found.best_change.name == "gain"
 
 
+@pytest.mark.slow
 def test_a_late_detection_is_laid_to_the_sensor_or_to_its_floor() -> None:
     """At 60 Hz a reading is had after 8 ms of phase, 16 ms of exposure, half a step; the way to 20 mm takes 74 ms."""
     slow: dict[str, Any] = {"rate": 60.0, "exposure": 0.016, "random_phase": True}
@@ -447,6 +463,7 @@ def test_a_late_detection_is_laid_to_the_sensor_or_to_its_floor() -> None:
     assert "a first reading takes 24.83 ms, and at larger distances" in said(0.02, **slow)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 3])
 def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(seed: int) -> None:
     """The counts of a VCNL4010 with a floor of 5 deviations of noise; both promises are tried anew with other noise.
@@ -489,6 +506,7 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     assert not any("robot at rest" in text for text in still.warnings)
 
 
+@pytest.mark.slow
 def test_the_advised_number_of_runs_shows_the_limit_and_less_than_the_smallest_does_not() -> None:
     few = verdict(NOISY, gain=-0.7463, constraints=[velocity_limit(0.1, 0.99)])
     assert page_of(few).next_step == "simulate 300 runs"
@@ -509,6 +527,7 @@ def test_runs_to_show_is_a_number_that_shows_it_if_the_share_stays_the_same(shar
         assert least_probability(math.floor(share * half + 1e-9), half, 0.95) < probability
 
 
+@pytest.mark.slow
 def test_pages_have_words_instead_of_identifiers() -> None:
     found = str(verdict(replace(NOISY, plant=pt.simulation.ImpedancePlant(mass=4.0, stiffness=4e3, damping=250.0))))
     assert "law virtual damper;" in found

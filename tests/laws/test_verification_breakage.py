@@ -42,6 +42,7 @@ def followed(loop: ClosedLoop, remedy: str) -> ClosedLoop:
     return replace(loop, law=replace(law, law=replace(law.law, approach_only=True, release=float(match[1]))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rate", "conditioning"),
     [(250.0, {}), (250.0, {"largest_rate": 500.0}), (60.0, WEAK)],

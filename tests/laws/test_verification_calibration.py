@@ -54,6 +54,7 @@ def write_scene(folder: Path, text: str, *, far: float, no_object: bool, seed: i
     return folder / "scene.toml"
 
 
+@pytest.mark.slow
 def test_a_calibration_with_its_offset_holds(tmp_path: Path) -> None:
     """The readings know g within 1 %, and contact moves by less: no sensor that they allow is 15 % off."""
     file = write_scene(tmp_path, SCENE, far=0.06, no_object=True)
@@ -69,6 +70,7 @@ def test_a_calibration_with_its_offset_holds(tmp_path: Path) -> None:
     assert found.to_dict()["calibration_check"]["draws"] == check.draws == 100
 
 
+@pytest.mark.slow
 def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -175,6 +177,7 @@ def test_curves_that_are_the_fitted_one_promise_what_it_promises() -> None:
     assert (found.status.value, found.reasons) == ("holds-narrowly", ("the calibration is usable with reservations",))
 
 
+@pytest.mark.slow
 def test_what_matters_most_is_what_is_open() -> None:
     """Each of the three alone, wide enough to move contact by far more than 15 %."""
     found = judged(lambda rng: drawn(exponent=rng.uniform(1.0, 5.0)))
@@ -196,6 +199,7 @@ def test_what_matters_most_is_what_is_open() -> None:
         assert check.failing <= check.harder_count + check.broken + check.missing
 
 
+@pytest.mark.slow
 def test_a_limit_counts_as_missed_only_where_the_calibration_moves_it() -> None:
     """The gain is on its limit: with every second curve it misses that by a little, which no calibration mends."""
     little = {"constraints": [velocity_limit(0.07)]}
@@ -234,6 +238,7 @@ def test_without_a_calibration_or_with_too_few_readings_nothing_is_said() -> Non
     assert found.to_dict()["calibration_check"] is None
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(("exponent", "way"), [(3.0, "softer"), (3.5, "harder"), (3.32, "")])
 def test_a_prediction_outside_of_the_range_of_the_sensors_is_explained(exponent: float, way: str) -> None:
     """A flatter curve brakes less, so that contact is harder than on the fitted curve, but by less than 15 %."""

@@ -36,6 +36,7 @@ def objective_of(loop: ClosedLoop, gain: float, runs: int) -> np.ndarray:
     return np.asarray((result.displacement / 0.5) ** 2 + (result.relative_velocity / 0.3) ** 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("loop", "ripple"), [(NOISY, 4e-3), (SLOW, 1e-4)], ids=["quick", "late"])
 def test_the_best_gain_on_the_loop_is_that_of_brute_force(loop: ClosedLoop, ripple: float) -> None:
     """Over a grid 0.1 % apart, as far as gains have a margin of 2; the objective is flat: it is what must agree.
@@ -80,6 +81,7 @@ def test_a_redesign_goes_up_to_the_limit_that_was_missed() -> None:
     assert np.all(curve.share[curve.shortfall <= 1] == 1)
 
 
+@pytest.mark.slow
 def test_limits_that_are_kept_in_islands_are_kept_by_the_gain_that_is_proposed() -> None:
     """The speed of 60 runs with noise has ripples over the gain: the best island may be missed, never the limit."""
     found = verdict(NOISY, constraints=[velocity_limit(0.07, 0.9)], gain=-0.7463)
@@ -102,6 +104,7 @@ def shortfall_of(gain: float, runs: int, limit: float, probability: float, room:
     return float(max(speed[shown - 1], speed[reached - 1] / (1 - room)) / limit)
 
 
+@pytest.mark.slow
 def test_gains_that_are_given_up_miss_a_limit_over_all_runs() -> None:
     """Every gain of the search is simulated anew over all runs: the decision is the same, for most with fewer runs."""
     found = verdict(NOISY, constraints=GIVEN_UP_LIMITS, runs=120)
@@ -120,6 +123,7 @@ def test_gains_that_are_given_up_miss_a_limit_over_all_runs() -> None:
     assert shortfall_of(found.loss.loop_gain or 0.0, 120, 0.078, 0.9, 0.0) <= 1
 
 
+@pytest.mark.slow
 def test_without_a_gain_that_meets_the_limits_the_nearest_is_that_of_all_runs() -> None:
     """Gains that were given up are completed as far as they may be the best: brute force finds no better one.
 
@@ -174,6 +178,7 @@ def test_a_change_that_turns_the_status_helps() -> None:
     assert verdict(loop, gain=-0.5, runs=2, changes=False).status is pt.VerdictStatus.HOLDS
 
 
+@pytest.mark.slow
 def test_the_loop_as_it_is_stands_beside_its_changes_over_the_same_runs() -> None:
     limit = velocity_limit(0.0785, 0.9)
     found = verdict(NOISY, constraints=[limit], gain=-0.7463, runs=230)
@@ -263,6 +268,7 @@ def test_another_rate_takes_exposure_and_controller_along() -> None:
     assert slow.conditioning.timeout == pytest.approx(0.02)
 
 
+@pytest.mark.slow
 def test_another_law_is_judged_by_its_runs_and_nothing_is_said_of_its_stability() -> None:
     """It makes the same numbers as the controller where both do the same, and is only less well known."""
     own = replace(QUICK, law=TunedLaw(0.0, 1e-4))
@@ -279,6 +285,7 @@ def test_another_law_is_judged_by_its_runs_and_nothing_is_said_of_its_stability(
     assert "sensor-rate" in {change.name for change in found.changes}
 
 
+@pytest.mark.slow
 def test_a_change_names_what_stands_against_the_gain_and_was_not_checked_with_it() -> None:
     found = verdict(loop_of(rate=20.0), gain=-0.5, runs=2)
     assert found.best_change is not None

@@ -293,6 +293,7 @@ def test_simulate_warns_of_a_loop_that_is_unstable_or_nearly_and_of_a_force_far_
     )
 
 
+@pytest.mark.slow
 def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     """The robot that has given way is carried on by the driven obstacle, against the drive that wants it back.
 

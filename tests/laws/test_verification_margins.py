@@ -104,6 +104,7 @@ def test_a_change_after_which_the_loop_is_unstable_never_helps() -> None:
     assert not any(c.helps for c in unstable)
 
 
+@pytest.mark.slow
 def test_where_no_change_is_enough_the_rate_that_would_be_is_named_or_what_forbids_it() -> None:
     strict = [velocity_limit(0.03, 0.9)]
     noisy = loop_of(rate=40.0, distance_noise=0.004, measures_distance=True)

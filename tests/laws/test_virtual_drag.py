@@ -388,6 +388,7 @@ def _integrate(drawn: _Drawn, strength: object, push: object, duration: np.ndarr
     return speed, time, largest, turned
 
 
+@pytest.mark.slow
 def test_no_obstacle_exceeds_the_bound_and_a_steady_push_meets_it() -> None:
     """Piecewise accelerations of both signs, at most A toward the plant; many turn back and come again.
 
@@ -418,6 +419,7 @@ def test_no_obstacle_exceeds_the_bound_and_a_steady_push_meets_it() -> None:
     assert np.nanmedian(np.abs(met - 1)) < 1e-4
 
 
+@pytest.mark.slow
 def test_a_schedule_between_rails_keeps_what_they_keep() -> None:
     """Contact speed, time (so excursion) and acceleration of a uniform approach; the method's error as above."""
     drawn = _Drawn(7, 20_000)

@@ -33,6 +33,7 @@ def program(name: str) -> Program:
     return found
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize("name", IDS)
 def test_a_reproduction_holds_and_its_figure_is_legible(name: str) -> None:
     """One test for all, because the slow ones should run once."""

@@ -268,7 +268,7 @@ def _answer(name: str, answers: dict[str, str | None], default: str, read: Calla
 class _Size:
     """A quantity of the first scenario."""
 
-    kind: str  # what it is, in words
+    kind: str  # kind of the answer, in words
     unit: str
     example: str
     default: str  # its value if it is not given; empty for none

@@ -73,7 +73,7 @@ def _law(file: Reading, values: Mapping[str, Any], chain: SensorChain) -> Law | 
 
 def _release(values: Mapping[str, Any], chain: SensorChain) -> dict[str, float]:
     """Return the default release of the virtual damper, if the noise of the readings is known."""
-    floor, noise = values.get("floor", _FLOOR * chain.noise), math.hypot(chain.noise, chain.resolution * 12**-0.5)
+    floor, noise = values.get("floor", _FLOOR * chain.noise), chain.additive_noise
     known = (chain.noise > 0 or chain.relative_noise > 0) and not chain.measures_distance
     if not (values["approach_only"] and known and floor > 0):
         return {}

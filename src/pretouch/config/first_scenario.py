@@ -6,7 +6,6 @@ Every value that the user should check has a comment.
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -311,7 +310,7 @@ class FirstScenario(Value):
         task = load(self.text())
         chain, conditioning = task.loop.chain, task.loop.law.conditioning
         output = float(np.exp(task.sensor.log_output(self.distance)))
-        noise = math.hypot(chain.noise, chain.resolution * 12**-0.5)
+        noise = chain.additive_noise
         floor = float(f"{max(output, _SIGMAS * noise):.3g}")
         found = detection_distance(task.sensor, chain, replace(conditioning, floor=floor, saturation=None))
         if found >= self.distance * (1 - AGREES):

@@ -60,7 +60,7 @@ _CROWDED: Final = 0.6  # share of the map between two levels, from which the lev
 
 
 class LegendEntry(NamedTuple):
-    """An entry of a legend: its text, the color of the text, and what it names."""
+    """An entry of a legend: its text, the color of the text, and the drawn item."""
 
     text: str
     color: str

@@ -137,6 +137,14 @@ class SensorChain:
             )
 
     @property
+    def additive_noise(self) -> float:
+        """Standard deviation of a reading without the noise that depends on the signal [output unit].
+
+        It includes the quantization.
+        """
+        return math.hypot(self.noise, self.resolution * 12**-0.5)
+
+    @property
     def period(self) -> float:
         """The time between two sensor readings [s]."""
         return 1.0 / self.rate

@@ -207,7 +207,7 @@ def floor_at(sensor: SensorModel, chain: SensorChain, conditioning: Conditioning
     place = np.array([distance])
     xi = float(np.exp(np.asarray(sensor.log_output(place)))[0])
     floor = xi + chain.offset + chain.crosstalk - conditioning.offset
-    noise = math.hypot(chain.noise, chain.resolution * 12**-0.5)
+    noise = chain.additive_noise
     return floor if floor > 0 and floor >= _SIGMAS * noise * (1 - AGREES) else None
 
 

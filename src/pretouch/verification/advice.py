@@ -57,7 +57,7 @@ _SERIOUS: Final = frozenset({VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY})
 
 
 class _Start(NamedTuple):
-    """A loop from which changes start, and what was done to it."""
+    """A loop from which changes start, and the changes that led to it."""
 
     loop: ClosedLoop
     words: tuple[str, ...]

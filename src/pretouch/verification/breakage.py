@@ -155,7 +155,7 @@ def _guards(loop: ClosedLoop, largest_rate: float) -> Iterator[tuple[str, Closed
         limited = replace(controller, conditioning=replace(conditioning, largest_rate=rate))
         yield f"set largest_rate of the controller to {format_quantity(rate, '1/s')}", replace(loop, law=limited)
     if not law.approach_only:
-        noise = math.hypot(chain.noise, chain.resolution * 12**-0.5)
+        noise = chain.additive_noise
         release = release_for_noise(conditioning.floor, noise, chain.relative_noise)
         only = replace(law, approach_only=True, release=rounded_up(max(release, _LEAST_RELEASE)))
         text = f"set approach_only = true and release = {only.release:g} in [controller]"

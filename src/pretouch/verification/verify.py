@@ -106,7 +106,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
 
 
 def _inputs(task: Task, design: GainDesign, gain: float | None) -> dict[str, Any]:
-    """Return those fields of a verdict that repeat what is verified."""
+    """Return those fields of a verdict that repeat the verified task."""
     fields: dict[str, Any] = {name: getattr(task.verify, name) for name in ("runs", "confidence", "speed_tolerance")}
     fields |= {name: getattr(task, name) for name in ("scenario", "sensor", "loop", "uncertainty")}
     return fields | {"seed": task.loop.seed, "definition": task.goal, "gain": gain, "design": design}

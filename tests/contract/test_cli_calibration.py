@@ -112,8 +112,7 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
         assert " ".join(brief.split()).startswith(first), "the summary begins with it, too"
         offset = pt.load_scenario(file).calibration.offset.value
         subtracted = f"the controller and exported laws subtract the offset {offset:.4g} V"
-        assert "Calibration clipped.csv: usable" in brief
-        assert subtracted in " ".join(brief.split())
+        assert f"Calibration clipped.csv: usable, but not accurate enough for this contact speed; {subtracted}\n" in brief
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     assert next(iter(told)) == "headline"
     assert told["headline"].startswith(first)
@@ -225,7 +224,7 @@ def test_a_curve_that_the_file_cuts_is_not_blamed_on_the_calibration(run):
 
 @pytest.mark.parametrize(
     ("verb", "options"),
-    [("robust", ()), ("sweep", ("--axis", "obstacle.position=20mm:30mm:3"))],
+    [("robust", ()), ("verify", ("--no-changes",)), ("sweep", ("--axis", "obstacle.position=20mm:30mm:3"))],
 )
 def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_as_the_reason(run, verb, options):
     sensor = WHOLE.replace("60 mm", "25 mm")

@@ -105,21 +105,31 @@ def test_a_report_contains_the_numbers_of_the_verdict(one: pt.Verdict) -> None:
 
 
 def test_the_change_that_helps_most_stands_out_with_its_numbers() -> None:
-    slow = case("4x4 that oscillates")
+    slow = case("8x8 that is too slow")
     best, title = slow.best_change, "What to do next"
     assert best is not None
+    assert best.standing < 1
     page = report_html(slow)
     margins = [f"{slow.stability.margin:.3g}", f"{best.margin:.3g}"]
     assert row(page, "gain margin", title) == margins
+    shares = [f"{100 * slow.limits[0].held:.4g} %", f"{100 * best.held:.4g} %"]
+    assert row(page, "runs with relative velocity at contact <= 0.25 m/s", title) == shares
     titles = sections_of(page)
     assert titles.index("Why it does not hold") + 1 == titles.index(title)
     head, *tried = table(page, "Tried changes")
     assert head == ["change", "objective", "limits met", "gain margin", "what to do"]
     own, *tried = tried
-    assert (own[0], own[-2], own[-1]) == ("unchanged", margins[0], "Compare changes with this row.")
+    assert own == [
+        "unchanged",
+        "",
+        f"not all: {100 * slow.unchanged[0].held:.4g} %",
+        margins[0],
+        "Compare changes with this row.",
+    ]
     assert [cells[-1] for cells in tried] == [change.sentence for change in slow.changes]
     assert [cells[0].endswith(": helps") for cells in tried] == [change.helps for change in slow.changes]
-    assert best.sentence in parse(page[page.rindex(title) : page.rindex("Tried changes")]).words
+    words = parse(page[page.rindex(title) : page.rindex("Tried changes")]).words
+    assert f"which is not enough alone: {best.sentence}" in words
 
 
 def test_a_contact_that_is_harder_than_without_mitigation_is_why_it_does_not_hold() -> None:

@@ -185,3 +185,11 @@ def test_every_shipped_scenario_starts_where_its_floor_detects(file: str) -> Non
     if task.loop is not None:
         found = task.loop.detection(task.scenario, task.sensor)
         assert found.distance == pytest.approx(task.scenario.distance, rel=0.05)
+
+
+def test_starts_beyond_a_curve_that_ends_before_the_detection_distance_are_refused(tmp_path: Path) -> None:
+    known = 'obstacle.position = { uniform = ["40 mm", "46 mm"] }\nobstacle.velocity ='
+    cut = ("exponent = 3.32", 'exponent = 3.32\nmaximum_distance = "43 mm"')
+    task = task_of(tmp_path, cut, (FLOOR, 'floor = "1000 counts"'), ("obstacle.velocity =", known))
+    with pytest.raises(pt.errors.InvalidInputError, match="outside the sensor range"):
+        pt.verify_gain(task.replace(gain=-0.8), changes=False)

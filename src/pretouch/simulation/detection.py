@@ -44,6 +44,7 @@ class DetectionRange(Value):
         start: distance at the start of the encounter [m].
         distance: detection distance of the object of the scenario [m]; 0 if it is never detected, infinite if the
             controller detects at any distance. It is at most the distance at which an accelerated object was at rest.
+        is_beyond_curve: whether the signal is still clearly above the floor where the sensor curve ends.
         brighter: detection distance of an object with twice the signal [m].
         reaches: farthest distance of the sensor curve [m]. If `distance` equals it, the true one may be larger.
         floor: the detection threshold of the controller [output unit].
@@ -55,6 +56,7 @@ class DetectionRange(Value):
 
     start: float
     distance: float
+    is_beyond_curve: bool
     brighter: float
     reaches: float
     floor: float
@@ -71,13 +73,6 @@ class DetectionRange(Value):
     def is_late(self) -> bool:
         """True if the controller detects the object clearly after the encounter has started."""
         return 0 < self.distance < (1 - AGREES) * self.start
-
-    @property
-    def is_beyond_curve(self) -> bool:
-        """True if the signal is still clearly above the floor where the sensor curve ends."""
-        if not self.distance >= self.reaches or self.floor_at_start is None:
-            return False
-        return self.floor_at_start > (1 + AGREES) * self.floor
 
     @property
     def place(self) -> str:
@@ -190,6 +185,7 @@ def detection_range(
     return DetectionRange(
         start=start,
         distance=found,
+        is_beyond_curve=found >= sensor.valid_range[1] and detects_beyond_curve(sensor, chain, conditioning),
         brighter=brighter,
         reaches=sensor.valid_range[1],
         floor=conditioning.floor,
@@ -197,6 +193,15 @@ def detection_range(
         moved=moved,
         velocity=float(scenario.obstacle.velocity),
     )
+
+
+def detects_beyond_curve(sensor: SensorModel, chain: SensorChain, conditioning: Conditioning) -> bool:
+    """Return True if the signal is still clearly above the floor where the sensor curve ends."""
+    end = sensor.valid_range[1]
+    if not math.isfinite(end):
+        return False
+    floor = floor_at(sensor, chain, conditioning, end)
+    return floor is not None and floor > (1 + AGREES) * conditioning.floor
 
 
 def floor_at(sensor: SensorModel, chain: SensorChain, conditioning: Conditioning, distance: float) -> float | None:

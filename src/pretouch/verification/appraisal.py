@@ -25,7 +25,7 @@ from pretouch.motion.layout import PEAKS
 from pretouch.motion.scenario import map_fields
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
-from pretouch.simulation.detection import detection_distance
+from pretouch.simulation.detection import detection_distance, detects_beyond_curve
 from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
 from pretouch.uncertainty.ensemble import check_nominal
 
@@ -158,8 +158,9 @@ def _begin_at_detection(task: Task, values: dict[str, FloatArray]) -> FloatArray
         return None
     plant = values.get("plant.position", task.scenario.plant.position)
     drawn = np.asarray(values[name] - plant, dtype=np.float64)
-    farthest = detection_distance(task.sensor, task.loop.chain, law.conditioning)
-    if not np.any(drawn > farthest) or not farthest > 0:
+    sensing = task.sensor, task.loop.chain, law.conditioning
+    farthest = detection_distance(*sensing)
+    if not np.any(drawn > farthest) or not farthest > 0 or detects_beyond_curve(*sensing):
         return None
     values[name] = plant + np.minimum(drawn, farthest)
     return drawn if task.loop.start_distance is None else np.maximum(drawn, task.loop.start_distance)

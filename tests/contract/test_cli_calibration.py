@@ -112,7 +112,9 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
         assert " ".join(brief.split()).startswith(first), "the summary begins with it, too"
         offset = pt.load_scenario(file).calibration.offset.value
         subtracted = f"the controller and exported laws subtract the offset {offset:.4g} V"
-        assert f"Calibration clipped.csv: usable, but not accurate enough for this contact speed; {subtracted}\n" in brief
+        assert (
+            f"Calibration clipped.csv: usable, but not accurate enough for this contact speed; {subtracted}\n" in brief
+        )
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     assert next(iter(told)) == "headline"
     assert told["headline"].startswith(first)

@@ -22,7 +22,19 @@ from typing import Any
 
 import lazy_loader
 
+from ._core import display as _display
+
 _load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def _renderer() -> _display.Renderer:
+    """Import the functions that show results."""
+    from .report import display  # noqa: PLC0415 - loaded when a result is first shown
+
+    return display
+
+
+_display.register_renderer(_renderer)
 
 
 def __getattr__(name: str) -> Any:

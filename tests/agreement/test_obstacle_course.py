@@ -12,13 +12,13 @@ from scipy.integrate import solve_ivp
 
 import pretouch as pt
 from loop_samples import BareLaw
-from pretouch._core.blocks import page_of
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch.design.objectives import excursion_objective
 from pretouch.motion import ContactStatus, Stretch
 from pretouch.motion.integrated_law import IntegratedLaw
 from pretouch.motion.layout import PEAKS
 from pretouch.motion.page_sections import scenario_rows
+from pretouch.report.pages import page_of
 
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)

@@ -15,12 +15,12 @@ from pathlib import Path
 import pytest
 
 import pretouch as pt
-from pretouch._core.blocks import page_of
 from pretouch.cli.export import Target
 from pretouch.control import Limits, VirtualDamper
 from pretouch.errors import InvalidInputError, OutputError, OutputExistsError
 from pretouch.export import TARGETS, export_law
 from pretouch.export.folder import MANIFEST, write_folder
+from pretouch.report.pages import page_of
 
 ROOT = Path(__file__).parents[2]
 LOOP = ROOT / "examples/loop.toml"

@@ -63,13 +63,15 @@ def test_the_public_names_are_sorted_and_listed_once() -> None:
     assert list(pretouch.__all__) == sorted(set(pretouch.__all__))
 
 
-def test_every_name_of_the_stub_is_one_that_type_checkers_know_too() -> None:
+@pytest.mark.parametrize("package", [pretouch, pretouch.report], ids=["pretouch", "report"])
+def test_every_name_of_the_stub_is_one_that_type_checkers_know_too(package: ModuleType) -> None:
     """They take the form `import NAME as NAME` alone for a name that is offered, and would not see another."""
-    lines = Path(f"{pretouch.__file__}i").read_text(encoding="utf-8").splitlines()
+    lines = Path(f"{package.__file__}i").read_text(encoding="utf-8").splitlines()
     names = [re.fullmatch(r"from \.[\w.]* import (\w+) as \1", line) for line in lines if line.startswith("from")]
-    assert [line for line in lines if line and not line.startswith("from")] == ["__version__: str"]
-    assert sorted(match[1] for match in names if match) == dir(pretouch) == pretouch.__all__
-    assert len(set(dir(pretouch))) == len(names)
+    others = [line for line in lines if line and not line.startswith("from")]
+    assert others == (["__version__: str"] if package is pretouch else [])
+    assert sorted(match[1] for match in names if match) == sorted(dir(package)) == sorted(package.__all__)
+    assert len(set(dir(package))) == len(names)
 
 
 @pytest.mark.parametrize("name", pretouch.plots.__all__)

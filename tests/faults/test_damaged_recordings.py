@@ -249,7 +249,7 @@ def test_nan_and_infinite_ranges_are_those_of_rep_117(task, recorded, tmp_path):
 
 
 def pt_page(result):
-    from pretouch._core.blocks import page_of
+    from pretouch.report.pages import page_of
 
     return page_of(result)
 

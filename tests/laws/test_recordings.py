@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch._core.blocks import page_of
 from pretouch.calibration import fit_sensor, read_calibration
 from pretouch.errors import InvalidInputError
 from pretouch.recording import Recording, replay
@@ -19,6 +18,7 @@ from pretouch.recording.distance_pairs import pair_distances
 from pretouch.recording.latency import estimate_latency
 from pretouch.recording.noise import noise_of, spread_of_course
 from pretouch.recording.timing import stretches, timing_of
+from pretouch.report.pages import page_of
 
 LOOP = Path(__file__).parents[2] / "examples/loop.toml"
 

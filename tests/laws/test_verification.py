@@ -14,12 +14,12 @@ from scipy import stats
 
 import pretouch as pt
 from page_rows import line
-from pretouch._core.blocks import page_of
 from pretouch._core.files import as_json
 from pretouch._core.vocabulary import QUANTITIES
 from pretouch.design import QUANTITY_UNITS
 from pretouch.design.constraints import CONSTRAINT_NAMES
 from pretouch.design.robust.required import least_probability, runs_to_show
+from pretouch.report.pages import page_of
 from pretouch.verification.appraisal import simulated_quantity
 from verification_samples import NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 

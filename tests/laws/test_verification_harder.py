@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch._core.blocks import page_of
 from pretouch.motion import DAMPER
+from pretouch.report.pages import page_of
 from pretouch.simulation.stability import passage
 from pretouch.verification import Effect
 from pretouch.verification.effect import SensorSpeed, chase_in_words

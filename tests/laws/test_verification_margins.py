@@ -12,9 +12,9 @@ import pytest
 
 import pretouch as pt
 from page_rows import line, row
-from pretouch._core.blocks import page_of
 from pretouch.control import VirtualAdmittance
 from pretouch.report import report_html
+from pretouch.report.pages import page_of
 from pretouch.simulation.stability import passed_distances
 from pretouch.verification.stability import candidates_of, check_stability, limit_of
 from verification_samples import BOUNDS, OBJECTIVE, SCENARIO, SENSOR, loop_of, velocity_limit, verdict

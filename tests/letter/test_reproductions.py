@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from pretouch._core.blocks import tables_of
 from pretouch._core.errors import InvalidInputError
 from pretouch.design import Objective
 from pretouch.letter import IDS, Agreement, Reproduction, inputs, reproduce
+from pretouch.letter.parts import PARTS
 from pretouch.letter.program import Program
 from pretouch.motion import Admittance, Scenario
 from pretouch.sensors import SensorModel
@@ -29,8 +29,7 @@ def reproduction(name: str) -> Reproduction:
 
 
 def program(name: str) -> Program:
-    found: Program = import_module(f"pretouch.letter.{name.replace('-', '_')}").PROGRAM
-    return found
+    return PARTS[name].experiment.PROGRAM
 
 
 @pytest.mark.slow(keep=3)

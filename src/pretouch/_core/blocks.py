@@ -10,13 +10,11 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any, ClassVar, Final, TypeAlias
 
 from .units import format_quantity
 from .values import Value
 from .vocabulary import QUANTITIES, Entry
-from .warning_codes import split_code
 
 LINK: Final = re.compile(r"\[([^\[\]]+)\]\(#([a-z0-9-]+)\)")
 """A link inside a page: `[words](#anchor)`."""
@@ -295,43 +293,6 @@ def aligned(table: Sequence[Sequence[str]], *, left: bool = False) -> list[str]:
     ]
 
 
-def page_as_text(page: Page) -> str:
-    """Format a report as plain text for a terminal.
-
-    Args:
-        page: the page.
-
-    Returns:
-        The text, without a line end after the last line.
-    """
-    parts = ["\n".join([page.headline, *page.reservations])]
-    if page.warnings:
-        parts.append("\n".join(f"{_label(text)}: {plain_text(split_code(text)[1])}" for text in page.warnings))
-    return "\n\n".join([*parts, *_parts(page.blocks)])
-
-
-def _label(text: str) -> str:
-    """Return the label in front of a warning, such as `warning PT101`."""
-    return f"warning {split_code(text)[0]}".strip()
-
-
-def _parts(blocks: Iterable[Block]) -> Iterator[str]:
-    """Yield the plain text of report blocks that the terminal shows."""
-    for block in blocks:
-        if not block.brief:
-            continue
-        if isinstance(block, PageSection):
-            inner = "\n\n".join(_parts(block.blocks))
-            yield f"{block.title[0].lower()}{block.title[1:]}\n{inner}" if block.titled else inner
-        elif isinstance(block, PageTable):
-            rows = [block.head, *block.rows] if block.head else list(block.rows)
-            yield "\n".join(aligned([[cell_as_text(cell) for cell in row] for row in rows], left=block.wraps))
-        elif isinstance(block, Listing):
-            yield "\n".join(f"  {plain_text(item)}" for item in block.items)
-        elif isinstance(block, Paragraph | Code):
-            yield plain_text(block.text) if isinstance(block, Paragraph) else block.text
-
-
 def plain_text(text: str) -> str:
     """Remove backticks and link targets from a text."""
     return LINK.sub(r"\1", text).replace("`", "")
@@ -349,58 +310,3 @@ def cell_as_text(cell: Cell) -> str:
     if cell.value is None or math.isnan(cell.value):
         return "-"
     return format_quantity(cell.value, cell.unit, cell.digits) + cell.suffix
-
-
-class InNotebooks:
-    """Base class of results with a display in Jupyter notebooks.
-
-    The display consists of a headline, a figure and a table. Each class gives the name of the function that makes its
-    page, so that results do not import the report.
-    """
-
-    __slots__ = ()
-
-    page: ClassVar[str]
-    """Name of the function that makes the page, with its module, such as `pretouch.design.page:gain_page`."""
-
-    def plot(self) -> Any:
-        """Draw the main figure of this result.
-
-        The functions in `pretouch.plots` draw all other figures.
-
-        Returns:
-            A Matplotlib figure. A result without a figure, for example without contact, raises a
-            ResultUnavailableError.
-        """
-        draw: Callable[[Page], Any] = import_module("pretouch.report.html").lead_figure
-        return draw(page_of(self))
-
-    def _repr_html_(self) -> str | None:
-        excerpt: Callable[[Page], str] = import_module("pretouch.report.html").excerpt_html
-        return excerpt(page_of(self))
-
-
-class Described(InNotebooks):
-    """Base class of results with a short report as text.
-
-    `str(result)` returns this report, which the terminal shows.
-    """
-
-    __slots__ = ()
-
-    def __str__(self) -> str:
-        return page_as_text(page_of(self))
-
-
-def page_of(result: InNotebooks) -> Page:
-    """Create the report that describes a result.
-
-    Args:
-        result: a result whose class names the function that makes its page.
-
-    Returns:
-        The page.
-    """
-    module, _, name = result.page.partition(":")
-    page: Page = getattr(import_module(module), name)(result)
-    return page

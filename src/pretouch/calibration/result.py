@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 
-from pretouch._core.blocks import Described
+from pretouch._core.display import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.files import plain
 from pretouch._core.numbers import FloatArray, IntArray
@@ -292,8 +292,6 @@ class SensorFit(Described, Value):
     unidentifiable: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
-    page: ClassVar[str] = "pretouch.calibration.page:fit_page"
-
     def to_dict(self) -> dict[str, Any]:
         """Return the fit of a sensor model as a dictionary.
 
@@ -352,8 +350,6 @@ class CalibrationReport(Described, Value):
     left_out: tuple[str, ...] = ()
     curves: AllowedCurves | None = None
     scenario_lines: tuple[str, ...] = ()
-
-    page: ClassVar[str] = "pretouch.calibration.page:calibration_page"
 
     @property
     def best(self) -> SensorFit | None:

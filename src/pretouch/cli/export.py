@@ -92,8 +92,8 @@ def _export(
     json: bool,
 ) -> None:
     """Export a control law and print the result."""
-    from pretouch._core.blocks import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick
     from pretouch.export import export_law  # noqa: PLC0415
+    from pretouch.report.pages import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     from .summary import summary_of  # noqa: PLC0415
 

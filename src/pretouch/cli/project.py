@@ -38,8 +38,8 @@ def project(
 
 def _project(file: Path, *, verbose: bool, json: bool) -> None:
     """Print mass and limits at all named points of a robot model."""
-    from pretouch._core.blocks import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick, as below
     from pretouch._core.files import as_json  # noqa: PLC0415
+    from pretouch.report.pages import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick, as below
     from pretouch.robots import load_model, project_all  # noqa: PLC0415
 
     table = project_all(load_model(file))

@@ -231,9 +231,9 @@ def _record(
     path: Path, goal: RecordGoal, options: RecordOptions, origin: _Origin, steps: _Steps, *, verbose: bool, json: bool
 ) -> None:
     """Record a calibration, print the result, and exit with its status."""
-    from pretouch._core.blocks import page_of  # noqa: PLC0415
     from pretouch.recording.record_file import RecordFile, check_free  # noqa: PLC0415
     from pretouch.recording.record_session import record_calibration  # noqa: PLC0415
+    from pretouch.report.pages import page_of  # noqa: PLC0415
 
     from .record_display import LiveDisplay, PlainDisplay  # noqa: PLC0415
     from .summary import summary_of  # noqa: PLC0415

@@ -331,7 +331,7 @@ class Presentation:
 
         The verdict on the sensor calibration is included.
         """
-        from pretouch._core.blocks import page_of  # noqa: PLC0415 - `pretouch --help` stays fast
+        from pretouch.report.pages import page_of  # noqa: PLC0415 - `pretouch --help` stays fast
 
         from .summary import summary_of  # noqa: PLC0415
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from typing import Any
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.files import plain
@@ -114,8 +114,6 @@ class AdmittanceDesign(Answer):
     map: AdmittanceMap
     best_ratio: float | None
     relaxations: tuple[Relaxation, ...]
-
-    page: ClassVar[str] = "pretouch.design.admittance_page:admittance_page"
 
     @property
     def gain(self) -> float | None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -53,8 +53,6 @@ class GainDesign(GainEvidence):
         problem: the task and the bounds of the gain.
         settled: status, gain and objective, if a fast search has found them without the whole scan.
     """
-
-    page: ClassVar[str] = "pretouch.design.page:gain_page"
 
     @classmethod
     def of(cls, problem: GainProblem) -> GainDesign:

@@ -11,7 +11,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from pretouch._core.blocks import Described
+from pretouch._core.display import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value

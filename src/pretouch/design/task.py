@@ -7,9 +7,9 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial, wraps
-from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Final, ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Concatenate, Final, ParamSpec, Protocol, TypeVar, cast
 
-from pretouch._core.blocks import InNotebooks
+from pretouch._core.display import InNotebooks
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
 from pretouch._core.values import Value
@@ -148,8 +148,6 @@ class Task(ExplainsNames, InNotebooks, Value):
     pareto: ParetoOptions = field(default=ParetoOptions())
     robust: RobustOptions = field(default=RobustOptions())
     verify: VerifyOptions = field(default=VerifyOptions())
-
-    page: ClassVar[str] = "pretouch.design.page:task_page"
 
     def __post_init__(self) -> None:
         check_types(self)

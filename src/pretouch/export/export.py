@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
-from pretouch._core.blocks import Cell, Described, Page, PageSection, PageTable, page_of
+from pretouch._core.blocks import Cell, Page, PageSection, PageTable
+from pretouch._core.display import Described
 from pretouch._core.files import plain
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
 from pretouch.verification import Verdict
+from pretouch.verification.page import verdict_page
 
 from .law_design import UNKNOWN
 
@@ -41,8 +43,6 @@ class Export(Described, Value):
     is_limited: bool = True
     is_idle: bool = False
     attraction: tuple[str, ...] = ()
-
-    page: ClassVar[str] = "pretouch.export.export:export_page"
 
     @property
     def is_written(self) -> bool:
@@ -109,7 +109,7 @@ def _warnings(export: Export) -> Iterator[str]:
             "allows: set largest_force and largest_excursion in [controller].",
         )
     if export.verdict is not None:
-        yield from page_of(export.verdict).warnings
+        yield from verdict_page(export.verdict).warnings
 
 
 def export_page(export: Export) -> Page:

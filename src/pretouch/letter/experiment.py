@@ -1,37 +1,17 @@
-"""Recompute the published letter, and store the compared numbers and the checked findings."""
+"""Define the results of comparing the published letter with recomputed values."""
 
 from __future__ import annotations
 
-import difflib
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from importlib import import_module
-from typing import Any, ClassVar, Final, TypeAlias
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
 
-from pretouch._core.arguments import check_arguments
-from pretouch._core.blocks import Described, PageSection, PageTable
-from pretouch._core.errors import InvalidInputError
+from pretouch._core.blocks import PageSection, PageTable
+from pretouch._core.display import Described
 from pretouch._core.values import Value
 
 from .printed import Agreement, Parameter, Printed, short_exponent
-
-EXPERIMENTS: Final = {
-    "table-1": ("Table I", "The sensor curves"),
-    "figure-3": ("Fig. 3", "Sensor output over the distance"),
-    "figure-4": ("Section IV-D, Fig. 4", "Plant position until contact"),
-    "figure-5": ("Section IV-D, Fig. 5", "Relative velocity until contact"),
-    "table-2": ("Table II, Section V-A", "Gains for an approaching obstacle"),
-    "figure-6": ("Fig. 6, Section V-A", "Optimal gain over the obstacle's speed"),
-    "one-gain": ("Section VI-C, Fig. 6", "One gain for all speeds"),
-    "table-3": ("Table III, Sections V-B and V-C", "Gains for tracking motion that is disrupted"),
-    "attraction": ("Section VI-A", "Attraction of the uniform motion"),
-    "constraints": ("Section VI-B", "Limits on motion and velocity"),
-    "impact-force": ("Section VI-B", "The force of the impact instead of its speed"),
-}
-"""Place and title of each reproduction, in the order of the letter; each one is a module of this package."""
-
-IDS: Final = tuple(EXPERIMENTS)
 
 Variables: TypeAlias = Mapping[str, Any]
 """The variables of a program after it was run."""
@@ -181,8 +161,6 @@ class LetterReport(Described, Value):
         reproductions: one for each requested table, figure and section, in the order of the letter.
     """
 
-    page: ClassVar[str] = "pretouch.letter.page:letter_page"
-
     reproductions: tuple[Reproduction, ...] = ()
 
     @property
@@ -221,53 +199,6 @@ class LetterReport(Described, Value):
     def __repr__(self) -> str:
         names = ", ".join(r.id for r in self.reproductions)
         return f"<LetterReport {names}: {'holds' if self.holds else 'DOES NOT HOLD'}>"
-
-
-@check_arguments
-def reproduce(ids: Sequence[str] = (), *, progress: Callable[[str], None] | None = None) -> LetterReport:
-    """Recompute the published letter and compare the numbers.
-
-    Tables, figures and sections can be recomputed.
-
-    Args:
-        ids: names of reproductions, from IDS; all by default.
-        progress: called with each id before its computation.
-
-    Returns:
-        The reproductions, in the order of the letter.
-
-    Raises:
-        InvalidInputError: an id is unknown.
-
-    Examples:
-        >>> report = reproduce(["figure-3"])
-        >>> report.holds
-        True
-    """
-    unknown = [name for name in ids if name not in IDS]
-    if unknown:
-        near = difflib.get_close_matches(unknown[0].lower().replace("_", "-"), IDS, n=1)
-        hint = f". Did you mean {near[0]}?" if near else ""
-        raise InvalidInputError(
-            f"reproduce: the published letter has no part named {unknown[0]!r}. The available parts are: "
-            f"{', '.join(IDS)}{hint}"
-        )
-    reproductions = []
-    for name in IDS:
-        if not ids or name in ids:
-            if progress is not None:
-                progress(name)
-            reproductions.append(_reproduction(name))
-    return LetterReport(reproductions=tuple(reproductions))
-
-
-def _reproduction(name: str) -> Reproduction:
-    experiment = import_module(f"{__package__}.{name.replace('-', '_')}")  # imports only this experiment
-    variables, (place, title) = experiment.PROGRAM.run(), EXPERIMENTS[name]
-    reproduction: Reproduction = experiment.reproduce(variables)
-    return replace(
-        reproduction, id=name, place=place, title=title, code=experiment.PROGRAM.text, figure=variables["figure"]
-    )
 
 
 def finding(number: int, title: str, place: str, statement: str, *steps: tuple[Any, ...]) -> Finding:

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import find_contact
@@ -145,6 +144,8 @@ def _repetition_finding(values: FloatArray, ranges: FloatArray) -> Finding:
 
 
 def _column_finding(values: FloatArray, ranges: FloatArray) -> Finding:
+    from scipy.optimize import brentq  # noqa: PLC0415 - slow to import
+
     curve, printed, at = sensor("inverse-power"), PRINTED["-1.0"], values[:, -2]
 
     def gain(x: float) -> float:

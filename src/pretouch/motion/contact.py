@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.blocks import InNotebooks
+from pretouch._core.display import InNotebooks
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.files import plain
 from pretouch._core.numbers import BoolArray, FloatArray
@@ -175,8 +175,6 @@ class ContactResult(InNotebooks, Value):
     settling_distance = _Quantity()
     impulse_residual = _Quantity()
 
-    page: ClassVar[str] = "pretouch.motion.notebook:contact_page"
-
     def __post_init__(self) -> None:
         object.__setattr__(self, "end", ContactState(self.columns))
 
@@ -279,8 +277,6 @@ class Motion(InNotebooks, Value):
     relative_velocity: FloatArray
     virtual_force: FloatArray
     result: ContactResult
-
-    page: ClassVar[str] = "pretouch.motion.notebook:motion_page"
 
     def __repr__(self) -> str:
         count = "" if self.time.ndim == 1 else f"{int(np.prod(self.time.shape[:-1]))} motions, "

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.blocks import InNotebooks
+from pretouch._core.display import InNotebooks
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_declared, check_types, quantity, units_of_fields
 from pretouch._core.numbers import FloatArray, float_or_array, nonnegative, positive
@@ -114,8 +114,6 @@ class Scenario(InNotebooks, Value):
     plant: Plant = field(default_factory=Plant)
     reference: Reference = field(default_factory=Reference)
     shape: tuple[int, ...] = field(init=False, repr=False, compare=False)
-
-    page: ClassVar[str] = "pretouch.motion.notebook:scenario_page"
 
     def __post_init__(self) -> None:
         check_types(self)

@@ -10,9 +10,10 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
-from pretouch._core.blocks import Cell, Described, Page, PageSection, PageTable
+from pretouch._core.blocks import Cell, Page, PageSection, PageTable
+from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError, SourceError
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
@@ -74,8 +75,6 @@ class RecordedCalibration(Described, Value):
     judgment: Judgment
     interrupted: bool = False
     notes: tuple[str, ...] = ()
-
-    page: ClassVar[str] = "pretouch.recording.record_session:recording_page"
 
     @property
     def headline(self) -> str:

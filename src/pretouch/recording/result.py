@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
-from pretouch._core.blocks import Described
+from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import plain
 from pretouch._core.numbers import FloatArray
@@ -66,8 +66,6 @@ class Replay(Described, Value):
     counts: dict[str, int]
     chain: str
     notes: tuple[str, ...]
-
-    page: ClassVar[str] = "pretouch.recording.replay_page:replay_page"
 
     @property
     def false_triggers(self) -> tuple[RecordedDetection, ...]:

@@ -1,10 +1,9 @@
 """Write HTML reports and draw figures of results.
 
-Matplotlib is imported when the first figure is drawn.
+The stub __init__.pyi lists the public names. They are imported when they are first used, and Matplotlib when the first
+figure is drawn: the text of a result needs neither.
 """
 
-from .html import report_html, write_report
-from .panel_figure import panel_figure
-from .panels import Curve, Map, Mark, Panel, Span
+import lazy_loader
 
-__all__ = ["Curve", "Map", "Mark", "Panel", "Span", "panel_figure", "report_html", "write_report"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -18,18 +18,8 @@ from string import Template
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.blocks import (
-    Block,
-    Code,
-    Described,
-    Film,
-    LazyBlock,
-    Page,
-    PageSection,
-    Paragraph,
-    Picture,
-    page_of,
-)
+from pretouch._core.blocks import Block, Code, Film, LazyBlock, Page, PageSection, Paragraph, Picture
+from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError, PretouchError, ResultUnavailableError
 from pretouch._core.files import refuse_input, sign, write_text
 from pretouch._core.warning_codes import caution
@@ -38,6 +28,7 @@ from . import plots
 from .blocks_html import explained, lead_picture, page_as_excerpt, page_as_html
 from .encounter_animation import Lane, encounter_animation
 from .motion_figures import lanes_of
+from .pages import page_of
 from .robot_film import film_html
 from .simulation_figures import simulated_lanes
 from .style import draw_svg

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.blocks import Described
+from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite_or_none, positive
 from pretouch._core.units import format_quantity, to_si
@@ -81,8 +81,6 @@ class Projection(Described, Value):
     turning: float
     sideways: float
     warnings: tuple[str, ...] = ()
-
-    page: ClassVar[str] = "pretouch.robots.page:projection_page"
 
     @property
     def retreat(self) -> float:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.blocks import Described
+from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite_or_none
 from pretouch._core.values import Value
@@ -135,8 +135,6 @@ class RobotSimulation(Described, Value):
     laws: tuple[SiteLaw, ...] = ()
     model: Any = field(default=None, compare=False, metadata={"checked": False})
     trace_of: Callable[[int], RobotTrace] = field(compare=False)
-
-    page: ClassVar[str] = "pretouch.robots.simulation_page:robot_page"
 
     @property
     def runs(self) -> int:

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.blocks import Described
+from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import Value
 
@@ -58,8 +58,6 @@ class ProjectionTable(Described, Value):
 
     model: str
     rows: tuple[ProjectionRow, ...]
-
-    page: ClassVar[str] = "pretouch.robots.page:table_page"
 
     @property
     def projections(self) -> tuple[tuple[ProjectionRow, Projection], ...]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.blocks import Described
+from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
@@ -131,8 +131,6 @@ class CandidateComparison(Described, Value):
     candidates: tuple[Candidate, ...]
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-
-    page: ClassVar[str] = "pretouch.verification.candidates_page:candidates_page"
 
     @property
     def best(self) -> Candidate | None:

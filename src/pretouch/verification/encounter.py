@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 from pretouch._core.blocks import (
     Cell,
-    Described,
     Film,
     Listing,
     Measured,
@@ -23,6 +22,7 @@ from pretouch._core.blocks import (
     cell_as_text,
     named,
 )
+from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
@@ -127,8 +127,6 @@ class SimulatedEncounter(Described, Value):
     unmitigated: SimulationResult
     prediction: ContactResult
     unmitigated_prediction: ContactResult
-
-    page: ClassVar[str] = "pretouch.verification.encounter:encounter_page"
 
     @cached_property
     def trace(self) -> LoopTrace:

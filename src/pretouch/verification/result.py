@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
-from pretouch._core.blocks import Described
+from pretouch._core.display import Described
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
@@ -291,8 +291,6 @@ class Verdict(Described, Value):
     uncertainty: Uncertainty
     mitigated: SimulationResult | None = None
     unmitigated: SimulationResult | None = None
-
-    page: ClassVar[str] = "pretouch.verification.page:verdict_page"
 
     @property
     def law(self) -> ContinuousLaw:

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.blocks import Described
+from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.files import plain
 from pretouch._core.numbers import finite, nonnegative, positive
@@ -61,8 +61,6 @@ class DragDesign(Described, Value):
             every speed.
         task: the task of the design; None for a design without a task.
     """
-
-    page: ClassVar[str] = "pretouch.design.drag.page:drag_page"
 
     sensor: SensorModel
     mass: float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -129,8 +129,6 @@ class ParetoFront(Answer):
     damping_ratio_bounds: tuple[float, float] | None
     result: ContactResult | None
     relaxations: tuple[Relaxation, ...]
-
-    page: ClassVar[str] = "pretouch.design.front.page:front_page"
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:

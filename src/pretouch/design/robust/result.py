@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -67,8 +67,6 @@ class RobustDesign(Answer):
     fresh: RobustProblem
     scan: Scan
     jump: GainJump | None
-
-    page: ClassVar[str] = "pretouch.design.robust.page:robust_page"
 
     @property
     def gain(self) -> float | None:

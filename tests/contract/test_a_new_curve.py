@@ -16,6 +16,7 @@ from pretouch.calibration import Calibration, rank_models
 from pretouch.calibration.fit import model_names
 from pretouch.motion.scenario import sensor_inputs
 from pretouch.sensors import SensorModel, parameter, sensor_curves
+from pretouch.sensors.registry import find_curve
 from scenario_text import ENCOUNTER
 
 FILE = (
@@ -74,6 +75,38 @@ def test_it_is_known_by_its_name_with_its_parameters_and_their_units(curve: type
     assert sensor_inputs(curve(scale=1.0, spread=0.02)) == {"sensor.scale": "", "sensor.spread": "m"}
     with pytest.raises(pt.errors.InvalidInputError, match=r"spread: found -0.02 m, which must be positive"):
         curve(scale=1.0, spread=-0.02)
+
+
+def test_a_second_curve_of_the_same_name_is_named_with_the_first(curve: type[SensorModel]) -> None:
+    class Other(curve):  # type: ignore[misc, valid-type]
+        name: ClassVar[str] = "two-sources"
+
+    with pytest.raises(pt.errors.InvalidInputError, match="have the same name") as error:
+        find_curve("two-sources")
+    assert all(f"{c.__module__}.{c.__qualname__}" in str(error.value) for c in (curve, Other))
+    readings = Calibration(distances=[0.01, 0.02, 0.03, 0.04], outputs=[4.0, 3.0, 2.0, 1.5], unit="V")
+    with pytest.raises(pt.errors.InvalidInputError, match="have the same name"):
+        rank_models(readings, ("two-sources",))
+
+
+def test_a_curve_cannot_take_the_place_of_a_built_in_one() -> None:
+    class Mine(pt.InversePower):
+        name: ClassVar[str] = "inverse-power"
+
+    with pytest.raises(pt.errors.InvalidInputError, match=r"pretouch\.sensors\.inverse_power\.InversePower and .*Mine"):
+        find_curve("inverse-power")
+    del Mine
+    gc.collect()
+    assert find_curve("inverse-power") is pt.InversePower
+
+
+def test_a_curve_that_is_defined_again_replaces_the_earlier_one(curve: type[SensorModel]) -> None:
+    """As in a notebook, whose cell is run twice."""
+    again = planted()
+    assert again is not curve
+    assert find_curve("two-sources") is again
+    del again
+    gc.collect()
 
 
 def test_a_file_takes_it_and_its_uncertainty(curve: type[SensorModel], tmp_path: Path) -> None:

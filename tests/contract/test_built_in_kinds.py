@@ -28,10 +28,9 @@ def source_of(name: str) -> str:
 
 
 CURVE = "from pretouch.sensors.model import SensorModel, parameter\n" + source_of("TwoSources")
-TERM = """"energy": Entry(
-        "energy of the robot", "E", "J", limit="energy", needs_impact=True,
-        value=lambda state, impact: 0.5 * impact.robot_mass * state.relative_velocity**2,
-    ),
+TERM = """"energy": Entry("energy of the robot", "E", "J", limit="energy", needs_impact=True),
+    """
+FORMULA = """"energy": lambda state, impact: 0.5 * impact.robot_mass * state.relative_velocity**2,
     """
 Edits = dict[str, tuple[str, str]]
 """The text in front of which each file gets more text; a file without such a text is new."""
@@ -53,7 +52,10 @@ KINDS: dict[str, Edits] = {
         "uncertainty/correlated.py": ("DISTRIBUTION_KINDS: Final", source_of("Triangular")),
         "uncertainty/correlated.py#list": ('"normal": Normal', '"triangular": Triangular, '),
     },
-    "term": {"_core/vocabulary.py": ('"peak_force": Entry(', TERM)},
+    "term": {
+        "_core/vocabulary.py": ('"peak_force": Entry(', TERM),
+        "design/quantities.py": ('"impact_force": lambda', FORMULA),
+    },
 }
 """Files by path in the package; what follows a # tells two changes of a file apart."""
 

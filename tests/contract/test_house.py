@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from pretouch._core.display import Described, InNotebooks
+from pretouch._core.display import Described
 from pretouch.errors import InvalidInputError
 from pretouch.motion import Admittance, Obstacle, Scenario
+from pretouch.report import report_html
 from pretouch.report.pages import PAGES, page_of
 
 ROOT = Path(__file__).parents[2]
@@ -146,7 +147,7 @@ def shown_classes(kind: type) -> Iterator[type]:
         if sub.__module__.startswith("pretouch."):
             yield from shown_classes(sub)
             is_copy = vars(sys.modules[sub.__module__])[sub.__name__] is not sub  # a dataclass with slots replaces it
-            if not is_copy and sub.__name__ not in {"Described", "Answer", "GainEvidence"}:
+            if not is_copy and sub.__name__ not in {"Answer", "GainEvidence"}:
                 yield sub
 
 
@@ -155,7 +156,7 @@ def test_every_result_has_one_page_in_the_table() -> None:
         if name != "pretouch.__main__":
             importlib.import_module(name)
     rows = {kind: make for folder in PAGES.values() for kind, make in folder().items()}
-    assert set(rows) == set(shown_classes(InNotebooks))
+    assert set(rows) == set(shown_classes(Described))
     for kind, make in rows.items():
         assert next(iter(make.__annotations__.values())) == kind.__name__
     homes = [(folder, kind.__module__) for folder, make in PAGES.items() for kind in make()]
@@ -178,6 +179,14 @@ def test_a_subclass_has_the_page_of_its_base() -> None:
         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.04, velocity=-0.3)
     )
     assert page_of(scenario).kind == "Encounter"
+
+
+def test_a_report_is_made_of_everything_that_a_page_describes() -> None:
+    scenario = Scenario(
+        admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.04, velocity=-0.3)
+    )
+    assert "starts at a distance of 40 mm" in report_html(scenario)
+    assert str(scenario).startswith("Scenario(admittance=")
 
 
 def test_the_text_of_a_design_loads_no_figure_and_no_other_verb() -> None:

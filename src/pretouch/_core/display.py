@@ -30,10 +30,10 @@ def register_renderer(load: Callable[[], Renderer]) -> None:
     _LOADERS[:] = [load]
 
 
-class InNotebooks:
-    """Base class of results with a display in Jupyter notebooks.
+class Described:
+    """Base class of results, and of the values that they are made of, which a report page describes.
 
-    The display consists of a headline, a figure and a table.
+    Notebooks show headline, figure and table of the page. `str` returns its text, unless a class shows its fields.
     """
 
     __slots__ = ()
@@ -49,17 +49,8 @@ class InNotebooks:
         """
         return _LOADERS[0]().figure(self)
 
-    def _repr_html_(self) -> str | None:
-        return _LOADERS[0]().excerpt(self)
-
-
-class Described(InNotebooks):
-    """Base class of results with a short report as text.
-
-    `str(result)` returns this report, which the terminal shows.
-    """
-
-    __slots__ = ()
-
     def __str__(self) -> str:
         return _LOADERS[0]().text(self)
+
+    def _repr_html_(self) -> str | None:
+        return _LOADERS[0]().excerpt(self)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,8 +15,6 @@ class Entry:
         symbol: the letter's symbol.
         unit: SI unit.
         whole: whether the quantity depends on the whole motion, not only on the state at contact.
-        value: returns the quantity from the state at contact and the impact model; None if objectives and constraints
-            cannot use the quantity.
         limit: short name of the constraint on the quantity; empty if there is none.
         needs_impact: whether the quantity depends on the impact model.
         is_magnitude: whether limits and Pareto fronts use the magnitude of the quantity instead of the signed value.
@@ -27,7 +24,6 @@ class Entry:
     symbol: str
     unit: str
     whole: bool = False
-    value: Callable[[Any, Any], Any] | None = None
     limit: str = ""
     needs_impact: bool = False
     is_magnitude: bool = True
@@ -42,57 +38,33 @@ class Entry:
         return self.words.removesuffix(" at contact")
 
 
-def _state(name: str, words: str, symbol: str, unit: str, *, whole: bool = False, limit: str = "") -> Entry:
-    """Return the vocabulary entry for an attribute of the contact state."""
-    return Entry(words, symbol, unit, whole, lambda state, _: getattr(state, name), limit)
-
-
 QUANTITIES: Final[dict[str, Entry]] = {
-    "time": _state("time", "time of contact", "t", "s", limit="time"),
+    "time": Entry("time of contact", "t", "s", limit="time"),
     "distance": Entry("distance at contact", "l", "m"),
-    "position": _state("position", "plant position at contact", "x", "m"),
-    "velocity": _state("velocity", "plant velocity at contact", "x\u2032", "m/s"),
-    "acceleration": _state("acceleration", "plant acceleration at contact", "x\u2033", "m/s^2"),
-    "displacement": _state("displacement", "deviation from the reference at contact", "x \u2212 x_d", "m"),
-    "relative_velocity": _state(
-        "relative_velocity", "relative velocity at contact", "l\u2032", "m/s", limit="relative_velocity"
+    "position": Entry("plant position at contact", "x", "m"),
+    "velocity": Entry("plant velocity at contact", "x\u2032", "m/s"),
+    "acceleration": Entry("plant acceleration at contact", "x\u2033", "m/s^2"),
+    "displacement": Entry("deviation from the reference at contact", "x \u2212 x_d", "m"),
+    "relative_velocity": Entry("relative velocity at contact", "l\u2032", "m/s", limit="relative_velocity"),
+    "virtual_force": Entry("virtual force at contact", "F_p", "N"),
+    "largest_excursion": Entry("largest excursion", "max |x \u2212 x_d|", "m", whole=True, limit="excursion"),
+    "largest_travel": Entry("largest travel from the start", "max |x \u2212 x(0)|", "m", whole=True, limit="travel"),
+    "largest_speed": Entry("largest plant speed", "max |x\u2032|", "m/s", whole=True, limit="speed"),
+    "largest_acceleration": Entry(
+        *("largest plant acceleration", "max |x\u2033|", "m/s^2"), whole=True, limit="acceleration"
     ),
-    "virtual_force": _state("virtual_force", "virtual force at contact", "F_p", "N"),
-    "largest_excursion": _state(
-        "largest_excursion", "largest excursion", "max |x \u2212 x_d|", "m", whole=True, limit="excursion"
-    ),
-    "largest_travel": _state(
-        "largest_travel", "largest travel from the start", "max |x \u2212 x(0)|", "m", whole=True, limit="travel"
-    ),
-    "largest_speed": _state("largest_speed", "largest plant speed", "max |x\u2032|", "m/s", whole=True, limit="speed"),
-    "largest_acceleration": _state(
-        *("largest_acceleration", "largest plant acceleration", "max |x\u2033|", "m/s^2"),
-        whole=True,
-        limit="acceleration",
-    ),
-    "largest_virtual_force": _state(
-        "largest_virtual_force", "largest virtual force", "max |F_p|", "N", whole=True, limit="virtual_force"
-    ),
+    "largest_virtual_force": Entry("largest virtual force", "max |F_p|", "N", whole=True, limit="virtual_force"),
     "closest_distance": Entry("smallest distance", "min l", "m", whole=True),
     "settling_distance": Entry("settling distance", "l(\u221e)", "m", whole=True),
     "impulse_residual": Entry("residual of the impulse balance", "", "", whole=True),
     "drive_force": Entry(
-        *("largest drive force", "m max |x\u2033|", "N"),
-        whole=True,
-        value=lambda state, impact: impact.robot_mass * state.largest_acceleration,
-        limit="drive_force",
-        needs_impact=True,
+        *("largest drive force", "m max |x\u2033|", "N"), whole=True, limit="drive_force", needs_impact=True
     ),
-    "impact_force": Entry(
-        *("peak impact force", "F", "N"),
-        value=lambda state, impact: impact.peak_force(state.relative_velocity),
-        limit="impact_force",
-        needs_impact=True,
-    ),
+    "impact_force": Entry("peak impact force", "F", "N", limit="impact_force", needs_impact=True),
     "peak_force": Entry("peak contact force", "max F", "N", whole=True),
     "impulse": Entry("impulse of all contacts", "\u222bF dt", "N*s", whole=True),
     "rebound_velocity": Entry("relative velocity after impact", "l\u2032", "m/s"),
-    "gain": Entry("gain", "D_p", "N*s", value=lambda state, _: state.columns.column("gain"), limit="gain"),
+    "gain": Entry("gain", "D_p", "N*s", limit="gain"),
     "objective": Entry("objective", "f", ""),
 }
 """Every quantity of results, objectives, limits and sweeps, by its name in code; users can add quantities."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -18,7 +18,22 @@ from pretouch.motion.contact import ContactState
 
 from .impact import ImpactModel
 
-_BUILT_IN: Final = {name: entry for name, entry in QUANTITIES.items() if entry.value is not None}
+Formula: TypeAlias = Callable[[ContactState, Any], Any]
+"""Function of the state at contact and the impact model that returns a quantity."""
+
+_OF_STATE: Final = (
+    *("time", "position", "velocity", "acceleration", "displacement", "relative_velocity", "virtual_force"),
+    *("largest_excursion", "largest_travel", "largest_speed", "largest_acceleration", "largest_virtual_force"),
+)
+_FORMULAS: Final[dict[str, Formula]] = {
+    **{name: lambda state, _, name=name: getattr(state, name) for name in _OF_STATE},  # type: ignore[misc]
+    "drive_force": lambda state, impact: impact.robot_mass * state.largest_acceleration,
+    "impact_force": lambda state, impact: impact.peak_force(state.relative_velocity),
+    "gain": lambda state, _: state.columns.column("gain"),
+}
+"""What objectives and constraints can use, by name; the vocabulary has names, symbols and units."""
+
+_BUILT_IN: Final = {name: entry for name, entry in QUANTITIES.items() if name in _FORMULAS}
 
 QUANTITY_UNITS: Final[dict[str, str]] = {name: entry.unit for name, entry in _BUILT_IN.items()}
 """The SI unit of every contact quantity, built-in or user-defined, by the name of the quantity."""
@@ -60,7 +75,7 @@ class ContactQuantity(str):
     def __new__(  # noqa: D102 - the class describes it
         cls,
         name: str,
-        value: Callable[[ContactState, Any], Any],
+        value: Formula,
         *,
         unit: str = "",
         words: str = "",
@@ -79,12 +94,12 @@ class ContactQuantity(str):
             symbol,
             unit,
             whole=True,  # it may read any quantity of the state
-            value=value,
             limit=name,
             needs_impact=needs_impact,
             is_magnitude=is_magnitude,
         )
         QUANTITIES[name], QUANTITY_UNITS[name], CONSTRAINT_NAMES[name] = entry, unit, name
+        _FORMULAS[name] = value
         quantity = super().__new__(cls, name)
         options: dict[str, Any] = {"unit": unit, "words": words, "symbol": symbol, "needs_impact": needs_impact}
         quantity._make = partial(ContactQuantity, name, value, **options, is_magnitude=is_magnitude)
@@ -159,7 +174,7 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
             f"{name}: this quantity depends on the physical masses of robot and obstacle. Pass an impact model "
             "with these masses. The mass of the robot is its reflected mass, not the virtual mass of the admittance"
         )
-    return entry.value(state, impact) if entry.value is not None else None
+    return _FORMULAS[name](state, impact)
 
 
 def size_of(name: str, value: Any) -> Any:

@@ -9,7 +9,7 @@ from dataclasses import KW_ONLY, dataclass, field
 from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, Concatenate, Final, ParamSpec, Protocol, TypeVar, cast
 
-from pretouch._core.display import InNotebooks
+from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
 from pretouch._core.values import Value
@@ -58,7 +58,7 @@ _OF_LOOP: Final[Any] = None
 
 
 @dataclass(frozen=True)
-class Task(ExplainsNames, InNotebooks, Value):
+class Task(ExplainsNames, Described, Value):
     """The complete design problem of functions such as `design_gain`.
 
     It consists of an encounter, a sensor and all options. Each verb uses the fields that it needs and raises an error
@@ -148,6 +148,8 @@ class Task(ExplainsNames, InNotebooks, Value):
     pareto: ParetoOptions = field(default=ParetoOptions())
     robust: RobustOptions = field(default=RobustOptions())
     verify: VerifyOptions = field(default=VerifyOptions())
+
+    __str__ = object.__str__  # its fields, not its page
 
     def __post_init__(self) -> None:
         check_types(self)

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.display import InNotebooks
+from pretouch._core.display import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.files import plain
 from pretouch._core.numbers import BoolArray, FloatArray
@@ -143,7 +143,7 @@ class ContactState(Value):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ContactResult(InNotebooks, Value):
+class ContactResult(Described, Value):
     """Result of `find_contact` for one encounter or for an array of encounters.
 
     Status and time of every run are available at once; other quantities are computed when they are first read.
@@ -174,6 +174,8 @@ class ContactResult(InNotebooks, Value):
     closest_distance = _Quantity()
     settling_distance = _Quantity()
     impulse_residual = _Quantity()
+
+    __str__ = object.__str__  # its fields, not its page
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "end", ContactState(self.columns))
@@ -251,7 +253,7 @@ class ContactResult(InNotebooks, Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Motion(InNotebooks, Value):
+class Motion(Described, Value):
     """Sampled motion of robot and obstacle during an encounter.
 
     The samples reach from the start to the end of the encounter.
@@ -277,6 +279,8 @@ class Motion(InNotebooks, Value):
     relative_velocity: FloatArray
     virtual_force: FloatArray
     result: ContactResult
+
+    __str__ = object.__str__  # its fields, not its page
 
     def __repr__(self) -> str:
         count = "" if self.time.ndim == 1 else f"{int(np.prod(self.time.shape[:-1]))} motions, "

@@ -10,7 +10,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, Motion
-from .laws import DAMPER, ContinuousLaw, continuous_law
+from .laws import DAMPER, ContinuousLaw, PredictableLaw, continuous_law
 from .scenario import Scenario
 
 Evaluator: TypeAlias = Callable[[Scenario, SensorModel, Any], ContactResult]
@@ -56,7 +56,7 @@ def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:
 
 def _law_and_value(value: Any, law: Any) -> tuple[ContinuousLaw, Any]:
     """Return the control law and the value of its coefficient."""
-    if law is DAMPER and hasattr(value, "continuous"):
+    if law is DAMPER and isinstance(value, PredictableLaw):
         return continuous_law(value), value.value
     return continuous_law(law), value
 

@@ -91,6 +91,19 @@ class LawNumber(NamedTuple):
 
 
 @runtime_checkable
+class PredictableLaw(Protocol):
+    """The part of a sampled control law that predictions need; `pretouch.control.Law` is the whole interface."""
+
+    @property
+    def continuous(self) -> Any:
+        """The continuous-time law that it approximates, or the name of that law."""
+
+    @property
+    def value(self) -> Any:
+        """The coefficient of the control law."""
+
+
+@runtime_checkable
 class ContinuousLaw(Protocol):
     """Interface of a control law in continuous time.
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.display import InNotebooks
+from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_declared, check_types, quantity, units_of_fields
 from pretouch._core.numbers import FloatArray, float_or_array, nonnegative, positive
@@ -85,7 +85,7 @@ class Admittance(Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scenario(InNotebooks, Value):
+class Scenario(Described, Value):
     """One or several encounters of robot and object.
 
     If inputs are arrays, the scenario is an array of encounters. Positions are absolute; x points away from the sensor,
@@ -114,6 +114,8 @@ class Scenario(InNotebooks, Value):
     plant: Plant = field(default_factory=Plant)
     reference: Reference = field(default_factory=Reference)
     shape: tuple[int, ...] = field(init=False, repr=False, compare=False)
+
+    __str__ = object.__str__  # its fields, not its page
 
     def __post_init__(self) -> None:
         check_types(self)

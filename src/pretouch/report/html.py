@@ -67,7 +67,7 @@ def write_report(
     A figure that cannot be drawn is replaced by a warning that gives the reason. All other parts are written.
 
     Args:
-        result: the result of a verb, with any status.
+        result: the result of a verb, with any status; or a task, scenario, contact or motion.
         path: path of the page.
         calibration: the calibration to which the sensor curve was fitted, if there is one.
         source: the scenario file: an object or a mapping with `name` or `path`, `text` and `sha256`.
@@ -93,7 +93,7 @@ def report_html(
     """Return the report of a result as one self-contained HTML page.
 
     Args:
-        result: the result of a verb, with any status.
+        result: the result of a verb, with any status; or a task, scenario, contact or motion.
         calibration: the calibration to which the sensor curve was fitted, if there is one.
         source: the scenario file, see `write_report`.
         warn: receives a warning for each figure that cannot be drawn, see `write_report`.

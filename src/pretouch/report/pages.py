@@ -11,10 +11,10 @@ from collections.abc import Callable
 from typing import Any, Final, TypeAlias
 
 from pretouch._core.blocks import Page
-from pretouch._core.display import InNotebooks
+from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
 
-Rows: TypeAlias = dict[type[InNotebooks], Callable[[Any], Page]]
+Rows: TypeAlias = dict[type[Described], Callable[[Any], Page]]
 
 
 def _motion() -> Rows:
@@ -120,7 +120,7 @@ PAGES: Final[dict[str, Callable[[], Rows]]] = {
 """The pages of the results that are defined in each folder."""
 
 
-def page_of(result: InNotebooks) -> Page:
+def page_of(result: Described) -> Page:
     """Create the report page that describes a result.
 
     Args:

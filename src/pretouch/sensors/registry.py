@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.extensions import Extensions, kind_problem
 
 from .custom import CustomSensor
@@ -13,6 +14,7 @@ from .recessed import Recessed
 from .table import PiecewiseCubic
 
 _HOME: Final = "pretouch."
+_COMPOSED: Final = (CustomSensor.name, PiecewiseCubic.name, Recessed.name)  # made of functions or of another curve
 
 
 def sensor_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, type[SensorModel]]:
@@ -40,8 +42,8 @@ def sensor_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, t
         if vars(curve).get("name") and (is_ours or (foreign and curve.name not in built_in)):
             curves[curve.name] = curve
             built_in |= {curve.name} if is_ours else set()
-    for composed in (CustomSensor, PiecewiseCubic, Recessed):
-        curves.pop(composed.name, None)
+    for name in _COMPOSED:
+        curves.pop(name, None)
     return {name: curve for name, curve in curves.items() if not fitted or _is_fitted(curve)}
 
 
@@ -58,9 +60,26 @@ def find_curve(name: str) -> type[SensorModel] | None:
 
     It is None if no class has this name. Built-in classes, classes of the calling program and those of installed
     packages are searched.
+
+    Raises:
+        InvalidInputError: two classes have this name. A class that is defined again, such as in a notebook, counts
+            once, and replaces the earlier one.
     """
-    curve: type[SensorModel] | None = sensor_curves(foreign=True).get(name) or CURVE_KINDS.find(name)
-    return curve
+    if name in _COMPOSED:
+        return None
+    classes = {_label(curve): curve for curve in _subclasses(SensorModel) if vars(curve).get("name") == name}  # type: ignore[type-abstract]
+    if not all(label.startswith(_HOME) for label in classes) or not classes:
+        installed: type[SensorModel] | None = CURVE_KINDS.find(name)
+        classes |= {} if installed is None else {_label(installed): installed}
+    if len(classes) > 1:
+        raise InvalidInputError(
+            f"the sensor curves {' and '.join(sorted(classes))} have the same name {name!r}; rename one of them"
+        )
+    return next(iter(classes.values()), None)
+
+
+def _label(curve: type[SensorModel]) -> str:
+    return f"{curve.__module__}.{curve.__qualname__}"
 
 
 def _subclasses(cls: type[SensorModel]) -> Iterator[type[SensorModel]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -319,6 +319,19 @@ class Reservations(Value):
         return {"headline": f"{self.headline} {of_result}" if of_result else self.headline, **combined}
 
 
+@runtime_checkable
+class PredictedEncounter(Protocol):
+    """A result, or a task, with an encounter that is predicted by a sensor curve."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """The encounter."""
+
+    @property
+    def sensor(self) -> SensorModel:
+        """The sensor curve."""
+
+
 def reservations_apply(answer: Any) -> bool:
     """Return whether warnings about the calibration apply to a result.
 
@@ -330,7 +343,7 @@ def reservations_apply(answer: Any) -> bool:
     Returns:
         Whether the result has an encounter and a sensor.
     """
-    return hasattr(answer, "scenario") and hasattr(answer, "sensor")
+    return isinstance(answer, PredictedEncounter)
 
 
 def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:

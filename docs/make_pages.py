@@ -15,7 +15,7 @@ from typing import Any
 
 import typer
 
-from pretouch._core.warning_codes import WARNING_CODES, WarningCode
+from pretouch._core.warning_codes import explanation, warning_codes
 from pretouch.cli.app import app
 from pretouch.config.quantities import Quantity, UnfitValueError
 from pretouch.config.schema import ARRAYS, SECTIONS, variants
@@ -37,8 +37,6 @@ GROUPS = {
 def pages() -> Iterator[tuple[str, str]]:
     """Yield path and text of each page."""
     yield "warnings/README.md", warning_index()
-    for code in WARNING_CODES.values():
-        yield f"warnings/{code.code}.md", warning_page(code)
     yield "reference/commands.md", commands_page()
     yield "reference/scenario-keys.md", keys_page()
     yield "reference/scenario.schema.json", json.dumps(scenario_schema(), indent=1) + "\n"
@@ -57,38 +55,10 @@ def warning_index() -> str:
     ]
     for start, title in GROUPS.items():
         lines += [f"## {title}", "", "| code | warning |", "| --- | --- |"]
-        codes = [code for code in WARNING_CODES.values() if code.code.startswith(start)]
-        lines += [f"| [{code.code}]({code.code}.md) | {code.title} |" for code in codes]
+        codes = [code for code in warning_codes() if code.startswith(start)]
+        lines += [f"| [{code}]({code}.md) | {explanation(code).title} |" for code in codes]
         lines.append("")
-    return "\n".join([*lines, "```{toctree}", ":hidden:", "", *WARNING_CODES, "```", ""])
-
-
-def warning_page(code: WarningCode) -> str:
-    """Return the page of one warning."""
-    return f"""\
-{MADE}
-# {code.code}: {code.title}
-
-## What it means
-
-{code.meaning}
-
-## Why it matters
-
-{code.why}
-
-## What to do
-
-{code.remedy}
-
-## Example
-
-```text
-{code.code}: {code.example}
-```
-
-[All warnings](README.md)
-"""
+    return "\n".join([*lines, "```{toctree}", ":hidden:", "", *warning_codes(), "```", ""])
 
 
 def commands_page() -> str:

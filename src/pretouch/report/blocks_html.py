@@ -29,7 +29,7 @@ from pretouch._core.blocks import (
     tables_of,
 )
 from pretouch._core.units import format_quantity, pretty_unit
-from pretouch._core.warning_codes import WARNING_CODES, codes_in, page_of_code
+from pretouch._core.warning_codes import codes_in, explanation, page_of_code
 
 _PAGE_LINK: Final = re.compile(r"\[([^\]]+)\]\([^)#]+\)")
 """A link to another page of the documentation, which a report does not have."""
@@ -155,7 +155,7 @@ def explained(page: Page) -> Page:
 
 def _explanation(code: str) -> PageSection:
     """Return the report section that explains one warning code."""
-    entry = WARNING_CODES[code]
+    entry = explanation(code)
     rows = (
         ("meaning", entry.meaning),
         ("why it matters", entry.why),

@@ -149,8 +149,8 @@ def _draw_limits(document: Document, rng: np.random.Generator) -> None:
 def drawn_that_fails(rng: np.random.Generator, folder: Path) -> tuple[Document, pt.Verdict]:
     """Return a random scenario file whose gain does not hold, and its verdict."""
     while True:
-        document = draw(rng)
         try:
+            document = draw(rng)
             task = load(document, folder)
             if pt.verify_gain(task, changes=False).status is VerdictStatus.DOES_NOT_HOLD:
                 return document, pt.verify_gain(task)
@@ -239,8 +239,8 @@ def coverage(count: int, seed: int, runs: int) -> tuple[int, int, int]:
     with tempfile.TemporaryDirectory() as name:
         for _ in range(count):
             while True:
-                document = draw(rng)
                 try:
+                    document = draw(rng)
                     task = load(document, Path(name))
                     verdict = pt.verify_gain(task, changes=False)
                     if verdict.limits:

@@ -13,13 +13,15 @@ With --sparse each sensor is read once at 6 to 18 distances, many with a ceiling
 it has the fitted form, for the others another one.
 
 With --wrong-nearest each sensor is read once at 6 to 12 distances, and the nearest reading is wrong by 5 to 30 %. At
-most 2 of 100 designs may be more than 15 % off without a warning in the first line, such as the range of the contact
-speed. A sensor that is warned about is not counted as needless, because the reading is wrong.
+most 2 of 100 designs may be more than 15 % off if the first line has neither a warning nor a range of contact speeds. A
+sensor that is warned about is not counted as needless, because the reading is wrong.
 
 It prints, with the requirement in parentheses; the exit code is 1 if one is missed:
 
 - designs without a warning in the first line that come within 15 % of the predicted contact speed (95 %);
-- sensors that are refused or warned about although the design is or could be right (at most 10 %);
+- sensors that are refused or warned about although the design is or could be right (at most 10 %, 6 % with --sparse);
+- designs more than 15 % off whose first line has neither a warning nor a range of contact speeds;
+- ranges of contact speeds in first lines that contain the true one within 5 %;
 - contacts harder than without mitigation without a warning (none);
 - sensors that are refused;
 - sensors with 15 good distances and a known offset that are usable (95 %);
@@ -86,6 +88,7 @@ class Outcome:
     seconds: float
     reason: str
     cautioned: bool = False
+    said: tuple[float, float] | None = None
     holds_slope: bool | None = None
     same_family: bool = True
 
@@ -120,29 +123,33 @@ def contact_speed(slope: Array, start: float, recess: float, span: float, gain: 
     return SPEED + u
 
 
-def judge(made: MadeSensor, report: CalibrationReport) -> tuple[float, float, bool]:
+def judge(made: MadeSensor, report: CalibrationReport) -> tuple[float, float, bool, tuple[float, float] | None]:
     """Design on the fit and integrate the motion on the true curve.
 
     Returns:
-        The predicted and the true contact speed [m/s], NaN without a contact, and whether the first line of the
-        answer has a warning.
+        The predicted and the true contact speed [m/s], NaN without a contact, whether the first line of the answer has
+        a warning, and its range of contact speeds [m/s], if it has one.
     """
     best, offset = report.best, report.offset
     if best is None or offset is None:
-        return np.nan, np.nan, True
+        return np.nan, np.nan, True, None
     recess, last = report.window.l_min, report.window.l_max
     sensor = pt.Recessed(sensor=best.sensor, recess=recess) if recess > 0 else best.sensor
     start = last - recess
     scenario = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=start, velocity=-SPEED))
     design = pt.design_gain(pt.Task(scenario, sensor, OBJECTIVE, bounds=(-20.0, -1e-3)))
     if not bool(np.all(design.result.reached)):
-        return np.nan, np.nan, True
+        return np.nan, np.nan, True, None
     promised = -float(design.result.end.relative_velocity)
     floor = 3 * report.noise.output if report.noise is not None else 0.0
     floor = min(floor, report.window.floor - offset.value)
     slope = slope_seen(made, offset.value, floor, np.linspace(0.0, last, GRID))
-    cautioned = reservations_of(report, design).headline is not None
-    return promised, contact_speed(slope, start, recess, last, float(design.gain)), cautioned
+    reservations = reservations_of(report, design)
+    witness, said = reservations.witness, None
+    if reservations.spread is not None and witness is not None:
+        said = witness.allowed_low, witness.allowed_high
+    met = contact_speed(slope, start, recess, last, float(design.gain))
+    return promised, met, reservations.headline is not None, said
 
 
 def slope_holds(made: MadeSensor, report: CalibrationReport) -> bool | None:
@@ -170,7 +177,7 @@ def one(task: tuple[int, int, str]) -> Outcome:
     start = time.perf_counter()
     report = rank_models(made.calibration, offset="auto" if made.declared is None else made.declared)
     seconds = time.perf_counter() - start
-    promised, met, cautioned = judge(made, report)
+    promised, met, cautioned, said = judge(made, report)
     offset, holds = report.offset, None
     if offset is not None and offset.kind == "fitted":
         holds = offset.low <= made.offset <= offset.high
@@ -185,6 +192,7 @@ def one(task: tuple[int, int, str]) -> Outcome:
         seconds=seconds,
         reason=report.reasons[0][:90],
         cautioned=cautioned,
+        said=said,
         holds_slope=slope_holds(made, report),
         same_family=report.best is not None and report.best.model == made.family and made.trusted_from == 0,
     )
@@ -192,6 +200,17 @@ def one(task: tuple[int, int, str]) -> Outcome:
 
 def _held(group: list[Outcome]) -> str:
     return share(sum(bool(o.holds_slope) for o in group), len(group))
+
+
+def _print_ranges(found: list[Outcome]) -> int:
+    """Print what the first lines say; return how many designs are more than 15 % off without a warning or a range."""
+    off = [o for o in found if abs(o.met - o.promised) > WITHIN * o.promised]
+    unsaid = sum(not o.cautioned and o.said is None for o in off)
+    ranges = [(o.said, o.met) for o in found if o.said is not None and np.isfinite(o.met)]
+    inside = sum(0.95 * low <= met <= 1.05 * high for (low, high), met in ranges)
+    print(f"more than 15 % off: {len(off)}, of which {unsaid} without a warning or a range in the first line")
+    print(f"ranges in the first line that contain the true speed: {share(inside, len(ranges))}")
+    return unsaid
 
 
 def share(part: float, whole: float) -> str:
@@ -245,18 +264,17 @@ def main() -> int:
     for o in [o for o in good if o not in usable][:12]:
         print(f"    {o.kind}, number {o.number}: {o.reason}")
     print(f"intervals of fitted offsets that contain the true one: {share(len(held), len(fitted))}")
-    off = [o for o in found if abs(o.met - o.promised) > WITHIN * o.promised]
-    print(f"more than 15 % off, without a warning: {share(len([o for o in off if not o.cautioned]), len(off))}")
+    unsaid = _print_ranges(found)
     judged = [o for o in found if o.holds_slope is not None and o.kind not in {"second reflection", "rising"}]
     others = [o for o in judged if not o.same_family]
     for name, group in (("all sensors", judged), ("another family", others)):
         print(f"intervals of g in the middle that contain the true one, {name}: {_held(group)}")
     if kinds == "wrong-nearest":
-        return 0 if len([o for o in off if not o.cautioned]) <= 0.02 * len(found) else 1
+        return 0 if unsaid <= 0.02 * len(found) else 1
     ok = len(close) >= 0.95 * len(free) and not harder
     ok = ok and (len(judged) < FEW or sum(bool(o.holds_slope) for o in judged) >= 0.85 * len(judged))
     if kinds == "sparse":
-        return 0 if ok and len(needless) <= 0.1 * len(found) else 1
+        return 0 if ok and len(needless) <= 0.06 * len(found) else 1
     ok = ok and len(usable) >= 0.95 * len(good)
     covers = len(fitted) < FEW or 0.9 * len(fitted) <= len(held) <= 0.98 * len(fitted)
     return 0 if ok and covers else 1

@@ -160,7 +160,7 @@ bounds = ["-20 N*s", "-0.001 N*s"]
     assert ended.value.code == 1
     told = " ".join(capsys.readouterr().out.split())
     assert re.match(
-        r"PT201: Not supported by the readings: on [1-9]\d* of 100 sensor curves that fit the readings, "
+        r"PT201: Not supported by the readings: on [1-9]\d* of 140 sensor curves that fit the readings, "
         r"contact is harder than without mitigation",
         told,
     )

@@ -212,7 +212,8 @@ def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Pres
         write_bytes(figure, content.getvalue(), overwrite=shown.force)
     places = {"output": shown.output, "figure": figure}
     witness = None if reservations is None else reservations.witness
-    if reservations is not None and witness is not None and witness.headline is None and not shown.json:
+    says_nothing = witness is not None and witness.headline is None and witness.spread is None
+    if reservations is not None and says_nothing and not shown.json:
         reservations = replace(reservations, witness=None)  # its numbers are those of the nominal encounter alone
     try:
         text = shown.formatted(

@@ -7,7 +7,7 @@ import inspect
 import os
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn, TypeAlias
@@ -338,7 +338,10 @@ class Presentation:
         opening = () if reservations is None or reservations.headline is None else (reservations.headline,)
         calibration = () if reservations is None else (reservations.verdict,)
         ending = (*calibration, "All numbers: --verbose")
-        return summary_of(page_of(result), lines=lines, opening=opening, ending=ending)
+        page = page_of(result)
+        if reservations is not None:
+            page = replace(page, headline=reservations.with_spread(page.headline))
+        return summary_of(page, lines=lines, opening=opening, ending=ending)
 
     def _write(self, result: Any, target: Path, task: Task | None, inputs: Sequence[Path]) -> bool:
         """Write the report of a result.

@@ -249,6 +249,8 @@ def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -
     section = PageSection(title=f"Sensor calibration: {calibration.calibration.name}", blocks=blocks)
     opening = (reservations.headline,) if reservations is not None and reservations.headline else ()
     page = replace(page.with_blocks(section), reservations=(*opening, *page.reservations))
+    if reservations is not None:
+        page = replace(page, headline=reservations.with_spread(page.headline))
     if reservations is not None and reservations.is_refuted:
         return replace(page, status=f"status: not supported by the readings ({page.status})", good=False)
     return page

@@ -101,6 +101,16 @@ class Reservations(Value):
         return " ".join(part for part in (self._receding, *parts) if part)
 
     @property
+    def spread(self) -> str | None:
+        """The range of contact speeds that the readings allow, with the measurement that narrows it.
+
+        It is None if the range agrees with the prediction within 15 %, or if the headline has a warning.
+        """
+        if self.witness is None or self.witness.spread is None or self.headline is not None:
+            return None
+        return f"{self.witness.spread} {self._measurement}"
+
+    @property
     def _measurement(self) -> str:
         """Advice on what to measure so that the readings allow fewer contact speeds."""
         witness, offset = self.witness, self.report.offset
@@ -276,7 +286,7 @@ class Reservations(Value):
         w = self.witness
         if w is None:
             return None
-        return {"predicted": w.predicted, "low": w.probable_low, "high": w.probable_high, "unit": "m/s"}
+        return {"predicted": w.predicted, "low": w.allowed_low, "high": w.allowed_high, "unit": "m/s"}
 
     def __str__(self) -> str:
         head = f"calibration {self.report.calibration.name}: {self.report.verdict}"
@@ -296,12 +306,18 @@ class Reservations(Value):
         level = f"{offset.value:.4g} {unit}".rstrip()
         return f"{text}; the controller and exported laws subtract the offset {level}"
 
+    def with_spread(self, answer: str) -> str:
+        """Return the first sentences of a result, followed by the range of contact speeds that the readings allow."""
+        return answer if self.spread is None else f"{answer} {self.spread}"
+
     def around_text(self, text: str) -> str:
         """Add the calibration warnings and notes to a result's text.
 
         Returns:
-            The main warning, the text, and all notes on the calibration.
+            The main warning, the text with the allowed range of contact speeds, and all notes on the calibration.
         """
+        answer, line_end, rest = text.partition("\n")
+        text = f"{self.with_spread(answer)}{line_end}{rest}"
         return "\n\n".join(part for part in (self.headline, text, str(self)) if part)
 
     def around_dict(self, result: dict[str, Any]) -> dict[str, Any]:
@@ -313,10 +329,10 @@ class Reservations(Value):
         combined = {**result, "calibration": self.to_dict()}
         if self.is_refuted:
             combined |= {"status": "not-supported", "status_on_fitted_curve": result.get("status")}
-        if self.headline is None:
+        if self.headline is None and self.spread is None:
             return combined
-        of_result = combined.pop("headline", None)
-        return {"headline": f"{self.headline} {of_result}" if of_result else self.headline, **combined}
+        parts = (self.headline, combined.pop("headline", None))
+        return {"headline": self.with_spread(" ".join(part for part in parts if part)), **combined}
 
 
 @runtime_checkable

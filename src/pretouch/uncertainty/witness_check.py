@@ -23,12 +23,12 @@ CLOSE: Final = 0.15
 """Relative tolerance of the speed at contact: a curve within it agrees with the prediction."""
 
 _THROUGH: Final = 40  # curves through the readings
-_UNDER: Final = 60  # weighted curves
+_UNDER: Final = 100  # weighted curves
 _FEW: Final = 4, 6  # numbers of both kinds of curves for a law that is integrated one encounter after the other
 _SEED: Final = 1
 _DISAGREE: Final = 0.25  # largest share of the weighted curves that may disagree with the prediction
-_FEW_DEVIATE: Final = 0.1  # largest share of the weighted curves that may disagree without a range in the first line
-_QUANTILES: Final = (0.05, 0.95)  # the stated ranges lie between these quantiles
+_QUANTILES: Final = (0.05, 0.95)  # a range that contradicts the prediction lies between these quantiles of each kind
+_ALLOWED: Final = (0.01, 0.99)  # the range of allowed speeds lies between these quantiles of the weighted curves
 _CAUSE: Final = 0.5  # share of the deviating curves, or of the variance, from which on a cause is decisive
 _BEYOND: Final = 12  # points on the fitted curve on either side of the readings
 _SMALLEST: Final = 1e-3  # smallest share of a drawn signal that remains after another offset is subtracted
@@ -54,9 +54,9 @@ class WitnessCheck(Value):
         unmitigated: |l'| at contact without mitigation [m/s].
         low: the smallest |l'| at contact on these curves [m/s], without the lowest 5 % of either kind.
         high: the largest |l'| [m/s], without the highest 5 %.
-        probable_low: the smallest |l'| at contact on the weighted curves [m/s], without the lowest 5 %. A curve without
+        allowed_low: the smallest |l'| at contact on the weighted curves [m/s], without the lowest 1 %. A curve without
             contact counts as 0.
-        probable_high: the largest |l'| on the weighted curves [m/s], without the highest 5 %.
+        allowed_high: the largest |l'| on the weighted curves [m/s], without the highest 1 %.
         share_outside: the share of the weighted curves on which |l'| differs from the prediction by more than 15 %.
         harder_count: the number of curves on which contact is harder than without mitigation, contrary to the
             prediction.
@@ -72,8 +72,8 @@ class WitnessCheck(Value):
     unmitigated: float
     low: float
     high: float
-    probable_low: float
-    probable_high: float
+    allowed_low: float
+    allowed_high: float
     share_outside: float
     harder_count: int
     is_contradicted: bool
@@ -89,17 +89,14 @@ class WitnessCheck(Value):
 
     @property
     def is_precise(self) -> bool:
-        """Whether nine of ten weighted curves agree with the predicted speed within 15 %."""
-        return self.share_outside <= _FEW_DEVIATE
+        """Whether the range of allowed contact speeds agrees with the predicted speed within 15 %."""
+        return self.allowed_low >= (1 - CLOSE) * self.predicted and self.allowed_high <= (1 + CLOSE) * self.predicted
 
     @property
     def headline(self) -> str | None:
-        """A warning that the readings do not support the predicted contact speed, or allow clearly different ones.
-
-        It is None if the readings support the prediction, and nine of ten weighted curves agree with it.
-        """
+        """A warning that the readings do not support the predicted contact speed; None if they support it."""
         if self.is_supported:
-            return None if self.is_precise else self._range
+            return None
         low, high, predicted, free = (
             format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted, self.unmitigated)
         )
@@ -123,27 +120,27 @@ class WitnessCheck(Value):
         )
 
     @property
-    def _range(self) -> str:
-        """A warning that the readings allow a wide range of contact speeds."""
-        low, high, predicted = (
-            format_quantity(v, "m/s", 3) for v in (self.probable_low, self.probable_high, self.predicted)
-        )
+    def spread(self) -> str | None:
+        """The range of contact speeds that the readings allow, as a sentence.
+
+        It is None if the readings do not support the prediction, or if the range agrees with it within 15 %.
+        """
+        if not self.is_supported or self.is_precise:
+            return None
+        low, high = (format_quantity(v, "m/s", 3) for v in (self.allowed_low, self.allowed_high))
         unit = low.rpartition(" ")[2]
         ends = f"{low.removesuffix(f' {unit}')} to {high}" if high.endswith(f" {unit}") else f"{low} to {high}"
-        of = f" These speeds are those of the worst of {self.encounters} encounters." if self.encounters > 1 else ""
-        return caution(
-            "PT116",
-            f"The readings also allow sensor curves with which contact occurs at {ends}. The fitted curve predicts "
-            f"{predicted}.{of}",
-        )
+        of = f" in the worst of {self.encounters} encounters" if self.encounters > 1 else ""
+        return f"The readings also allow sensor curves with which contact occurs at {ends}{of}."
 
     @property
     def text(self) -> str:
         """Text that compares the contact speeds on different sensor curves."""
-        ends = (self.probable_low, self.probable_high) if self.is_supported else (self.low, self.high)
+        ends = (self.allowed_low, self.allowed_high) if self.is_supported else (self.low, self.high)
         low, high, predicted = (format_quantity(v, "m/s", 3) for v in (*ends, self.predicted))
+        share = "98 %" if self.is_supported else "90 %"
         sentences = [
-            f"on 90 % of the sensor curves that fit the readings, the contact speed is {low} to {high}",
+            f"on {share} of the sensor curves that fit the readings, the contact speed is {low} to {high}",
             f"The fitted curve predicts {predicted}",
         ]
         if not is_within(self.predicted, *ends):
@@ -222,7 +219,7 @@ def _judge(
 ) -> WitnessCheck:
     """Compare the predicted contact speed with the speeds on other curves."""
     # The speeds `under` are those on the `weighted` curves.
-    probable_low, probable_high = np.quantile(np.where(np.isfinite(under), under, 0.0), _QUANTILES)
+    allowed_low, allowed_high = np.quantile(np.where(np.isfinite(under), under, 0.0), _ALLOWED)
     groups = [group[np.isfinite(group)] for group in (through, under)]
     ends = np.concatenate([np.quantile(group, _QUANTILES) for group in groups if len(group)] or [np.array([np.nan])])
     agreeing = np.abs(under - predicted) <= CLOSE * predicted
@@ -235,8 +232,8 @@ def _judge(
         unmitigated=float(free),
         low=float(ends.min()),
         high=float(ends.max()),
-        probable_low=float(probable_low),
-        probable_high=float(probable_high),
+        allowed_low=float(allowed_low),
+        allowed_high=float(allowed_high),
         share_outside=float(np.mean(~agreeing)),
         harder_count=int((np.concatenate([through, under]) > _HARDER * free).sum()) if predicted <= free else 0,
         is_contradicted=not agrees,

@@ -9,10 +9,14 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from types import FrameType
 
 import pytest
 
+from pretouch._core import arguments
 from pretouch._core.display import Described
+from pretouch.config import load_scenario
+from pretouch.design import design_gain
 from pretouch.errors import InvalidInputError
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.report import report_html
@@ -201,6 +205,24 @@ def test_the_text_of_a_design_loads_no_figure_and_no_other_verb() -> None:
     assert text == "Optimal gain"
     assert "pretouch.report.pages" in modules
     assert not {"pretouch.report.html", "pretouch.verification", "pretouch.robots", "matplotlib"} & set(modules)
+
+
+def test_a_design_checks_the_arguments_of_its_verb_only() -> None:
+    """What a verb has checked is not checked again by the functions that it calls."""
+    task = load_scenario(ROOT / "examples/approach.toml")
+    str(design_gain(task))  # makes the rules
+    calls = []
+
+    def count(frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and frame.f_code.co_name == "call" and frame.f_code.co_filename == arguments.__file__:
+            calls.append(frame.f_locals["function"].__name__)
+
+    sys.setprofile(count)
+    try:
+        str(design_gain(task))
+    finally:
+        sys.setprofile(None)
+    assert calls == ["design_gain"]
 
 
 def test_a_class_has_its_name_alone() -> None:

@@ -12,7 +12,7 @@ from pretouch._core.numbers import finite
 from pretouch.motion.contact import ContactState
 
 from .impact import ImpactModel
-from .quantities import CONSTRAINT_NAMES, QUANTITY_KINDS, QUANTITY_UNITS, quantity_of, size_of
+from .quantities import CONSTRAINT_NAMES, QUANTITY_KINDS, QUANTITY_UNITS, contact_value, size_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +57,7 @@ class Constraint:
 
     def magnitude(self, state: ContactState, impact: ImpactModel | None = None) -> Any:
         """Return the magnitude of the limited quantity at contact, in SI units."""
-        return size_of(self.quantity, quantity_of(self.quantity, state, impact))
+        return size_of(self.quantity, contact_value(self.quantity, state, impact))
 
 
 def each_once(constraints: Iterable[Constraint]) -> None:

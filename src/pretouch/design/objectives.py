@@ -15,7 +15,7 @@ from pretouch._core.numbers import FloatArray, finite, nonnegative
 from pretouch.motion.contact import ContactState
 
 from .impact import ImpactModel
-from .quantities import check_quantity, quantity_of
+from .quantities import check_quantity, contact_value
 
 OBSTACLE_SPEED = "obstacle speed"
 Scale: TypeAlias = float | Literal["obstacle speed"]
@@ -73,7 +73,7 @@ class Term:
         """
         # `obstacle_speed` is |x_o'| at the start [m/s].
         with np.errstate(over="ignore"):  # an infinite objective is never the least
-            return self.weight * (quantity_of(self.quantity, state, impact) / self.scale_for(obstacle_speed)) ** 2
+            return self.weight * (contact_value(self.quantity, state, impact) / self.scale_for(obstacle_speed)) ** 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -32,7 +32,7 @@ from .gain import GainDesign
 from .impact import ImpactModel, impact_rows
 from .objectives import Objective
 from .page_sentences import limit_in_words, step_without_gain, verify_step
-from .quantities import quantity_of
+from .quantities import contact_value
 from .task import Task
 
 Row = tuple[Cell, ...]
@@ -180,7 +180,7 @@ def _contact_rows(runs: list[ContactResult], names: list[str], impact: ImpactMod
     for name in dict.fromkeys(names):
         if name in _NOT_AT_CONTACT:
             continue
-        values = [float(quantity_of(name, run.end, impact)) for run in runs]
+        values = [float(contact_value(name, run.end, impact)) for run in runs]
         largest = max(abs(v) for v in values)
         label = named(name)
         if not ended:

@@ -25,7 +25,7 @@ from .constraints import Constraint
 from .custom_objectives import appraise
 from .impact import ImpactModel
 from .objectives import OBSTACLE_SPEED, Objective
-from .quantities import quantity_of, size_of
+from .quantities import contact_value, size_of
 from .search import HELD, GainAxis, Landscape
 from .task import Task
 
@@ -100,10 +100,10 @@ def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> C
     """
 
     def rates(state: ContactState) -> Rates:
-        return [_at_contact(quantity, np.sign(quantity_of(quantity, state, impact)) / unit, state, impact)]
+        return [_at_contact(quantity, np.sign(contact_value(quantity, state, impact)) / unit, state, impact)]
 
     return Criterion(
-        value=lambda result: size_of(quantity, quantity_of(quantity, result.end, impact)) / unit,
+        value=lambda result: size_of(quantity, contact_value(quantity, result.end, impact)) / unit,
         rates=rates,
         has_gradients=quantity in _WITH_GRADIENTS,
     )
@@ -119,7 +119,7 @@ def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None)
     def rates(state: ContactState) -> Rates:
         rates_by_quantity = []
         for term in objective.terms:
-            value, scale = quantity_of(term.quantity, state, impact), term.scale_for(obstacle_speed)
+            value, scale = contact_value(term.quantity, state, impact), term.scale_for(obstacle_speed)
             rate = 2 * term.weight * value / np.square(scale)
             rates_by_quantity.append(_at_contact(term.quantity, rate, state, impact))
             if term.scale == OBSTACLE_SPEED:

@@ -162,14 +162,20 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
         impact: the physical properties, needed for `drive_force` and `impact_force`.
 
     Returns:
-        The quantity in SI, of the shape of the state.
-
-    Raises:
-        InvalidInputError: the quantity is unknown, or it needs physical properties and there is no impact model.
+        The quantity in SI, of the shape of the state. An unknown quantity, and one that needs physical properties
+        without an impact model, raise InvalidInputError.
     """
     check_quantity(name, "quantity")
-    entry = QUANTITIES[name]
-    if entry.needs_impact and impact is None:
+    return contact_value(name, state, impact)
+
+
+def contact_value(name: str, state: ContactState, impact: ImpactModel | None) -> Any:
+    """Return the value of a quantity whose name a task has already checked.
+
+    Raises:
+        InvalidInputError: the quantity needs an impact model, and there is none.
+    """
+    if impact is None and QUANTITIES[name].needs_impact:
         raise InvalidInputError(
             f"{name}: this quantity depends on the physical masses of robot and obstacle. Pass an impact model "
             "with these masses. The mass of the robot is its reflected mass, not the virtual mass of the admittance"

@@ -19,7 +19,7 @@ from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.design.certificate import ConstraintOutcome, Sensitivity
 from pretouch.design.gain import GainDesign
 from pretouch.design.page import shows_equals, traded_quantity
-from pretouch.design.quantities import quantity_of
+from pretouch.design.quantities import contact_value
 from pretouch.motion import LawNumber
 
 from .new_figure import new_figure
@@ -105,7 +105,7 @@ def _trade_off_panel(design: GainDesign) -> Panel:
     """Return a plot of the contact speed versus excursion or another cost."""
     name = traded_quantity(design)
     state, reached = design.trade_off.state, design.trade_off.reached
-    cost = np.where(reached, np.abs(quantity_of(name, state, design.impact)), np.nan)
+    cost = np.where(reached, np.abs(contact_value(name, state, design.impact)), np.nan)
     speed = np.where(reached, np.abs(state.relative_velocity), np.nan)
     points = list(_points(design, name))
     across = _scale(unit_of(name), np.array([*cost, *(p[0] for p in points)]))
@@ -168,7 +168,7 @@ def _infeasible_ranges(design: GainDesign, gain: FloatArray) -> Iterator[Span]:
 
 
 def _violates(design: GainDesign, outcome: ConstraintOutcome) -> BoolArray:
-    magnitude = np.abs(quantity_of(outcome.quantity, design.trade_off.state, design.impact))
+    magnitude = np.abs(contact_value(outcome.quantity, design.trade_off.state, design.impact))
     return np.asarray(magnitude > outcome.limit * (1 + 1e-9))
 
 
@@ -187,7 +187,7 @@ def _points(design: GainDesign, name: str) -> Iterator[tuple[float, float, dict[
         (nearest, {"label": "nearest to the limits", "style": 0}),
     ):
         if run is not None and run.reached.all():
-            cost = abs(float(quantity_of(name, run.end, design.impact)))
+            cost = abs(float(contact_value(name, run.end, design.impact)))
             yield cost, abs(float(run.end.relative_velocity)), style
 
 

@@ -21,7 +21,7 @@ from ..front.physical_bound import find_physical_bound, why_no_bound
 from ..gain import GainDesign, design_gain
 from ..impact import ImpactModel, impact_rows
 from ..page_sentences import limit_in_words, verify_step
-from ..quantities import quantity_of
+from ..quantities import contact_value
 from .limits import DragEffect
 from .result import ROUNDING, DragDesign
 
@@ -214,7 +214,7 @@ def compared_rows(scenario: Scenario, impact: ImpactModel | None, *runs: Contact
 def _quantities(impact: ImpactModel | None, *runs: ContactResult) -> Iterator[tuple[str, str, list[float]]]:
     """Yield name, unit and magnitudes of each contact quantity of several encounters."""
     for name, words in {**_COMPARED, **(_OF_IMPACT if impact is not None else {})}.items():
-        yield words, unit_of(name), [abs(float(quantity_of(name, run.end, impact))) for run in runs]
+        yield words, unit_of(name), [abs(float(contact_value(name, run.end, impact))) for run in runs]
 
 
 def _excursion_over_bound(scenario: Scenario, run: ContactResult) -> float:

@@ -12,7 +12,7 @@ from pretouch._core.values import Value
 from pretouch.motion import ContactState
 
 from ..impact import ImpactModel
-from ..quantities import quantity_of, size_of
+from ..quantities import contact_value, size_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -42,7 +42,7 @@ class RobustOutcomes(Value):
 
         The result is its magnitude in SI units. It is infinite without contact.
         """
-        values = np.asarray(size_of(quantity, quantity_of(quantity, self.state, self.impact)))
+        values = np.asarray(size_of(quantity, contact_value(quantity, self.state, self.impact)))
         return np.where(self.reached, np.broadcast_to(values, self.reached.shape), np.inf)
 
     def reaches(self, quantity: str, share: float) -> float:

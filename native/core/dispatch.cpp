@@ -90,6 +90,11 @@ void pretouch_drag_approaches(const pretouch_column *inputs, int64_t n, const pr
     CHOSEN(drag_approaches)(inputs, n, curves, horizon, wanted);
 }
 
+void pretouch_solve_drag_courses(const double *values, int64_t n, const double *drags, const pretouch_pieces *curve,
+                                 double horizon, const pretouch_drag_courses *wanted) {
+    CHOSEN(solve_drag_courses)(values, n, drags, curve, horizon, wanted);
+}
+
 // ---- the sampled loop ----
 
 void pretouch::run_side_by_side(const pretouch_loop *loop, const int64_t *which, int64_t n, void *states,

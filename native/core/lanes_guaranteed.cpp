@@ -8,6 +8,7 @@
 
 #include <string.h>
 
+#include "lanes_drag_course.hpp"
 #include "lanes_encounter.hpp"
 #include "lanes_kernels.hpp"
 
@@ -173,6 +174,22 @@ void solve_series(const double *values, int64_t n, const double *gains, const pr
         if (times) samples = {times + i * m, m, reinterpret_cast<double(*)[4]>(trace) + i * m};
         Course &row = reinterpret_cast<Course *>(rows)[i];
         status[i] = Encounter(values_of(values, i), gains[i], *curve, horizon, samples, nullptr, row, later).run();
+    }
+}
+
+void solve_drag_courses(const double *values, int64_t n, const double *drags, const pretouch_pieces *curve,
+                        double horizon, const pretouch_drag_courses *wanted) {
+    for (int64_t i = 0; i < n; i++) {
+        Samples samples = {};
+        const int64_t count = wanted->section_count, m = wanted->m;
+        const Sections later = {reinterpret_cast<const Section *>(wanted->sections) + i * count, count};
+        if (wanted->times) samples = {wanted->times + i * m, m, reinterpret_cast<double(*)[4]>(wanted->trace) + i * m};
+        double(*nodes)[3] = reinterpret_cast<double(*)[3]>(wanted->nodes);
+        const DragOutputs outputs = {wanted->impulses + i, wanted->steps + i,
+                                     nodes ? nodes + wanted->first[i] * pretouch::GAUSS : nullptr};
+        Course &row = reinterpret_cast<Course *>(wanted->rows)[i];
+        DragEncounter one(values_of(values, i), drags[i], *curve, horizon, samples, row, later, outputs);
+        wanted->status[i] = one.run_drag();
     }
 }
 

@@ -15,6 +15,8 @@ void series_contacts(const pretouch_column *inputs, const pretouch_column *refer
 void solve_series(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve, double horizon,
                   double *rows, int64_t *status, const double *times, int64_t m, double *trace, const double *sections,
                   int64_t section_count);
+void solve_drag_courses(const double *values, int64_t n, const double *drags, const pretouch_pieces *curve,
+                        double horizon, const pretouch_drag_courses *wanted);
 void follow_gradients(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,
                       const double *shape, double horizon, double *gradients, int8_t *status);
 

@@ -147,6 +147,29 @@ typedef struct {
 PRETOUCH_API void pretouch_drag_approaches(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves,
                                            double horizon, const pretouch_approaches *wanted);
 
+/* ---- encounters under the virtual drag whose obstacle has a course (lanes_drag_course.hpp) ----
+ * values, curve, rows, status, times, trace and sections are those of pretouch_solve_series. drags: phi, shape (n).
+ * impulses, shape (n): the time integral of the admittance's force. steps, shape (n): the number of steps with a drag.
+ * nodes, if not null: weight [s], l and l' at 16 Gauss points of each of these steps. first: the index of the first of
+ * these steps of each encounter. */
+typedef struct {
+    double *rows;
+    int64_t *status;
+    double *impulses;
+    int64_t *steps;
+    const int64_t *first;
+    double *nodes;
+    const double *times;
+    int64_t m;
+    double *trace;
+    const double *sections;
+    int64_t section_count;
+} pretouch_drag_courses;
+
+PRETOUCH_API void pretouch_solve_drag_courses(const double *values, int64_t n, const double *drags,
+                                              const pretouch_pieces *curve, double horizon,
+                                              const pretouch_drag_courses *wanted);
+
 /* ---- designs (lanes_design.cpp) ---- */
 /* Finds the optimal gain of each encounter.
  * inputs: the columns of `values` above, shape (10, n).

@@ -33,7 +33,13 @@ constexpr double ROUNDING = 1.1e-16;
 constexpr int ITERATIONS = 10;
 constexpr double CLOSE = 1e-8;  // change of l', relative to l', after which one more step of Newton's method converges
 
-// Values at the points: h l'', l', l and d ln xi / dt.
+// The virtual force F = gain s'^exponent with s' = d ln xi / dt.
+struct Force {
+    double gain;
+    int exponent;
+};
+
+// Values at the points: h l'', l', l and F / gain.
 struct AtPoints {
     double rise[POINTS], v[POINTS], l[POINTS], force[POINTS];
 };
@@ -92,9 +98,9 @@ struct Moved {
     double change, noise;
 };
 
-// Sets up the equations of a step of Newton's method. Returns the rounding error of l' [m/s], or -1 if D + D_p g is not
-// positive at all points.
-double linearize(const Values &m, double gain, const Piece &piece, const Start &state, double h, AtPoints &at,
+// Sets up the equations of a step of Newton's method. Returns the rounding error of l' [m/s], or -1 if the damping
+// D + g dF/ds' is not positive at all points.
+double linearize(const Values &m, const Force &law, const Piece &piece, const Start &state, double h, AtPoints &at,
                  Row *rows) {
     const double inertia = m.mass / h;
     double noise = 0, terms = 0;
@@ -102,12 +108,14 @@ double linearize(const Values &m, double gain, const Piece &piece, const Start &
     for (int i = 0; i < POINTS; i++) {
         const double t = state.time + h * RADAU.nodes[i];
         const Slope slope = slope_at(piece, at.l[i]);
+        const double rate = slope.value * at.v[i], gain = law.exponent == 2 ? 2 * law.gain * rate : law.gain;  // dF/ds'
         const double held = m.damping + gain * slope.value;
         if (!(held > 0)) return -1;
-        at.force[i] = slope.value * at.v[i];
+        at.force[i] = law.exponent == 2 ? rate * rate : rate;
         const double own = m.stiffness * obstacle_at(m, t), brought = m.damping * obstacle_speed(m, t);
         const double drive = own + brought + m.mass * m.a;
-        const double residual = inertia * at.rise[i] + held * at.v[i] + m.stiffness * at.l[i] - drive;
+        const double brake = law.exponent == 2 ? m.damping * at.v[i] + law.gain * at.force[i] : held * at.v[i];
+        const double residual = inertia * at.rise[i] + brake + m.stiffness * at.l[i] - drive;
         const double steep = terms + fabs(slope.bend * at.l[i]);  // g's rounding error: of its terms, and through l
         const double size = fabs(own) + fabs(brought) + fabs(m.mass * m.a) + fabs(m.stiffness * at.l[i]) +
                             fabs(gain * at.v[i]) * steep;
@@ -123,10 +131,10 @@ double linearize(const Values &m, double gain, const Piece &piece, const Start &
     return noise;
 }
 
-Moved iterate(const Values &m, double gain, const Piece &piece, const Start &state, double h, AtPoints &at) {
+Moved iterate(const Values &m, const Force &law, const Piece &piece, const Start &state, double h, AtPoints &at) {
     Row rows[POINTS];
     double correction[POINTS];
-    const double noise = linearize(m, gain, piece, state, h, at, rows);
+    const double noise = linearize(m, law, piece, state, h, at, rows);
     if (noise < 0 || !solve(rows, correction)) return {false, 0, 0};
     double change = 0;
     for (int j = 0; j < POINTS; j++) at.rise[j] += correction[j];
@@ -161,7 +169,7 @@ void to_series(const double *at_points, double *series) {
 //
 // doubt: error of l' at the start [m/s]. It raises the limit, because the step damps this error: the decay of the error
 // is a fast transient that need not be resolved.
-double collocate(const Values &m, double gain, const Piece &piece, const Start &state, double h, double doubt,
+double collocate(const Values &m, const Force &law, const Piece &piece, const Start &state, double h, double doubt,
                  double *l, double *force) {
     AtPoints at;
     for (int i = 0; i < POINTS; i++) {
@@ -172,7 +180,7 @@ double collocate(const Values &m, double gain, const Piece &piece, const Start &
     double noise = 0;
     bool close = false;
     for (int i = 0; i < ITERATIONS; i++) {
-        const Moved moved = iterate(m, gain, piece, state, h, at);
+        const Moved moved = iterate(m, law, piece, state, h, at);
         noise = moved.noise;
         if (!moved.valid) return INFINITY;
         if (close) break;
@@ -197,7 +205,7 @@ double collocate(const Values &m, double gain, const Piece &piece, const Start &
 }  // namespace
 
 double long_step(const Values &m, double gain, const Piece &piece, const Start &state, double taylor, double longest,
-                 Pace &pace, double *l, double *force) {
+                 Pace &pace, double *l, double *force, int exponent) {
     if (pace.wait > 0) {
         pace.wait -= longest > FAR * taylor ? EAGER : 1;
         return 0;
@@ -205,7 +213,7 @@ double long_step(const Values &m, double gain, const Piece &piece, const Start &
     double h = smaller(larger(pace.next, LONG * taylor), longest);
     if (h < WORTH * taylor) return 0;  // the border is too near for a long step
     while (h >= WORTH * taylor) {
-        const double missed = collocate(m, gain, piece, state, h, pace.doubt, l, force);
+        const double missed = collocate(m, {gain, exponent}, piece, state, h, pace.doubt, l, force);
         const double factor = missed > 0 ? 0.9 * pow(missed, -0.1) : 4.0;
         if (missed <= 1) {
             if (h < longest || pace.next < h) pace.next = h * smaller(factor, 4);

@@ -23,9 +23,9 @@ struct Pace {
 
 // Tries a step that is longer than the Taylor step of length `taylor`, and at most `longest`, the longest useful step
 // [s]. Returns its length [s], or 0 if no long step was tried or none was accepted. For an accepted step, it fills `l`
-// with LONG_TERMS power coefficients of l, and `force` with the first POINTS ones of d ln xi / dt, in time / length of
-// the step.
+// with LONG_TERMS power coefficients of l, and `force` with the first POINTS ones of F / gain, in time / length of the
+// step. The virtual force is F = gain (d ln xi / dt)^exponent; the exponent is 1 or 2.
 double long_step(const Values &m, double gain, const Piece &piece, const Start &state, double taylor, double longest,
-                 Pace &pace, double *l, double *force);
+                 Pace &pace, double *l, double *force, int exponent = 1);
 
 }  // namespace pretouch

@@ -323,7 +323,7 @@ def motion_of(
 def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
     """Convert the samples of a compiled solver to a motion.
 
-    The virtual force is that of the virtual damper, L(2).
+    The virtual force is that of the virtual damper, L(2), or of the virtual drag.
 
     Returns:
         The motion.
@@ -336,6 +336,7 @@ def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, re
     relative_velocity = path_velocity - speed
     with np.errstate(all="ignore"):  # a custom curve may overflow at large distances
         slope = np.asarray(request.sensor.log_slope(np.clip(distance, *request.sensor.valid_range)))
+    rate = slope * relative_velocity
     course = {
         "time": times,
         "distance": distance,
@@ -343,7 +344,7 @@ def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, re
         "displacement": path - distance,
         "displacement_velocity": speed,
         "displacement_acceleration": acceleration,
-        "virtual_force": each.gain[:, None] * slope * relative_velocity,
+        "virtual_force": each.gain[:, None] * (-(np.maximum(rate, 0.0) ** 2) if request.degree == 2 else rate),
     }
     return motion_of(result, request.shape, bodies, course)
 

@@ -7,7 +7,7 @@ second-order exponential curve. It is used only if it is selected as the method.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -20,8 +20,8 @@ from pretouch.sensors import SensorModel
 
 from .curve import LARGEST_START, curve_pieces, curve_tops
 from .integrated_path import path_sections
-from .kernels import respond_many, solve_linear, solve_series
-from .layout import COLUMNS, RELATIVE_INPUTS, ContactStatus, by_name
+from .kernels import DragBalance, respond_many, solve_drag_courses, solve_linear, solve_series
+from .layout import COLUMNS, DRAG_NODES, RELATIVE_INPUTS, ContactStatus, by_name
 from .many_curves import ManyCurves
 from .parallel import run_in_chunks
 from .request import Request, Which
@@ -121,15 +121,16 @@ def _trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Integrate the robot's motion under the virtual damper.
+    """Integrate the robot's motion under the virtual damper, or under the virtual drag.
 
-    The equation of motion is L(1), and the virtual force is L(2). Encounters that leave the approximated part of the
-    curve are repeated with a longer part.
+    The equation of motion is L(1), and the virtual force of the damper is L(2). Encounters that leave the approximated
+    part of the curve are repeated with a longer part.
 
     With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14). Encounters that start too far away stay
     unresolved.
     """
     values, gain, sections = columns = _inputs(request, which)
+    solver = _solver(request)
     out, ended, again = rows, status, np.flatnonzero(_is_integrable(values))
     if len(again) < len(rows):
         if not len(again):
@@ -140,7 +141,7 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
         for start in range(0, len(out), _BLOCK):  # an interrupt takes effect only between blocks
             part = slice(start, start + _BLOCK)
             path = None if sections is None else sections[part]
-            solve_series(values[part], gain[part], pieces, limits, out[part], ended[part], sections=path)
+            solver(values[part], gain[part], pieces, limits, out[part], ended[part], sections=path)
             note_solved(len(out[part]))
         if out is not rows:
             rows[again], status[again] = out, ended
@@ -151,6 +152,44 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
             return
         values, gain, sections = _select(columns, again)
         out, ended = _unresolved(len(again))
+
+
+def _solver(request: Request) -> Callable[..., None]:
+    """Return the compiled solver for the law of a request."""
+    return solve_drag_courses if request.degree == 2 else solve_series
+
+
+def drag_impulses(request: Request) -> tuple[FloatArray, FloatArray]:
+    """Return the impulses [N s] of the virtual drag and of the admittance in each encounter with a course.
+
+    The impulse of the drag is computed from the sensor curve itself, at quadrature nodes of all integration steps.
+    """
+    size = request.size
+    drag, admittance = np.zeros(size), np.zeros(size)
+    which = np.flatnonzero(_is_integrable(_inputs(request, slice(None))[0]))
+    for top, pieces, limits in _stages(request):
+        again: list[IntArray] = []
+        for start in range(0, len(which), _LEAST):
+            part = which[start : start + _LEAST]
+            values, gain, sections = _inputs(request, part)
+            rows, status = _unresolved(len(part))
+            balance = DragBalance(np.empty(len(part)), np.empty(len(part), dtype=np.int64))
+            solve_drag_courses(values, gain, pieces, limits, rows, status, sections=sections, balance=balance)
+            ends = np.cumsum(balance.steps)
+            nodes = np.empty((int(ends[-1]), DRAG_NODES, 3))
+            balance = balance._replace(first=ends - balance.steps, nodes=nodes)
+            solve_drag_courses(values, gain, pieces, limits, rows, status, sections=sections, balance=balance)
+            weight, distance, speed = np.moveaxis(nodes, -1, 0)
+            slope = np.asarray(request.sensor.log_slope(np.clip(distance, *request.sensor.valid_range)))
+            squares = (weight * (slope * np.minimum(speed, 0.0)) ** 2).sum(axis=1)
+            owner = np.repeat(np.arange(len(part)), balance.steps)
+            drag[part] = -gain * np.bincount(owner, squares, len(part))
+            admittance[part] = balance.impulses
+            again.append(part[(status == ContactStatus.UNRESOLVED) & (rows[:, _DISTANCE] >= top)])
+        which = np.concatenate(again) if again and limits[-1] else np.zeros(0, dtype=np.int64)
+        if not len(which):
+            break
+    return drag, admittance
 
 
 _Inputs: TypeAlias = tuple[FloatArray, FloatArray, FloatArray | None]
@@ -189,7 +228,7 @@ def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -
     for _, pieces, limits in _stages(request):
         part = np.full((len(which), *trace.shape[1:]), np.nan)
         values, gain, sections = _select(inputs, which)
-        solve_series(values, gain, pieces, limits, *_unresolved(len(which)), (times[which], part), sections)
+        _solver(request)(values, gain, pieces, limits, *_unresolved(len(which)), (times[which], part), sections)
         trace[which] = part
         which = which[np.isnan(part).any(axis=(1, 2))]  # other pieces would change the end of solved runs by rounding
         if not len(which):

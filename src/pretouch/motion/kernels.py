@@ -72,6 +72,17 @@ class _ApproachesOfCore(Structure):
     )
 
 
+class _DragCoursesOfCore(Structure):
+    """C structure with further inputs and the outputs of the compiled solver for drags and courses."""
+
+    _fields_ = (
+        *numbers("rows", "status", "impulses", "steps", "first", "nodes", "times", kind=POINTER),
+        ("m", INTEGER),
+        *numbers("trace", "sections", kind=POINTER),
+        ("section_count", INTEGER),
+    )
+
+
 _ALONE: Final = (POINTER, INTEGER, POINTER, POINTER_TO(_PiecesOfCore))
 _linear_contacts = kernel("linear_contacts", POINTER, INTEGER, DOUBLE, DOUBLE, POINTER)
 _linear = kernel("solve_linear", POINTER, INTEGER, DOUBLE, POINTER, DOUBLE, DOUBLE, DOUBLE, POINTER, POINTER)
@@ -81,6 +92,7 @@ _series = kernel("solve_series", *_ALONE, DOUBLE, POINTER, POINTER, POINTER, INT
 _approaches = kernel(
     "drag_approaches", POINTER, INTEGER, POINTER_TO(_CurvesOfCore), DOUBLE, POINTER_TO(_ApproachesOfCore)
 )
+_drag_courses = kernel("solve_drag_courses", *_ALONE, DOUBLE, POINTER_TO(_DragCoursesOfCore))
 _follow = kernel("follow_gradients", *_ALONE, POINTER, DOUBLE, POINTER, POINTER)
 
 
@@ -366,6 +378,65 @@ def solve_series(
         path = shaped(sections, (n, sections.shape[1], len(SECTION_COLUMNS))), sections.shape[1]
     filled = shaped(rows, (n, len(COLUMNS))), shaped(status, (n,), _INDEX)
     _series(*_encounters(values, gains, pieces, limits), limits[0], *filled, *traced, *path)
+
+
+class DragBalance(NamedTuple):
+    """Outputs for the impulse balance of encounters under the virtual drag.
+
+    Args:
+        impulses: output, the time integral of the admittance's force [N s], shape (n,).
+        steps: output, the number of integration steps with a drag, shape (n,).
+        first: index of the first of these steps of each encounter, shape (n,); needed for `nodes`.
+        nodes: optional output, weight [s], l [m] and l' [m/s] at the quadrature nodes of these steps, shape (steps,
+            DRAG_NODES, 3).
+    """
+
+    impulses: FloatArray
+    steps: IntArray
+    first: IntArray | None = None
+    nodes: FloatArray | None = None
+
+
+def solve_drag_courses(
+    values: FloatArray,
+    drags: FloatArray,
+    pieces: FloatArray,
+    limits: tuple[float, bool, bool],
+    rows: FloatArray,
+    status: IntArray,
+    samples: tuple[FloatArray, FloatArray] | None = None,
+    sections: FloatArray | None = None,
+    balance: DragBalance | None = None,
+) -> None:
+    """Integrate the robot's motion under the virtual drag, for any sensor curve and obstacles with a course.
+
+    Args:
+        values: relative quantities of Scenario.relative, shape (n, 10).
+        drags: phi [N s^2], shape (n,).
+        pieces: as in `solve_series`, as the other arguments except for the last one.
+        limits: horizon [s], whether the lowest border is the contact, whether the curve continues beyond the pieces.
+        rows: filled with layout.COLUMNS, shape (n, 15).
+        status: filled with the numbers of ContactStatus, shape (n,).
+        samples: times and output of the sampled motions.
+        sections: later sections of each obstacle's path.
+        balance: outputs for the impulse balance.
+    """
+    n = len(values)
+    balance = balance or DragBalance(np.empty(n), np.empty(n, dtype=np.int64))
+    names: dict[str, int | None] = {"rows": shaped(rows, (n, len(COLUMNS))), "status": shaped(status, (n,), _INDEX)}
+    names |= {"impulses": shaped(balance.impulses, (n,)), "steps": shaped(balance.steps, (n,), _INDEX)}
+    if balance.nodes is not None and balance.first is not None:
+        names["first"] = shaped(balance.first, (n,), _INDEX)
+        names["nodes"] = shaped(balance.nodes, (len(balance.nodes), DRAG_NODES, 3))
+    if samples is not None:
+        times, trace = samples
+        m = times.shape[1]
+        names |= {"times": shaped(times, (n, m)), "m": m, "trace": shaped(trace, (n, m, len(TRACE_COLUMNS)))}
+    if sections is not None:
+        count = sections.shape[1]
+        names |= {"sections": shaped(sections, (n, count, len(SECTION_COLUMNS))), "section_count": count}
+    wanted = _DragCoursesOfCore(**names)
+    _drag_courses(*_encounters(values, drags, pieces, limits), limits[0], byref(wanted))
 
 
 def follow_gradients(

@@ -6,7 +6,7 @@ The module also contains the interface of such control laws.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple, Protocol, final, runtime_checkable
+from typing import Any, ClassVar, Final, NamedTuple, Protocol, final, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,9 +25,6 @@ from .layout import TRACE_COLUMNS
 from .request import COURSE, Request, check_integration, make_request
 from .scenario import Scenario
 from .solution import Solution
-
-if TYPE_CHECKING:
-    from .integrated_law import IntegratedLaw
 
 
 class LawNumber(NamedTuple):
@@ -190,8 +187,7 @@ class Damper:
         horizon: float = 600.0,
     ) -> ContactResult:
         """Solve encounters under the virtual damper, and return their states at contact."""
-        request = _request(scenario, sensor, value, method, horizon)
-        return ContactResult(Solution(request), request.method)
+        return _result(_request(scenario, sensor, value, method, horizon))
 
     def motion(
         self,
@@ -204,15 +200,7 @@ class Damper:
         samples: int = 200,
     ) -> Motion:
         """Compute sampled motions of robot and obstacle under the virtual damper."""
-        request = _request(scenario, sensor, value, method, horizon)
-        result = ContactResult(Solution(request, whole=True), request.method)
-        end = np.atleast_1d(np.asarray(result.end.time)).ravel()
-        times = end[:, None] * np.linspace(0.0, 1.0, samples)
-        times[:, -1] = end
-        trace = np.full((len(end), samples, len(TRACE_COLUMNS)), np.nan)
-        trace_guaranteed(request, times, trace)
-        trace[:, -1, 0] = np.ravel(result.end.distance)
-        return motion_from_trace(request, times, trace, result)
+        return _sampled(_request(scenario, sensor, value, method, horizon), samples)
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
         """Return the damping of the virtual damper [N s/m].
@@ -281,7 +269,7 @@ class Drag:
         from .drag import solve_drag  # noqa: PLC0415 - only drags need it
 
         if scenario.obstacle.course:
-            return _integrated_drag().contact(scenario, sensor, _drags(value), method, horizon)
+            return _result(_request(scenario, sensor, nonnegative(value, "drag", "N*s^2"), method, horizon, degree=2))
         _check_quadrature(method)
         return solve_drag(scenario, sensor, value, horizon=horizon)
 
@@ -299,7 +287,8 @@ class Drag:
         from .drag import sample_drag  # noqa: PLC0415 - only drags need it
 
         if scenario.obstacle.course:
-            return _integrated_drag().motion(scenario, sensor, _drags(value), method, horizon, samples=samples)
+            drag = nonnegative(value, "drag", "N*s^2")
+            return _sampled(_request(scenario, sensor, drag, method, horizon, degree=2), samples)
         _check_quadrature(method)
         return sample_drag(scenario, sensor, value, horizon=horizon, samples=samples)
 
@@ -312,11 +301,30 @@ class Drag:
         return 2 * np.asarray(value) * np.square(slope) * np.maximum(0.0 - np.asarray(relative_velocity), 0.0)
 
 
-def _request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, method: str, horizon: float) -> Request:
-    """Check the inputs of an encounter with the virtual damper."""
+def _request(
+    scenario: Scenario, sensor: SensorModel, number: ArrayLike, method: str, horizon: float, *, degree: int = 1
+) -> Request:
+    """Check the inputs of an encounter with a built-in law."""
     if not scenario.obstacle.course:
-        return make_request(scenario, sensor, gain, method, horizon)
-    return make_request(scenario, sensor, gain, check_integration(method, COURSE), horizon, with_course=True)
+        return make_request(scenario, sensor, number, method, horizon)
+    method = check_integration(method, COURSE)
+    return make_request(scenario, sensor, number, method, horizon, with_course=True, degree=degree)
+
+
+def _result(request: Request) -> ContactResult:
+    return ContactResult(Solution(request), request.method)
+
+
+def _sampled(request: Request, samples: int) -> Motion:
+    """Solve encounters, and sample their motions at equally spaced times."""
+    result = ContactResult(Solution(request, whole=True), request.method)
+    end = np.atleast_1d(np.asarray(result.end.time)).ravel()
+    times = end[:, None] * np.linspace(0.0, 1.0, samples)
+    times[:, -1] = end
+    trace = np.full((len(end), samples, len(TRACE_COLUMNS)), np.nan)
+    trace_guaranteed(request, times, trace)
+    trace[:, -1, 0] = np.ravel(result.end.distance)
+    return motion_from_trace(request, times, trace, result)
 
 
 def _check_quadrature(method: str) -> None:
@@ -324,24 +332,6 @@ def _check_quadrature(method: str) -> None:
         raise InvalidInputError(
             f"method: found {method!r}, but a virtual drag supports only the methods 'auto' and 'quadrature'"
         )
-
-
-def _drags(value: ArrayLike) -> Any:
-    return nonnegative(value, "drag", "N*s^2")
-
-
-def _drag_force(drag: Any, _: Any, rate: Any) -> Any:
-    return -drag * rate * np.maximum(rate, 0.0)
-
-
-def _integrated_drag() -> IntegratedLaw:
-    """Return the virtual drag as a numerically integrated law.
-
-    It also solves encounters with changing obstacle acceleration.
-    """
-    from .integrated_law import IntegratedLaw  # noqa: PLC0415 - only courses need it
-
-    return IntegratedLaw(kind=DRAG.kind, force=_drag_force, suspends_admittance=True)
 
 
 DAMPER: Final = Damper()

@@ -37,6 +37,7 @@ class Request(Value):
         horizon: longest time to contact that is searched [s].
         method: the chosen method, never "auto".
         many: one curve for each encounter along the last axis; `sensor` is then the curve from which they are made.
+        degree: exponent of d(ln xi)/dt in the virtual force: 1 for the virtual damper, 2 for the virtual drag.
     """
 
     scenario: Scenario
@@ -46,6 +47,7 @@ class Request(Value):
     horizon: float
     method: str
     many: ManyCurves | None = None
+    degree: int = 1
 
     @property
     def size(self) -> int:
@@ -175,10 +177,11 @@ def make_request(
     *,
     many: ManyCurves | None = None,
     with_course: bool = False,
+    degree: int = 1,
 ) -> Request:
     """Check the inputs of a solver call."""
     # The function also chooses the solution method and converts arrays to one dimension. An obstacle with a course is
-    # refused unless `with_course` is set.
+    # refused unless `with_course` is set. A force of the degree 2 is that of the virtual drag.
     if many is not None:
         many.check(scenario)
         check_curve(sensor, scenario.distance)
@@ -201,6 +204,7 @@ def make_request(
         horizon=positive(horizon, "horizon", "s"),
         method=choose_method(scenario, sensor, method) if many is None else "integration",
         many=many,
+        degree=degree,
     )
 
 

@@ -12,7 +12,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
 from .curve import Curves, curve_windows, farthest, line_windows, reach_of, shared_curve
-from .guaranteed import solve_guaranteed
+from .guaranteed import drag_impulses, solve_guaranteed
 from .kernels import contact_times, find_contacts
 from .layout import COLUMNS, PEAKS, STATES
 from .parallel import run_in_chunks
@@ -346,6 +346,8 @@ def _impulse_residual(solution: Solution) -> FloatArray:
     request = solution.request
     if request.method == "uniform-motion":
         return np.full(request.size, np.nan)
+    if request.degree == 2:
+        return _drag_residual(solution)
     r = request.relative
     begin = np.broadcast_to(r.p - r.x0, request.size)
     with np.errstate(all="ignore"):  # a custom curve may overflow at large distances
@@ -360,6 +362,18 @@ def _impulse_residual(solution: Solution) -> FloatArray:
     )
     approach = np.maximum(r.mass * np.abs(r.v - r.u0), r.damping * (r.p - r.x0))  # without a force all terms are zero
     largest = np.maximum(np.abs(terms).max(axis=0), approach)
+    return np.asarray(np.abs(terms.sum(axis=0)) / np.where(largest > 0, largest, 1.0))
+
+
+def _drag_residual(solution: Solution) -> FloatArray:
+    """Return the relative residual of the impulse balance under the virtual drag."""
+    # This is |M dx~' + int A dt - int F dt| over the largest of its terms, M |l'| at both ends and D l(0). The force A
+    # of the admittance is zero while the drag switches it off.
+    r = solution.request.relative
+    drag, admittance = drag_impulses(solution.request)
+    terms = np.stack([r.mass * (solution.raw("displacement_velocity") - r.u0), admittance, -drag])
+    momentum = r.mass * np.maximum(np.abs(r.v - r.u0), np.abs(solution.raw("relative_velocity")))
+    largest = np.maximum.reduce([*np.abs(terms), momentum, np.broadcast_to(r.damping * (r.p - r.x0), momentum.shape)])
     return np.asarray(np.abs(terms.sum(axis=0)) / np.where(largest > 0, largest, 1.0))
 
 

@@ -49,8 +49,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _hint(name: str) -> str:
-    """Suggest a similar name for an unknown public name."""
-    # The text is empty if no public name is similar.
+    """Suggest a similar name for an unknown public name. The text is empty if no public name is similar."""
     from difflib import get_close_matches  # noqa: PLC0415 - only for mistakes
 
     similar = [known for known in __all__ if len(name) > 2 and name.lower() in known.lower()]

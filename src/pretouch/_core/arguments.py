@@ -184,10 +184,7 @@ def rules_of_fields(cls: Any) -> dict[str, Rule]:
 
 
 class _TypeCheckingOnly(type):
-    """Placeholder for a class imported only for static type checking.
-
-    Values are checked by the name of their class.
-    """
+    """Placeholder for a class imported only for static type checking. Values are checked by the name of their class."""
 
     def __getattr__(cls, name: str) -> Any:  # as in `xr.Dataset`
         if name.startswith("__"):
@@ -205,10 +202,7 @@ class _Namespace(dict[str, Any]):
 
 
 def _evaluate(annotation: Any, names: Mapping[str, Any]) -> Any:
-    """Return the type described by an annotation.
-
-    The result is `Any` if the annotation cannot be evaluated.
-    """
+    """Return the type described by an annotation. The result is `Any` if the annotation cannot be evaluated."""
     if annotation is Parameter.empty:
         return Any
     try:
@@ -234,10 +228,7 @@ _NUMBERS: Final = _Allowed({float, int, np.float64}, are_numbers, "a number or a
 
 
 def _allowed(annotation: Any) -> _Allowed | None:
-    """Return the argument values that a type annotation allows.
-
-    The result is None if every value is allowed.
-    """
+    """Return the argument values that a type annotation allows. The result is None if every value is allowed."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if annotation is ArrayLike or origin is np.ndarray:
         return _NUMBERS
@@ -250,10 +241,7 @@ def _allowed(annotation: Any) -> _Allowed | None:
 
 
 def _composed(origin: Any, parts: tuple[Any, ...]) -> _Allowed | None:
-    """Return the values allowed by a composed type annotation.
-
-    Composed annotations are `Union`, `Literal` and container types.
-    """
+    """Return the values allowed by a composed annotation: `Union`, `Literal` or a container type."""
     if origin in {Union, types.UnionType}:
         return _any_of([_allowed(part) for part in parts])
     if origin is Literal:
@@ -330,10 +318,7 @@ def _sequence(kind: _Allowed | None) -> _Allowed:
 
 
 def _mapping(key: Any, value: Any) -> _Allowed:
-    """Return the values allowed by a `Mapping` annotation.
-
-    Only the types of the keys are checked.
-    """
+    """Return the values allowed by a `Mapping` annotation. Only the types of the keys are checked."""
     keys, values = _allowed(key), _allowed(value)
 
     def fits(candidate: Any) -> bool:

@@ -115,10 +115,7 @@ def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
 
 
 def _incomplete(value: Any) -> str:
-    """Return the reason why scenario files cannot create instances of a class.
-
-    The text is empty if there is no reason.
-    """
+    """Return why scenario files cannot create instances of a class; empty if they can."""
     missing = ", ".join(sorted(getattr(value, "__abstractmethods__", ())))
     if missing:
         return f"the class lacks the methods {missing}"

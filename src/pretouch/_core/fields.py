@@ -132,8 +132,7 @@ def check_types(value: Any, before: str = "") -> None:
 
 @cache
 def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
-    """Return the lower limits of a dataclass's physical quantities."""
-    # Each entry has the name, the lower limit, whether the limit itself is excluded, and the field.
+    """Return name, lower limit, whether the limit itself is excluded, and field of each quantity of a dataclass."""
     ends = {"positive": (0.0, True), "nonnegative": (0.0, False)}
     checks = []
     for f in declared(cls):

@@ -308,8 +308,7 @@ _LISTS: Final = (list, tuple, set, frozenset)
 
 
 def _plain_one(value: Any) -> Any:
-    """Convert a single value to a JSON-compatible type."""
-    # NaN and infinity become None.
+    """Convert a single value to a JSON-compatible type. NaN and infinity become None."""
     if isinstance(value, Enum):
         return plain(value.value)
     if hasattr(value, "tolist"):  # NumPy scalars and arrays

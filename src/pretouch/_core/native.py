@@ -42,10 +42,7 @@ _word: Final = ctypes.c_size_t.from_address
 
 
 def _data_offset() -> int | None:
-    """Return the byte offset of the data pointer in a NumPy array.
-
-    The result is None if the offset is unknown.
-    """
+    """Return the byte offset of the data pointer in a NumPy array. The result is None if the offset is unknown."""
     if sys.implementation.name != "cpython":
         return None
     probe, offset = np.zeros(1), object.__basicsize__  # the data pointer is the first field in NumPy's ABI
@@ -57,8 +54,7 @@ _DATA_OFFSET: Final = _data_offset()
 
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL:
-    """Load the compiled library for this processor."""
-    # PRETOUCH_VARIANT selects the code for another processor; see `variant`.
+    """Load the compiled library for this processor, or for that of PRETOUCH_VARIANT; see `variant`."""
     default = Path(__file__).with_name(f"libpretouch{_SUFFIXES.get(sys.platform, '.so')}")
     path = Path(os.environ.get(_LIBRARY) or default)
     _check_file(path)
@@ -79,8 +75,7 @@ def _library() -> ctypes.CDLL:
 
 
 def _check_file(path: Path) -> None:
-    """Check that a compiled library is complete and unchanged."""
-    # A damaged library could crash Python.
+    """Check that a compiled library is complete and unchanged. A damaged library could crash Python."""
     try:
         content = path.read_bytes()
         record = json.loads(path.with_name(f"{path.name}.json").read_bytes())

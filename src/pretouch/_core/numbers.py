@@ -158,8 +158,7 @@ def are_numbers(value: Any) -> bool:
 
 
 def _numbers(value: ArrayLike) -> FloatArray | None:
-    """Copy numbers into a float array."""
-    # The result is None for text, booleans, complex or masked values.
+    """Copy numbers into a float array. The result is None for text, booleans, complex or masked values."""
     try:
         if isinstance(value, list | tuple) and bool in map(type, value):
             return None

@@ -18,10 +18,7 @@ _INTERVAL: Final = 1.0  # time between two calls [s]
 
 
 class _Progress:
-    """Counter of solved encounters for progress reports.
-
-    It calls a listener function at most once per second.
-    """
+    """Counter of solved encounters for progress reports. It calls a listener function at most once per second."""
 
     def __init__(self, listener: Listener) -> None:
         self._listener, self._start, self._solved = listener, time.monotonic(), 0

@@ -126,8 +126,7 @@ def unit_tables() -> dict[str, dict[str, Any]]:
 
 
 def _tokens(text: str) -> list[str]:
-    """Split the text of a unit into tokens."""
-    # Tokens are symbols, integers and operators; a space between units becomes `*`.
+    """Split the text of a unit into symbols, integers and operators; a space between units becomes `*`."""
     source = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda m: "^" + m.group(1).translate(_SUPERSCRIPT), text).rstrip()
     tokens: list[str] = []
     divided = [False]  # for each open parenthesis, whether it contains a `/` so far
@@ -161,14 +160,12 @@ def _starts_factor(part: str) -> bool:
 
 
 def _ends_factor(tokens: list[str]) -> bool:
-    """Check whether the last token completes a factor of a unit."""
-    # Such a factor is `mm` or `s^2`.
+    """Check whether the last token completes a factor of a unit. Such a factor is `mm` or `s^2`."""
     return tokens[-1] in {")", "%"} or tokens[-1].isalpha() or (len(tokens) > 1 and tokens[-2] in {"^", "**"})
 
 
 def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
-    """Parse a product or quotient of units."""
-    # The result is the unit and the unparsed tokens.
+    """Parse a product or quotient of units. The result is the unit and the unparsed tokens."""
     unit, tokens = _power(tokens, text)
     while tokens and tokens[0] in {"*", "·", "/"}:
         sign = -1 if tokens[0] == "/" else 1
@@ -178,8 +175,7 @@ def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
 
 
 def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
-    """Parse one unit with its exponent."""
-    # The result is the unit and the unparsed tokens.
+    """Parse one unit with its exponent. The result is the unit and the unparsed tokens."""
     if not tokens or tokens[0] in {"*", "**", "·", "/", "^", ")"}:
         raise UnitError(f"{text!r} is not a unit: a unit is missing")
     if tokens[0] == "(":
@@ -349,8 +345,7 @@ def read_quantity(value: float | str, unit: str, *, name: str) -> float:
 
 
 def _scaled(literal: str, factor: float) -> float:
-    """Multiply a decimal number by its unit's factor."""
-    # There is only one rounding, so that `33.3 ms` becomes 0.0333 s.
+    """Multiply a number by its unit's factor with one rounding, so that `33.3 ms` becomes 0.0333 s."""
     number, size = float(literal), factor if factor >= 1 else 1 / factor
     whole = size < _LARGEST_WHOLE and math.isclose(size, round(size), rel_tol=1e-12)
     if not (whole and 0 < abs(number) < math.inf and len(literal) < _LONGEST):

@@ -11,10 +11,7 @@ import numpy as np
 
 
 def _copy_methods(cls: type, *names: str) -> None:
-    """Copy inherited methods into a class.
-
-    Otherwise `dataclass` would replace them by generated methods.
-    """
+    """Copy inherited methods into a class. Otherwise `dataclass` would replace them by generated methods."""
     for name in names:
         if name not in vars(cls):
             setattr(cls, name, getattr(cls, name))
@@ -117,10 +114,7 @@ def _equal(a: Any, b: Any) -> bool:
 
 
 def _hash(value: Any) -> int:
-    """Return a hash value for nested containers and arrays.
-
-    Equal objects have equal hashes.
-    """
+    """Return a hash value for nested containers and arrays. Equal objects have equal hashes."""
     if isinstance(value, np.ndarray):
         return hash(value.shape)
     if isinstance(value, Mapping):

@@ -71,10 +71,7 @@ _EXAMPLES: Final[
 
 
 def _epilog(first: str, second: str, page: str) -> str:
-    """Return the examples and the documentation path for a command's help.
-
-    They are the end of the help text.
-    """
+    """Return the examples and the documentation path for a command's help. They are the end of the help text."""
     return f"\b\nExamples:\n  pretouch {first}\n  pretouch {second}\n\n\b\nDocumentation: docs/{page}"
 
 

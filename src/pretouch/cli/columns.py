@@ -25,9 +25,7 @@ Labels: TypeAlias = Annotated[
 
 
 def read_columns(text: str | None) -> dict[str, str]:
-    """Parse the option --columns for the columns of a table."""
-    # An example is `distance=1,output=3 [V]`.
-    # A header may contain commas.
+    """Parse the option --columns, such as `distance=1,output=3 [V]`; a header may contain commas."""
     if text is None:
         return {}
     parts = re.split(r"(?:^|[,;])\s*(\w+)\s*=", text)
@@ -51,8 +49,7 @@ def read_labels(text: str | None) -> tuple[str, ...] | None:
 
 
 def read_selection(texts: list[str] | None) -> dict[str, str]:
-    """Parse the option --select for calibration curves."""
-    # Curves are selected by their labels, such as `day=30`.
+    """Parse the option --select for calibration curves. Curves are selected by their labels, such as `day=30`."""
     for text in texts or ():
         if not re.fullmatch(r"[^=]+=.+", text):
             raise InvalidInputError(f"--select: found {text!r}, expected COLUMN=VALUE, for example day=30")

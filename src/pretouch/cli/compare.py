@@ -54,8 +54,7 @@ def compare(
 
 
 def _tasks(files: list[Path], *, parts: bool) -> tuple[dict[str, Task], tuple[str, ...]]:
-    """Return the design tasks of the compared candidates, and notes on what was assumed."""
-    # Each key names the scenario file, the sensor part, or both.
+    """Return tasks by the names of their scenario file, sensor part or both, and notes on what was assumed."""
     from pretouch.config import load_scenario  # noqa: PLC0415
     from pretouch.config.parts import tasks_of_parts  # noqa: PLC0415
 

@@ -67,8 +67,7 @@ def _lines(
     *,
     page: str,
 ) -> list[str]:
-    """Describe the installation in lines of text."""
-    # `page` says how to build the core of the studio if it is missing.
+    """Describe the installation in lines of text. `page` says how to build the core of the studio if it is missing."""
     own = packages.pop("pretouch")
     lines = [f"pretouch {own}, Python {platform.python_version()}, {platform.system()} {platform.machine()}"]
     lines.append(
@@ -107,10 +106,7 @@ def _core() -> dict[str, Any]:
 
 
 def _required(extra: str) -> list[str]:
-    """Return the packages that a pip extra installs.
-
-    Packages that do not exist for this machine are omitted. An empty name means pretouch without extras.
-    """
+    """Return the packages that an extra, or pretouch without extras (""), installs on this machine."""
     names = []
     for line in requires("pretouch") or []:
         name = re.match(r"[\w.-]+", line)

@@ -120,8 +120,7 @@ def _export(
 
 
 def _date() -> str:
-    """Return the date for exported files in UTC."""
-    # SOURCE_DATE_EPOCH can set another date than today.
+    """Return the date for exported files in UTC. SOURCE_DATE_EPOCH can set another date than today."""
     text = os.environ.get("SOURCE_DATE_EPOCH")
     if text is None:
         return datetime.now(UTC).date().isoformat()

@@ -80,10 +80,7 @@ def _show(request: FitRequest, shown: Presentation) -> None:
 
 
 def _print_notes(curve: Calibration, printed: tuple[str, ...]) -> None:
-    """Print the notes on a calibration curve without repeating earlier notes.
-
-    Notes that are already printed are skipped.
-    """
+    """Print the notes on a calibration curve, except those that are already printed."""
     from .summary import wrapped  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     for note in () if curve.source is None else curve.source.notes:

@@ -228,8 +228,7 @@ def _draft(
 
 
 def _start(near: float, far: float, distance: float | None, most: float) -> float:
-    """Return the distance at the start [m]."""
-    # By default, it is near the end of the usable range, but at most `most`.
+    """Return the distance at the start [m]. By default, it is near the end of the usable range, but at most `most`."""
     reach = math.floor(1e4 * _INSIDE * (far - near)) / 1e4
     if not reach > 0:
         raise InvalidInputError(
@@ -245,8 +244,7 @@ def _start(near: float, far: float, distance: float | None, most: float) -> floa
 
 
 def _answer(name: str, answers: dict[str, str | None], default: str, read: Callable[[str], _T], *, asks: bool) -> _T:
-    """Parse the value of an option or the user's answer."""
-    # An invalid answer is asked again. Without an answer, the default value is parsed.
+    """Parse an option, the user's answer or the default; an invalid answer is asked again."""
     value = answers[name]
 
     def read_answer(text: Any) -> _T:
@@ -365,8 +363,7 @@ def _as_options(message: str) -> str:
 
 
 def _part(name: str) -> SensorPart | None:
-    """Return the sensor part with a given name."""
-    # The result is None for the name `other`.
+    """Return the sensor part with a given name. The result is None for the name `other`."""
     from pretouch.simulation import PARTS  # noqa: PLC0415
 
     if name.lower() == _NONE:
@@ -378,8 +375,7 @@ def _part(name: str) -> SensorPart | None:
 
 
 def _usable(request: FitRequest | None, part: SensorPart | None) -> tuple[float, float, tuple[str, ...]]:
-    """Return the usable distance range and the calibration warnings."""
-    # The distances are in m, the smallest one rounded up to 0.1 mm.
+    """Return the usable distances [m], the smallest one rounded up to 0.1 mm, and the calibration warnings."""
     if request is None:
         return 0.0, _UNKNOWN_RANGE if part is None else part.range[1], ()
     curves = request.read()

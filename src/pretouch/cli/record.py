@@ -43,8 +43,7 @@ class _Origin:
     distance_unit: str
 
     def open(self) -> ReadingSource:
-        """Open the source of the sensor readings."""
-        # The default is the only serial port of the computer.
+        """Open the source of the sensor readings. The default is the only serial port of the computer."""
         from pretouch.recording.sources.lines import LineFormat  # noqa: PLC0415 - keeps `pretouch --help` quick
 
         chosen = [
@@ -178,10 +177,7 @@ def record(
 
 @dataclass(frozen=True, slots=True)
 class _Steps:
-    """The command-line options on the steps of a recording.
-
-    They set the distances, the unit and the continuation of the recording.
-    """
+    """The command-line options on distances, unit and continuation of a recording."""
 
     distances: str | None
     stage: str | None

@@ -35,8 +35,7 @@ class PlainDisplay:
         self._answers: TextIO | None = _terminal() if readings_on_stdin else sys.stdin
 
     def ask(self, question: str) -> str | None:
-        """Print a question and return the user's answer."""
-        # The result is None at the end of the input.
+        """Print a question and return the user's answer. The result is None at the end of the input."""
         if self._answers is None:
             raise InvalidInputError(
                 "--stdin: standard input carries the readings, so pretouch cannot ask you to set the object; use "
@@ -136,10 +135,7 @@ class LiveDisplay(PlainDisplay):
             self._live = None
 
     def _view(self) -> Any:
-        """Return the content of the live display.
-
-        It consists of a table of distances, the curve and the live value.
-        """
+        """Return the content of the live display. It consists of a table of distances, the curve and the live value."""
         from rich.console import Group  # noqa: PLC0415
         from rich.table import Table  # noqa: PLC0415
         from rich.text import Text  # noqa: PLC0415
@@ -168,8 +164,7 @@ def value_in_words(outputs: Sequence[float]) -> str:
 
 
 def _terminal() -> TextIO | None:
-    """Open the terminal for the user's answers."""
-    # Standard input may carry readings. The result is None without a terminal.
+    """Open the terminal for answers, because standard input may carry readings; None without a terminal."""
     try:
         return open("/dev/tty", encoding="utf-8")
     except OSError:

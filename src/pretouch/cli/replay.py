@@ -135,8 +135,7 @@ def _recordings(path: Path, topic: str, others: list[str], clock: str | None) ->
 
 
 def _distances(path: Path, joints: str, model: Path, site: str, *, axis: str, clock: str) -> Recording:
-    """Compute distances from recorded joint states."""
-    # The robot model gives the distances, and the sensor recording gives the clock.
+    """Compute distances from recorded joint states, a robot model and the clock of the sensor recording."""
     from pretouch.recording import distances_from_joints  # noqa: PLC0415 - MuJoCo, only when needed
     from pretouch.robots import SensorSite, load_model  # noqa: PLC0415
 
@@ -145,16 +144,14 @@ def _distances(path: Path, joints: str, model: Path, site: str, *, axis: str, cl
 
 
 def _time(text: str, name: str) -> float:
-    """Parse a time such as "1.2 s"."""
-    # A number without unit is in seconds.
+    """Parse a time such as "1.2 s". A number without unit is in seconds."""
     return read_quantity(text, "s", name=name)
 
 
 def _write(
     result: Replay, shown: Presentation, chain: Path | None, calibration: Path | None, mcap: Path | None
 ) -> tuple[str, ...]:
-    """Write the requested output files of a replay."""
-    # The result has a line of text about each file.
+    """Write the requested output files of a replay. The result has a line of text about each file."""
     written = []
     pairs = None if calibration is None else result.pairs()  # before anything is written
     if chain is not None:

@@ -56,10 +56,7 @@ def warning_lines(text: str) -> list[str]:
 
 
 def _figures(page: Page) -> list[str]:
-    """Return the four most important numbers of a report.
-
-    Each number has its own line of text.
-    """
+    """Return the four most important numbers of a report. Each number has its own line of text."""
     rows = []
     for name, cell in page.key_figures[:_FIGURES]:
         label, _, comparison = name.partition("; ")
@@ -74,10 +71,7 @@ def _figures(page: Page) -> list[str]:
 
 
 def _fitting(paragraphs: Sequence[Sequence[str]], room: int, findings: int) -> list[str]:
-    """Return the paragraphs that fit into the available lines.
-
-    The last line gives the number of omitted paragraphs.
-    """
+    """Return the paragraphs that fit into the available lines. The last line gives the number of omitted paragraphs."""
     lines: list[str] = []
     for i, paragraph in enumerate(paragraphs):
         rest = len(paragraphs) - i - 1
@@ -90,10 +84,7 @@ def _fitting(paragraphs: Sequence[Sequence[str]], room: int, findings: int) -> l
 
 
 def _first_sentence(text: str) -> str:
-    """Return the first sentence of a text.
-
-    Periods inside numbers and abbreviations are ignored.
-    """
+    """Return the first sentence of a text. Periods inside numbers and abbreviations are ignored."""
     return re.split(r"(?<=[\w)%][.!?])\s+(?=[A-Z])", text, maxsplit=1)[0]
 
 

@@ -134,8 +134,7 @@ def _sweep(
 
 
 def _nominal(task: Task) -> Any:
-    """Design the gain for the nominal inputs."""
-    # The task is returned unchanged if there is no gain to design.
+    """Design the gain for the nominal inputs. The task is returned unchanged if there is no gain to design."""
     if task.gain is not None or task.objective is None or task.bounds is None:
         return task
     from pretouch.design import design_gain  # noqa: PLC0415 - keeps `pretouch --help` quick
@@ -161,8 +160,7 @@ def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
 
 
 def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
-    """Check that the figure of a sweep can be written."""
-    # This check runs before anything is computed.
+    """Check that the figure of a sweep can be written. This check runs before anything is computed."""
     if path.suffix.lower() not in _FIGURES:
         raise InvalidInputError(
             f"--figure: found {str(path)!r}, expected a file name that ends in {' or '.join(_FIGURES)}"
@@ -179,10 +177,7 @@ def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
 
 
 def _progress_printer() -> Callable[[Progress], None]:
-    """Return a function that prints a sweep's progress.
-
-    It prints once per second.
-    """
+    """Return a function that prints a sweep's progress. It prints once per second."""
     last = time.monotonic()
 
     def show(progress: Progress) -> None:

@@ -73,8 +73,7 @@ def option(metavar: str, description: str, **more: Any) -> Any:
 
 
 def read_gain(text: str | None, law: ContinuousLaw) -> float | None:
-    """Parse the option --gain in the control law's unit."""
-    # The result is None if the option is missing.
+    """Parse the option --gain in the control law's unit. The result is None if the option is missing."""
     try:
         return None if text is None else read_quantity(text, law.number.unit, name="--gain")
     except UnitError as error:
@@ -109,8 +108,7 @@ def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
 
 
 def guard_output(run: Callable[[], int]) -> int:
-    """Run a command and return its exit status."""
-    # The status differs if writing to standard output fails.
+    """Run a command and return its exit status. The status differs if writing to standard output fails."""
     try:
         code = run()
         _flush_output()
@@ -129,10 +127,7 @@ def guard_output(run: Callable[[], int]) -> int:
 
 
 class _StandardOutputError(OutputError):
-    """Error that is raised if standard output cannot be written.
-
-    Examples are a full disk or a closed pipe.
-    """
+    """Error that is raised if standard output cannot be written. Examples are a full disk or a closed pipe."""
 
 
 def _flush_output() -> None:
@@ -141,10 +136,7 @@ def _flush_output() -> None:
 
 
 def _output_failure(error: OSError) -> OSError | None:
-    """Return the standard-output failure that caused an error.
-
-    The result is None if the error has another cause.
-    """
+    """Return the standard-output failure that caused an error. The result is None if the error has another cause."""
     if isinstance(error, _StandardOutputError):
         return error.__cause__ if isinstance(error.__cause__, OSError) else error
     frame = error.__traceback__
@@ -161,25 +153,20 @@ def _output_failure(error: OSError) -> OSError | None:
 
 
 def _discard_output() -> None:
-    """Discard the buffered standard output.
-
-    Otherwise, flushing at exit would fail a second time.
-    """
+    """Discard the buffered standard output. Otherwise, flushing at exit would fail a second time."""
     if sys.stdout is not None:
         with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def end(*, good: bool) -> None:
-    """Exit with status 1 if the result is negative."""
-    # An example is that no gain was found.
+    """Exit with status 1 if the result is negative. An example is that no gain was found."""
     if not good:
         raise typer.Exit(_NO_RESULT)
 
 
 def print_text(text: str) -> None:
-    """Print a text to standard output."""
-    # Characters that standard output cannot encode are replaced.
+    """Print a text to standard output. Characters that standard output cannot encode are replaced."""
     if sys.stdout is None:
         raise _StandardOutputError("it is closed")
     try:
@@ -191,9 +178,9 @@ def print_text(text: str) -> None:
 def print_message(text: str) -> None:
     """Print a message of the program to standard error.
 
-    Each line begins with the name of the program. Failures are ignored.
+    Each line begins with the name of the program. Failures are ignored. The exit status reports the problem in any
+    case.
     """
-    # The exit status reports the problem in any case.
     with contextlib.suppress(OSError, AttributeError):  # full, or closed
         _write(sys.stderr, "\n".join(f"pretouch: {line}" for line in text.split("\n")))
 
@@ -327,10 +314,7 @@ class Presentation:
         return as_text() if reservations is None else reservations.around_text(as_text())
 
     def _summary(self, result: Any, reservations: Reservations | None, lines: int) -> str:
-        """Return the terminal's summary of a result.
-
-        The verdict on the sensor calibration is included.
-        """
+        """Return the terminal's summary of a result. The verdict on the sensor calibration is included."""
         from pretouch.report.pages import page_of  # noqa: PLC0415 - `pretouch --help` stays fast
 
         from .summary import summary_of  # noqa: PLC0415

@@ -57,15 +57,13 @@ def load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> 
 
 
 def refuse_existing(path: Path | None, *, force: bool) -> None:
-    """Refuse to replace an existing output file without --force."""
-    # This check runs before anything is computed.
+    """Refuse to replace an existing output file without --force. This check runs before anything is computed."""
     if path is not None and path.exists() and not force:
         raise OutputExistsError(f"{path}: this file already exists; choose another name, or replace it with --force")
 
 
 def write_series(path: Path, series: tuple[Series, ...], *, force: bool) -> str:
-    """Write time series as an MCAP file for Foxglove."""
-    # A layout for Foxglove is written too. The result is a line of text that names both files.
+    """Write time series as an MCAP file with a layout for Foxglove, and return a line of text that names both."""
     from pretouch.recording.mcap_output import write_mcap  # noqa: PLC0415
 
     written, layout = write_mcap(path, series, overwrite=force)
@@ -214,8 +212,7 @@ def verify(
 
 
 def _series_of_verdict(verdict: Verdict, task: Task) -> tuple[Series, ...]:
-    """Return the time series of the worst simulated run."""
-    # Without contact, this is the first run; otherwise, the one with the highest contact speed.
+    """Return the time series of the run with the highest contact speed; without contact, of the first run."""
     import numpy as np  # noqa: PLC0415
 
     from pretouch.recording.mcap_output import series_of_trace  # noqa: PLC0415

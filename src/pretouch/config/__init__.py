@@ -109,8 +109,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
 
 
 def load_document(path: Path, text: str, sha256: str, data: Mapping[str, Any]) -> Task:
-    """Create the design task from a parsed scenario file."""
-    # Messages and reports show the `text` of the file.
+    """Create the design task from a parsed scenario file. Messages and reports show the `text` of the file."""
     source = ScenarioSource(path=path, text=text, sha256=sha256)
     builder = _Builder(source, data)
     task = _task(builder)
@@ -170,10 +169,7 @@ def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
 
 
 def _task(builder: _Builder) -> Task | None:
-    """Return the design task of a scenario file.
-
-    The result is None if the file contains mistakes.
-    """
+    """Return the design task of a scenario file. The result is None if the file contains mistakes."""
     scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
     options = {**builder.admittance_bounds(), **builder.settings("motion")}
     options |= {section: builder.options(section) for section in OPTIONS}
@@ -209,8 +205,7 @@ def _task(builder: _Builder) -> Task | None:
 
 
 def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> str:
-    """Describe the range of calibrated distances in one sentence."""
-    # The text is empty without a calibration.
+    """Describe the range of calibrated distances in one sentence. The text is empty without a calibration."""
     if calibration is None:
         return ""
     window, recess = calibration.window, getattr(sensor, "recess", 0.0)
@@ -223,10 +218,7 @@ def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> st
 
 
 class _Builder(Reading):
-    """Builder of a design task from the sections of a scenario file.
-
-    If a section has a mistake, its method returns None.
-    """
+    """Builder of a task from the sections of a file; the method of a section with a mistake returns None."""
 
     def sensor(self) -> tuple[SensorModel | None, CalibrationReport | None]:
         """Build or fit the sensor curve of the scenario file."""
@@ -316,8 +308,7 @@ class _Builder(Reading):
         return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
 
     def impact(self, projection: Projection | None) -> ImpactModel | None:
-        """Build the impact model of the scenario file."""
-        # The default robot mass is the reflected mass of the robot model.
+        """Build the impact model; the default robot mass is the reflected mass of the robot model."""
         values = self.values("impact")
         if values is None:
             return None
@@ -391,9 +382,8 @@ class _Builder(Reading):
     def check_slope(self, sensor: SensorModel) -> None:
         """Check that the sensor curve is not implausibly steep.
 
-        The slope is checked at contact.
+        The slope is checked at contact. An implausible curve falls by a factor of e within less than a micrometer.
         """
-        # An implausible curve falls by a factor of e within less than a micrometer.
         nearest = max(sensor.valid_range[0], 0.0)
         slope = abs(float(sensor.log_slope(nearest)))
         if slope > 1 / STEEPEST:
@@ -430,8 +420,7 @@ def _without_content(error: PretouchError, path: Path) -> str:
 
 
 def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
-    """Extend or cut a fitted sensor curve to requested distances."""
-    # A recess of the sensor shifts the curve.
+    """Extend or cut a fitted sensor curve to requested distances. A recess of the sensor shifts the curve."""
     if recess is None:
         return dataclasses.replace(sensor, **limits)
     low, high = sensor.valid_range
@@ -442,10 +431,7 @@ def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, floa
 
 
 def _terms(values: Mapping[str, Any]) -> Iterator[tuple[KeyPath, KeyPath, dict[str, Any]]]:
-    """Yield each term of an objective with its scenario-file keys.
-
-    The keys in the scenario file are those of the quantity and of its scale.
-    """
+    """Yield each term of an objective with the keys of its quantity and of its scale."""
     for i, term in enumerate(values.get("terms", ())):
         path: KeyPath = ("objective", "terms", i)
         yield (*path, "quantity"), (*path, "scale"), term

@@ -59,10 +59,7 @@ def make_controller(
 
 
 def _law(file: Reading, values: Mapping[str, Any], chain: SensorChain) -> Law | None:
-    """Return the sampled control law of a scenario file.
-
-    Its gain is 0 if the scenario file has no gain.
-    """
+    """Return the sampled control law of a scenario file. Its gain is 0 if the scenario file has no gain."""
     if file.law == DRAG:
         return sampled_drag(file, chain)
     if file.law != DAMPER:

@@ -56,8 +56,7 @@ def _scenarios_in_folder(path: Path) -> list[str]:
 
 
 def _decode(path: Path, content: bytes) -> str:
-    """Decode a scenario file as UTF-8 with normalized line ends."""
-    # A byte order mark is removed.
+    """Decode a scenario file as UTF-8 with normalized line ends. A byte order mark is removed."""
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise ScenarioFileError(f"{path}, line 1: the text is encoded in UTF-16; save the file as UTF-8")
     try:
@@ -71,8 +70,7 @@ def _decode(path: Path, content: bytes) -> str:
 
 
 def _parse(path: Path, text: str) -> dict[str, Any]:
-    """Parse the TOML text of a scenario file."""
-    # The message of a syntax error gives the line and a suggested correction.
+    """Parse the TOML text; the message of a syntax error gives the line and a suggested correction."""
     deep = _DEEP.search(text)
     if deep is not None:
         line = text.count("\n", 0, deep.start()) + 1
@@ -104,8 +102,7 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
 
 
 def _hint(path: Path, message: str, line: str) -> str:
-    """Suggest a correction of a wrong TOML line."""
-    # Without a suggestion, the result is the message of the TOML parser.
+    """Suggest a correction of a wrong TOML line. Without a suggestion, the result is the message of the TOML parser."""
     key, _, value = (part.strip() for part in re.sub(r"\s#.*", "", line).partition("="))
     if path.suffix.lower() in {".csv", ".tsv", ".txt"}:
         return "expected a scenario file (TOML); for a calibration run: pretouch fit"

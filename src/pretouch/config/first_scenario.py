@@ -254,10 +254,7 @@ class FirstScenario(Value):
 
     @property
     def _reports_distance(self) -> bool:
-        """Whether the sensor reports a distance.
-
-        The scenario file then needs a value for the floor.
-        """
+        """Whether the sensor reports a distance. The scenario file then needs a value for the floor."""
         return self.part is not None and self.part.chain.measures_distance
 
     def _noise(self) -> str:

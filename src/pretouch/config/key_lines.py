@@ -60,8 +60,7 @@ class _Scan:
         return self.lines
 
     def header(self) -> KeyPath:
-        """Parse the names in a TOML section header."""
-        # The header has the form `[a.b]` or `[[a.b]]`.
+        """Parse the names in a TOML section header. The header has the form `[a.b]` or `[[a.b]]`."""
         start = self.position
         double = self.text.startswith("[[", start)
         self.position += 2 if double else 1

@@ -91,10 +91,7 @@ def _refuse_missing_sections(file: Reading) -> None:
 
 
 def _plant(file: Reading) -> PlantModel | None:
-    """Return the robot model of the sampled loop.
-
-    The result is None if the section [robot] contains mistakes.
-    """
+    """Return the robot model of the sampled loop. The result is None if the section [robot] contains mistakes."""
     if "robot" not in file.data or has_model(file.data):
         return IdealPlant()
     plant: PlantModel | None = file.make("robot")
@@ -103,10 +100,7 @@ def _plant(file: Reading) -> PlantModel | None:
 
 
 def _contact(file: Reading) -> ContactModel | None:
-    """Return the contact model of the sampled loop.
-
-    The result is None if the section [contact] is missing or contains mistakes.
-    """
+    """Return the contact model of the loop; None if the section [contact] is missing or has mistakes."""
     robot = file.data.get("robot", {} if "robot" in file.misspelled else {"kind": "ideal"})
     robot = {"kind": "ideal"} if has_model(file.data) else robot
     if "contact" in file.data and isinstance(robot, dict) and robot.get("kind") == "ideal":
@@ -127,10 +121,7 @@ def _part(file: Reading) -> SensorPart | None:
 
 
 def _chain(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> SensorChain | None:
-    """Return the sensor chain of the sampled loop.
-
-    The scenario file has priority over the calibration, and the calibration over the data sheet.
-    """
+    """Return the sensor chain: the file has priority over the calibration, and that over the data sheet."""
     values = file.values("chain")
     if values is None or ("part" in values and part is None):
         return None
@@ -149,10 +140,7 @@ def _chain(file: Reading, part: SensorPart | None, calibration: CalibrationRepor
 
 
 def _fitted(calibration: CalibrationReport | None, rate: Any) -> dict[str, float]:
-    """Return the sensor-chain properties determined by a calibration.
-
-    Examples are noise and resolution.
-    """
+    """Return the sensor-chain properties determined by a calibration. Examples are noise and resolution."""
     if calibration is None or calibration.best is None:
         return {}
     chain = chain_of_fit(calibration.best, rate=rate)

@@ -67,8 +67,7 @@ def _check_margin(values: Mapping[str, Any]) -> None:
 
 
 def _stiffness_reader(exponent: float | None) -> Callable[[Any], Any]:
-    """Make a parser for a contact stiffness."""
-    # The exponent determines the unit of the stiffness, such as N/m^1.5.
+    """Make a parser for a contact stiffness. The exponent determines the unit of the stiffness, such as N/m^1.5."""
     power = 1.5 if exponent is None else exponent
 
     def read(value: Any) -> Any:
@@ -104,11 +103,7 @@ _CHAIN: Final = Section(
 
 
 def _controller(law: ContinuousLaw) -> Section:
-    """Return the allowed keys of the section [controller].
-
-    They depend on the control law.
-    """
-    # The virtual admittance is that of the section [admittance].
+    """Return the keys of [controller] for a law; its virtual admittance is that of [admittance]."""
     keys = {
         "rate": Key(Quantity("Hz", '"1 kHz"', "positive")),
         "period": Key(_SPAN),

@@ -56,8 +56,7 @@ def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: Cali
 
 
 def _unit_of_sensor(file: Reading, calibration: CalibrationReport | None) -> tuple[KeyPath, str]:
-    """Return the sensor's output unit and the key that sets this unit."""
-    # The unit is empty for bare numbers.
+    """Return the sensor's output unit and the key that sets this unit. The unit is empty for bare numbers."""
     if calibration is not None:
         return ("sensor", "calibration"), calibration.calibration.unit
     sensor = file.data["sensor"] if "sensor" in file.sections else {}
@@ -68,10 +67,7 @@ def _unit_of_sensor(file: Reading, calibration: CalibrationReport | None) -> tup
 
 
 def _loop_outputs(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
-    """Yield the sensor outputs in the scenario sections of the sampled loop.
-
-    Each item has the key, the text and the unit, V or counts.
-    """
+    """Yield key, text and unit (V or counts) of each sensor output in the sections of the loop."""
     for section in ("chain", "controller", "law"):
         keys = file.sections[section][0].keys if section in file.sections else {}
         for key, value in file.data[section].items() if keys else ():

@@ -173,8 +173,5 @@ def _output(base: Task, distance: float) -> float:
 
 
 def _scale_of(task: Task) -> float:
-    """Return the scale of a task's sensor curve.
-
-    The sensor may have a recess.
-    """
+    """Return the scale of a task's sensor curve. The sensor may have a recess."""
     return float(getattr(task.sensor.bare[0], "scale"))  # noqa: B009 - curves with a scale only

@@ -190,8 +190,7 @@ class Quantity:
         raise UnfitValueError(f"expected {self.expected}{_reason(value)}")
 
     def _with_unit(self, text: str) -> str:
-        """Return the error message that suggests a unit for a bare number."""
-        # The message is empty if no unit is missing.
+        """Return the message that suggests a unit for a bare number; empty if no unit is missing."""
         volts, counts, _ = _OUTPUT_UNITS.get(self.unit, (self.unit, "", ""))
         instead = missing_unit(text, volts)
         if counts and instead:
@@ -224,11 +223,7 @@ def output_unit(value: Any) -> str:
 
 
 def _reason(value: Any) -> str:
-    """Return why a text is not a valid quantity.
-
-    An example of a reason is a decimal comma.
-    """
-    # The result is empty if only the dimension is wrong.
+    """Return why a text is no quantity, such as a decimal comma; empty if only the dimension is wrong."""
     if not isinstance(value, str):
         return ""
     if re.search(r"\d,\d", value):

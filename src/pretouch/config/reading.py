@@ -102,9 +102,8 @@ class ScenarioSource:
     def list_mistakes(self, mistakes: Iterable[Mistake]) -> str:
         """Return the mistakes in the scenario file by line number.
 
-        Each mistake has its own line of text.
+        Each mistake has its own line of text. A missing key has the line of its section, or else the last line.
         """
-        # A missing key has the line of its section, or else the last line.
         last = self.text.rstrip().count("\n") + 1
         rows = []
         for path, sentence in dict.fromkeys(mistakes):
@@ -203,10 +202,7 @@ class Reading:
                 self.unread.append(((name,), f"found no such section, expected [{name}] with {examples[name]}"))
 
     def _read(self, name: str, content: Any) -> None:
-        """Read one section of the scenario file.
-
-        The mistakes in the section are recorded.
-        """
+        """Read one section of the scenario file. The mistakes in the section are recorded."""
         if name in ARRAYS:
             self._read_array(name, content)
             return
@@ -240,9 +236,7 @@ class Reading:
         self.mistakes.append((path, sentence))
 
     def attempt(self, section: str, make: Callable[[], T], path: KeyPath = ()) -> T | None:
-        """Call a function and record its error as a mistake."""
-        # The mistake belongs to the key that the error names.
-        # A `path` takes precedence over the key in the message.
+        """Call a function, and record its error as a mistake at `path`, or else at the key that the error names."""
         try:
             return make()
         except InvalidInputError as error:
@@ -304,10 +298,7 @@ class Reading:
 
 
 def _law(kind: Any) -> Any:
-    """Return the control law with a given name.
-
-    The result is a law or its class. It is None if the law does not exist or cannot be imported.
-    """
+    """Return the law with a given name, or its class; None if it does not exist or cannot be imported."""
     try:
         return LAW_KINDS.find(kind) if isinstance(kind, str) else None
     except InvalidInputError:  # reported when [law] is read
@@ -315,10 +306,7 @@ def _law(kind: Any) -> Any:
 
 
 def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
-    """Yield a mistake for each unknown section.
-
-    The mistake contains a suggested correction.
-    """
+    """Yield a mistake for each unknown section. The mistake contains a suggested correction."""
     for name in data:
         if name in SECTIONS:
             continue
@@ -335,8 +323,7 @@ def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
 
 
 def _variant(name: str, content: Mapping[str, Any], law: str) -> Section | Mistake:
-    """Choose the set of allowed keys for a section."""
-    # The result is a mistake if no such variant of the section fits.
+    """Choose the set of allowed keys for a section. The result is a mistake if no such variant of the section fits."""
     if name == "sensor":
         curves = sensor_variants(foreign=True)
         calibrated = curves.pop(CALIBRATION)
@@ -382,8 +369,7 @@ def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[st
 
 
 def _unknown_key(source: ScenarioSource, name: str, variant: Section, content: Mapping[str, Any], key: str) -> str:
-    """Write the error message about an unknown key."""
-    # The message suggests the right key or section.
+    """Write the error message about an unknown key. The message suggests the right key or section."""
     takes = ", ".join(variant.names)
     if key in keys_of(name):
         return _key_of_another_variant(source, name, takes, content, key)

@@ -62,8 +62,7 @@ def model_path(source: ScenarioSource, values: Mapping[str, Any]) -> Path:
 
 
 def read_robot(path: Path, values: Mapping[str, Any], sensor: SensorModel | None = None) -> RobotInPosture:
-    """Load the robot model in the posture that the scenario file sets."""
-    # The section [robot] of the scenario file names the model and sets the posture.
+    """Load the robot model in the posture that the section [robot] of the scenario file sets."""
     from pretouch.robots import SensorSite, load_model, make_data  # noqa: PLC0415 - only with a robot model
 
     try:

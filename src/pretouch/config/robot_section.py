@@ -15,8 +15,7 @@ _ANGLE: Final = Quantity("", '"8 deg"', "nonnegative")
 
 
 def _axis(value: Any) -> Any:
-    """Parse the axis of a sensor."""
-    # The axis is a name such as "+x" or a list of three numbers.
+    """Parse the axis of a sensor. The axis is a name such as "+x" or a list of three numbers."""
     if not isinstance(value, str | list):
         raise UnfitValueError('expected an axis of the site such as "+x", or a list of three numbers')
     return tuple(value) if isinstance(value, list) else value

@@ -62,10 +62,7 @@ def robust_fields(
 def _required(
     file: Reading, probabilities: Mapping[str, float], constraints: tuple[Constraint, ...]
 ) -> Iterator[Constraint | Required]:
-    """Yield the constraints with their required probabilities.
-
-    A constraint without a probability in the scenario file is returned unchanged.
-    """
+    """Yield the constraints, with their required probabilities if the scenario file has them."""
     limited = {c.name for c in constraints}
     for name in probabilities:
         if name not in limited:
@@ -117,10 +114,7 @@ def _uncertainty(
 
 
 def _fitted(file: Reading, path: tuple[str, ...], calibration: CalibrationReport | None) -> CorrelatedNormal | None:
-    """Return the joint distribution of the fitted sensor parameters.
-
-    It is computed from their covariance.
-    """
+    """Return the joint distribution of the fitted sensor parameters. It is computed from their covariance."""
     if calibration is None or calibration.best is None:
         if "calibration" not in file.data.get("sensor", {}):
             file.refuse(
@@ -150,10 +144,7 @@ def _distribution(values: Mapping[str, Any]) -> Distribution:
 
 
 def _check_means(file: Reading, scenario: Scenario, sensor: SensorModel, uncertainty: Uncertainty) -> None:
-    """Check the mean values of the uncertain inputs.
-
-    They must not contradict each other, and must form a valid encounter.
-    """
+    """Check that the means of the uncertain inputs are consistent and form a valid encounter."""
     means: dict[str, list[float]] = {}
     for name, value in uncertainty.items():
         if name in means:

@@ -131,11 +131,11 @@ def _from_calibration(value: Any) -> Any:
 
 
 def _inputs(part: str) -> dict[str, str]:
-    """Return the inputs that may be uncertain in a scenario section.
+    """Return the inputs that may be uncertain in a scenario section. The result has the unit of each input.
 
-    The result has the unit of each input. Examples of sections are the obstacle and the sensor.
+    Examples of sections are the obstacle and the sensor. A sensor has the inputs of all curves, but no scale, which
+    cancels from the slope.
     """
-    # A sensor has the inputs of all curves, but no scale, which cancels from the slope.
     if part != "sensor":
         units = {tuple(name.split(".")): unit for name, unit in SCENARIO_INPUTS.items()}
         return {name: unit for (of, name), unit in units.items() if of == part}

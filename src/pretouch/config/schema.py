@@ -66,8 +66,7 @@ def _check_second_term(values: Mapping[str, Any]) -> None:
 
 
 def _two_term_objective(first: str, unit: str, example: str) -> Section:
-    """Describe the section [objective] for an objective with two terms."""
-    # The second term is contact velocity or impact force.
+    """Describe the section [objective] of a term and the contact velocity or the impact force."""
     return Section(
         {
             "velocity_scale": Key(Quantity("m/s", '"0.3 m/s"', "nonzero", words=_OBSTACLE)),
@@ -83,8 +82,7 @@ def _two_term_objective(first: str, unit: str, example: str) -> Section:
 
 
 def _scale(quantity: str | None) -> Any:
-    """Make a parser for the typical value of a quantity."""
-    # The value is in the unit of the quantity.
+    """Make a parser for the typical value of a quantity. The value is in the unit of the quantity."""
     if quantity is None:  # another check refuses this
         return lambda _: 1.0
     words = _OBSTACLE if "velocity" in quantity or "speed" in quantity else ()
@@ -92,8 +90,7 @@ def _scale(quantity: str | None) -> Any:
 
 
 def _quantity_name(value: Any) -> str:
-    """Parse the name of a quantity."""
-    # The quantity is built in or comes from an installed package.
+    """Parse the name of a quantity. The quantity is built in or comes from an installed package."""
     try:
         quantity = None if not isinstance(value, str) else find_quantity(value)
     except InvalidInputError as error:
@@ -185,10 +182,7 @@ def _limit(unit: str) -> Key:
 
 
 def _added_limit(name: str) -> Key | None:
-    """Return the key of a constraint on a user-defined quantity.
-
-    The result is None if no such quantity exists.
-    """
+    """Return the key of a constraint on a user-defined quantity. The result is None if no such quantity exists."""
     if name in QUANTITY_KINDS.built_in() or find_quantity(name) is None:
         return None
     return _limit(QUANTITY_UNITS[name])

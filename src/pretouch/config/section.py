@@ -74,8 +74,7 @@ class Section:
     more: tuple[Extensions, Callable[[str], Key | None]] | None = None
 
     def __call__(self, table: Any, unknown: Callable[[str], str] | None = None) -> dict[str, Any]:
-        """Parse the values of a TOML table."""
-        # The error message lists all mistakes in the table.
+        """Parse the values of a TOML table. The error message lists all mistakes in the table."""
         if not isinstance(table, Mapping):
             raise UnfitValueError(f"expected a table such as {self.example}")
         keys = dict(self.keys)
@@ -116,8 +115,7 @@ class Section:
 
 
 def _attempt(read: Reader, value: Any, at: str | int, mistakes: list[tuple[KeyPath, str]]) -> Any:
-    """Parse a value and record its mistakes."""
-    # Each mistake has the path of the wrong key.
+    """Parse a value and record its mistakes. Each mistake has the path of the wrong key."""
     try:
         return read(value)
     except UnfitValueError as unfit:
@@ -135,8 +133,7 @@ TAG: Final = Key(lambda _: None, REQUIRED)
 
 
 def _added_key(find: Callable[[str], Key | None], name: str) -> Key | None:
-    """Return the scenario-file key that an installed package adds."""
-    # The result is None if no package adds the key. A broken package raises an error.
+    """Return the key that an installed package adds; None if there is none; a broken package raises an error."""
     try:
         return find(name)
     except InvalidInputError as error:
@@ -309,10 +306,7 @@ def described_section(described: Any, keys: Mapping[str, Key] | None = None) -> 
 
 
 def _reader_of(metadata: Mapping[str, Any]) -> Reader | None:
-    """Return the parser for a dataclass field.
-
-    The result is None if the field is not declared as a file key.
-    """
+    """Return the parser for a dataclass field. The result is None if the field is not declared as a file key."""
     if "unit" in metadata:
         unit = metadata["unit"] if metadata.get("of_output") is None else "output"
         return Quantity(unit, metadata["example"], metadata["sign"], metadata["infinite"])

@@ -100,8 +100,7 @@ def _model(value: Any) -> str:
 
 
 def _level_or_file(value: Any) -> float | str:
-    """Parse the sensor output without an object."""
-    # The value may also be the path of a file with such readings.
+    """Parse the sensor output without an object. The value may also be the path of a file with such readings."""
     if isinstance(value, str) and re.search(r"\.[A-Za-z]\w*$", value):
         return value
     try:
@@ -219,8 +218,7 @@ class FitRequest:
         return (self.path, self.no_object) if isinstance(self.no_object, Path) else (self.path,)
 
     def read(self) -> tuple[Calibration, ...]:
-        """Read the calibration curves with the selected labels."""
-        # An error is raised if no curve matches the labels.
+        """Read the calibration curves with the selected labels. An error is raised if no curve matches the labels."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
@@ -246,8 +244,7 @@ class FitRequest:
         return matches
 
     def _is_calibration(self) -> bool:
-        """Check whether the file is a readable calibration."""
-        # Messages may quote the contents of a calibration.
+        """Check whether the file is a readable calibration. Messages may quote the contents of a calibration."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         try:
@@ -276,10 +273,7 @@ class FitRequest:
         return replace(report, scenario_lines=tuple(self._scenario_lines(calibration, report)))
 
     def _scenario_lines(self, calibration: Calibration, report: CalibrationReport) -> Iterator[str]:
-        """Yield the scenario-file lines that repeat this fit.
-
-        The lines belong to the section [sensor].
-        """
+        """Yield the scenario-file lines that repeat this fit. The lines belong to the section [sensor]."""
         yield f"{CALIBRATION} = {_in_toml(self.path)}"
         if self.models and report.best is not None:
             yield f"model = {_in_toml(report.best.model)}"
@@ -302,8 +296,7 @@ class FitRequest:
 
 
 def _in_toml(value: str | float | OutputValue | Path | None) -> str:
-    """Format the value of an option as TOML."""
-    # A quantity is a number with its unit.
+    """Format the value of an option as TOML. A quantity is a number with its unit."""
     if isinstance(value, tuple):
         value = f"{value[0]!r} {value[1]}" if value[1] else value[0]
     if isinstance(value, Path):
@@ -334,8 +327,7 @@ def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> floa
 
 
 def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
-    """Fit a sensor curve to the selected calibration curve."""
-    # several calibration curves, or a curve without a usable fit, raise an error
+    """Fit a sensor curve to the one selected calibration curve; without a usable fit, raise an error."""
     curves = request.read()
     if len(curves) > 1:
         raise InvalidInputError(

@@ -131,17 +131,23 @@ class Conditioning:
     def fade_step(self, period: float) -> float:
         """Return the fraction by which the force fades per control period.
 
-        It is the fraction of the virtual force that is removed while a reading is overdue.
+        It is the fraction of the virtual force that is removed while a reading is overdue. A fraction of 1 removes the
+        force at once.
         """
-        # A fraction of 1 removes the force at once.
         sensor_period = period if self.sensor_period is None else self.sensor_period
         fade_time = _FADE_PERIODS * sensor_period if self.fade_time is None else self.fade_time
         return min(period / fade_time, 1.0) if fade_time > 0 else 1.0
 
 
 def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[FilterSection, ...]:
-    """Design a Butterworth low-pass filter for a sampling rate [Hz]."""
-    # The result equals that of scipy.signal, which a test checks. Importing scipy.signal would take too long.
+    """Design a Butterworth low-pass filter for a sampling rate [Hz].
+
+    Returns:
+        The sections, equal to those of scipy.signal, as a test checks. Importing scipy.signal would take too long.
+
+    Raises:
+        InvalidInputError: the order or the cutoff frequency is invalid.
+    """
     if not isinstance(order, int) or isinstance(order, bool) or not 0 <= order <= HIGHEST_ORDER:
         raise InvalidInputError(
             f"low_pass_order: found {order!r}, expected a whole number from 0 (no low-pass filter) to {HIGHEST_ORDER}"
@@ -228,8 +234,7 @@ def discretize(admittance: VirtualAdmittance, period: float) -> AdmittanceNumber
 
 
 def _differences(p: float, q: float) -> tuple[float, float]:
-    """Return divided differences of the exponential function."""
-    # The results are exp[z1, z2] and exp[0, z1, z2] for z1 + z2 = p <= 0 and z1 z2 = q >= 0.
+    """Return exp[z1, z2] and exp[0, z1, z2], divided differences, for z1 + z2 = p <= 0 and z1 z2 = q >= 0."""
     d = p * p / 4 - q
     magnitude = -p / 2 + math.sqrt(d) if d > 0 else math.sqrt(q)
     if magnitude < _SERIES_RADIUS:
@@ -304,6 +309,5 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
 
 
 def format_output(value: float) -> str:
-    """Format a sensor output as text."""
-    # Its unit is that of the readings, which the controller does not know.
+    """Format a sensor output as text. Its unit is that of the readings, which the controller does not know."""
     return f"{value:.6g} (unit of the readings)"

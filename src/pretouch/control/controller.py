@@ -119,9 +119,9 @@ class Controller:
     def parameters(self) -> Any:
         """Return the parameters that the control step reads.
 
-        One structure holds the parameters of the controller and of its control law.
+        One structure holds the parameters of the controller and of its control law. With the letter's law, the
+        parameters are `pretouch_parameters` of pretouch_law.h.
         """
-        # With the letter's law, the parameters are `pretouch_parameters` of pretouch_law.h.
         sensing = self.conditioning.numbers(self.period)
         drive = DriveNumbers(
             hold=sensing.sensor_period,
@@ -228,8 +228,7 @@ class Controller:
 
 
 def _join_parts(base: type[Structure], sensing: Structure, drive: Structure, law: Any) -> Any:
-    """Join the parameters or states of sensing, motion and control law."""
-    # For a compiled step, all parts are one block of memory, in which the law's part comes last.
+    """Join parts of sensing, motion and law; for a compiled step, in one block of memory with the law last."""
     if not isinstance(law, ctypes.Structure):
         return Parts(sensing, drive, law)
     kind = base if isinstance(law, dict(base._fields_)["law"]) else _with_law(base, type(law))

@@ -174,8 +174,7 @@ class CompiledStep:
 
 
 def as_step(step: Any) -> Callable[[Any, Any, Sample], Any]:
-    """Make a control step callable from Python."""
-    # A step is called as `state, output = step(parameters, state, sample)`.
+    """Return a step that Python can call as `state, output = step(parameters, state, sample)`."""
     return step if isinstance(step, CompiledStep) or machine_code(step) is None else CompiledStep(step)
 
 

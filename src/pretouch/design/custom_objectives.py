@@ -105,10 +105,7 @@ class CustomObjective(Objective):
 
 
 def _objective_problem(name: str, objective: Any) -> str:  # noqa: ARG001 - an objective has no kind of its own
-    """Return an error message if an objective of an installed package is invalid.
-
-    The text is empty if the objective is valid.
-    """
+    """Return why an objective of an installed package is invalid; empty if it is valid."""
     if callable(getattr(objective, "value", None)) or (callable(objective) and not isinstance(objective, type)):
         return ""
     return (
@@ -184,10 +181,7 @@ def appraise(
 
 
 def _declares_parts(wrapped: Any) -> bool:
-    """Return True if a user-defined objective has a method for its terms.
-
-    The method is `parts`.
-    """
+    """Return True if a user-defined objective has a method for its terms. The method is `parts`."""
     if not callable(getattr(wrapped, "parts", None)):
         return False
     if not isinstance(wrapped, Objective):

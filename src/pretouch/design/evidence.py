@@ -228,10 +228,7 @@ class GainEvidence(Answer):
         return "corner" if reached.all() else "edge of contact"
 
     def _is_settled_inside(self) -> bool:
-        """Return True if the fast search found an unconstrained optimum.
-
-        The task has no limits, and the gain lies between its bounds.
-        """
+        """Return True if the fast search found an optimum between the bounds of a task without limits."""
         p = self.problem
         free = self.settled is not None and self.gain is not None and not p.task.limits
         return free and not p.axis.is_end(float(p.axis.coordinate(self.gain)))
@@ -268,10 +265,7 @@ class GainEvidence(Answer):
         )
 
     def _at_answer(self, best: Minimum) -> Minimum:
-        """Return the best local minimum of the objective.
-
-        Its gain and objective come from the fast search if that search succeeded.
-        """
+        """Return the best minimum, with gain and objective of the fast search if that succeeded."""
         if self.settled is None:
             return best
         return replace(best, coordinate=float(self.problem.axis.coordinate(self.gain)), value=float(self.objective))
@@ -291,10 +285,7 @@ class GainEvidence(Answer):
         return gain_sensitivities(p, self.gain, self.place)
 
     def _is_smooth(self) -> bool:
-        """Return True if the objective is smooth at the optimum.
-
-        Then derivatives by finite differences are accurate.
-        """
+        """Return True if the objective is smooth at the optimum, so that finite differences are accurate."""
         slope = _stationarity(self.problem, self.minima[0]) if self.minima else None
         return slope is not None and slope < _SMOOTH
 
@@ -342,10 +333,7 @@ def _search_one(problem: GainProblem) -> tuple[Any, Any, Any]:
 
 
 def _stationarity(problem: GainProblem, best: Minimum) -> float | None:
-    """Return the relative slope of the objective at an optimum.
-
-    It is |slope| / value, by a five-point finite difference.
-    """
+    """Return |slope| / value of the objective at an optimum, by a five-point finite difference."""
     narrow = min(1e-2, 0.1 * (best.bracket[1] - best.bracket[0]))  # a sharp minimum has a narrow bracket
     step = narrow if problem.task.evaluate is None else 0.05  # wider than the ripples of a sampled loop
     f = problem.landscape(best.coordinate + step * np.array([-2.0, -1.0, 1.0, 2.0])).objective

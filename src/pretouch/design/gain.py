@@ -261,10 +261,7 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
 
 
 def _depends_on_noise(design: GainDesign) -> bool:
-    """Return True if the contact depends on the sensor noise.
-
-    The test is another random draw at the optimal gain.
-    """
+    """Return True if the contact depends on the sensor noise. The test is another random draw at the optimal gain."""
     evaluator = design.problem.task.evaluate
     if design.result is None or not isinstance(evaluator, NoisyEvaluator):
         return False

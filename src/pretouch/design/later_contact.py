@@ -18,8 +18,10 @@ _PROBES: Final = 257
 
 
 def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
-    """Return True for encounters in which a stronger gain provably delays contact."""
-    # The proof is in docs/developers/fast-designs.md.
+    """Return True for encounters in which a stronger gain provably delays contact.
+
+    The proof is in docs/developers/fast-designs.md.
+    """
     falling = sensor.valid_range[0] <= 0 and falls(sensor, farthest(scenario, sensor))
     return np.asarray(premises_hold(scenario) & falling)
 
@@ -27,9 +29,8 @@ def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
 def never_touches(scenario: Scenario, sensor: SensorModel) -> BoolArray:
     """Return True for encounters without contact at any mitigating gain.
 
-    The result is proved; False means that there is no proof.
+    The result is proved; False means that there is no proof. The proof is in docs/developers/fast-designs.md.
     """
-    # The proof is in docs/developers/fast-designs.md.
     start, end = farthest(scenario, sensor), min(sensor.valid_range[1], LARGEST_START)
     falling = sensor.valid_range[0] <= 0 and falls(sensor, start) and falls(sensor, end)
     in_range = np.asarray(scenario.distance) <= end  # else solving raises an error
@@ -40,9 +41,8 @@ def premises_hold(scenario: Scenario, *, receding: bool = False) -> BoolArray:
     """Return True for encounters in which a stronger gain delays contact.
 
     With `receding`, return True for encounters in which the distance never falls. The sensor output must fall with the
-    distance in both cases.
+    distance in both cases. The premise that ln xi falls with the distance is tested by `falls`.
     """
-    # The premise that ln xi falls with the distance is tested by `falls`.
     if scenario.obstacle.course:
         return np.zeros(scenario.shape, dtype=bool)
     m, d, k, x0, u0, _, v, a, _, _ = map(np.asarray, scenario.relative_columns())
@@ -57,9 +57,9 @@ def premises_hold(scenario: Scenario, *, receding: bool = False) -> BoolArray:
 def least_objective(objective: Objective, state: ContactState, obstacle_speed: Any) -> FloatArray:
     """Return a lower bound of the objective for stronger gains.
 
-    It follows from the contact with one gain.
+    It follows from the contact with one gain. The bound is the part of the objective that can only grow with time;
+    obstacle_speed is |x_o'| at the start [m/s].
     """
-    # The bound is the part of the objective that can only grow with time; obstacle_speed is |x_o'| at the start [m/s].
     total = np.zeros(np.shape(state.time))
     if type(objective) is not Objective:
         return total

@@ -69,9 +69,8 @@ class Term:
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Any:
         """Return the value of one objective term at contact.
 
-        It is weight * (quantity / scale)^2.
+        It is weight * (quantity / scale)^2. `obstacle_speed` is |x_o'| at the start [m/s].
         """
-        # `obstacle_speed` is |x_o'| at the start [m/s].
         with np.errstate(over="ignore"):  # an infinite objective is never the least
             return self.weight * (contact_value(self.quantity, state, impact) / self.scale_for(obstacle_speed)) ** 2
 

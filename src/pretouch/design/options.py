@@ -40,10 +40,7 @@ class ExplainsNames:
 
 
 def _hint(cls: Any, name: str) -> str:
-    """Return a hint for an unknown field name.
-
-    It says where the name belongs, or gives a similar valid name. Empty without a hint.
-    """
+    """Return where an unknown field name belongs, or a similar valid name; empty without either."""
     places: dict[str, list[str]] = {}
     for f in fields(cls):
         places.setdefault(f.name, []).append(f.name)

@@ -316,10 +316,7 @@ _FORCE_LAWS: Final = {
 
 
 def _gain_and_sensor(design: GainDesign) -> PageSection | None:
-    """Return a report table of the virtual force coefficient.
-
-    It lists the coefficient, such as D_p g, at the start and at contact.
-    """
+    """Return a table of the coefficient of the virtual force, such as D_p g, at the start and at contact."""
     run, n, law = _displayed_result(design), design.number, design.law
     if run is None or law.degree is None:
         return None

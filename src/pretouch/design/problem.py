@@ -55,10 +55,11 @@ class Criterion:
     def slope(self, state: ContactState, of: Slope) -> FloatArray:
         """Differentiate the objective or a constraint with respect to one input.
 
+        `along` makes the function `of`.
+
         Returns:
             The derivative in SI units.
         """
-        # `along` makes the function `of`.
         total = np.zeros(np.shape(state.time))
         for quantity, rate in self.rates(state):
             total = total + rate * np.asarray(of(quantity))
@@ -68,10 +69,10 @@ class Criterion:
 def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
     """Return a function for derivatives with respect to one input.
 
-    The function differentiates any contact quantity.
+    The function differentiates any contact quantity. `of` returns the derivative of a quantity by an input, as
+    `ContactGradients` does. `velocity` is the obstacle's velocity at the start [m/s]; it is needed for scales that
+    equal the obstacle's speed.
     """
-    # `of` returns the derivative of a quantity by an input, as `ContactGradients` does. `velocity` is the obstacle's
-    # velocity at the start [m/s]; it is needed for scales that equal the obstacle's speed.
 
     def slope(quantity: str) -> Any:
         if quantity == "gain":

@@ -110,10 +110,7 @@ class ContactQuantity(str):
 
 
 def _quantity_problem(name: str, quantity: Any) -> str:
-    """Return an error message if a quantity of an installed package is invalid.
-
-    The text is empty if the quantity is valid.
-    """
+    """Return why a quantity of an installed package is invalid; empty if it is valid."""
     if not isinstance(quantity, ContactQuantity):
         return f"found {short_repr(quantity)}, expected a pretouch.design.ContactQuantity"
     return (

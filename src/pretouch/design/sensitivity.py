@@ -49,12 +49,11 @@ def follow_optimum(
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return the derivatives of optimal gains and their objectives.
 
-    The derivatives are with respect to each input.
+    The derivatives are with respect to each input. At an interior optimum f_u = 0 stays true under every change, so
+    du/dp = -f_up / f_uu. On an active constraint G = limit stays true, so du/dp = -G_p / G_u. On a bound (held=True)
+    the gain stays. Each field of the scenario is a number or of shape (n, 1). The result holds d gain / d input and d f
+    / d input, shape (n,); NaN if a sample does not end in contact.
     """
-    # At an interior optimum f_u = 0 stays true under every change, so du/dp = -f_up / f_uu. On an active constraint
-    # G = limit stays true, so du/dp = -G_p / G_u. On a bound (held=True) the gain stays. Each field of the scenario is
-    # a number or of shape (n, 1). The result holds d gain / d input and d f / d input, shape (n,); NaN if a sample does
-    # not end in contact.
     axis = problem.axis
     center = axis.coordinate(gain)
     gains = axis.scale * np.sinh(center[:, None] + _HALF * _BASIS.nodes)
@@ -195,8 +194,7 @@ def _rank(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sens
 def _samples_at(
     problem: GainProblem, inputs: _Inputs, sides: Mapping[_Side, float], sample: Callable[[GainProblem], FloatArray]
 ) -> dict[_Side, FloatArray]:
-    """Evaluate objective and constraint for small input changes."""
-    # Changes of the scenario are solved as one array of encounters. User-defined functions get single encounters.
+    """Evaluate input changes: as one array of encounters, or singly for functions of the user."""
     task, samples = problem.task, {}
     if task.evaluate is None and type(task.goal) is Objective:
         together = [side for side in sides if side[0] in SCENARIO_INPUTS]
@@ -224,10 +222,7 @@ def _derivative(above: FloatArray | None, below: FloatArray | None, step: float,
 
 
 def _inputs(problem: GainProblem) -> _Inputs:
-    """Return value, unit and typical magnitude of every scalar input.
-
-    The inputs are those of encounter and sensor.
-    """
+    """Return value, unit and typical magnitude of every scalar input. The inputs are those of encounter and sensor."""
     scenario, sensor = problem.task.scenario, problem.task.sensor
     length = float(scenario.distance)
     speed = max(abs(float(scenario.relative_velocity)), abs(float(scenario.obstacle.velocity)), 1e-3)
@@ -257,9 +252,20 @@ def _with(problem: GainProblem, name: str, value: float) -> GainProblem:
 
 
 def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tuple[int, ...]], Any]) -> FloatArray:
-    """Return the derivatives of optimal gains with respect to one input."""
-    # `one` returns the design of the encounter at an index, for encounters without exact derivatives. The derivative is
-    # NaN without a gain, and next to an edge of contact.
+    """Return the derivatives of optimal gains with respect to one input.
+
+    Args:
+        problem: the problem.
+        gain: the optimal gains.
+        name: the input.
+        one: returns the design of the encounter at an index, for encounters without exact derivatives.
+
+    Returns:
+        The derivatives; NaN without a gain, and next to an edge of contact.
+
+    Raises:
+        InvalidInputError: the input is unknown.
+    """
     flat = np.asarray(gain, dtype=np.float64).reshape(-1)
     derivative = np.full(flat.shape, np.nan)
     where = np.flatnonzero(np.isfinite(flat))

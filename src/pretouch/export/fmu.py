@@ -154,10 +154,7 @@ def _platform() -> str:
 
 
 def _compiler() -> tuple[str, ...]:
-    """Return the command of the C compiler on this machine.
-
-    The tuple is empty without a compiler.
-    """
+    """Return the command of the C compiler on this machine. The tuple is empty without a compiler."""
     if "CC" in os.environ:
         words = tuple(shlex.split(os.environ["CC"]))
         return words if words and shutil.which(words[0]) else ()

@@ -118,10 +118,7 @@ def variables(design: LawDesign) -> tuple[Variable, ...]:
 
 
 def _number(design: LawDesign) -> Variable:
-    """Return the FMU parameter for the gain or drag.
-
-    Users may weaken the value, but not strengthen it.
-    """
+    """Return the FMU parameter for the gain or drag. Users may weaken the value, but not strengthen it."""
     name, symbol, unit = ("drag", "phi", "N.s2") if design.is_drag else ("gain", "D_p", "N.s")
     value: float = getattr(design.controller.parameters().law, name)
     return Variable(
@@ -236,8 +233,7 @@ def _add_variable_3(parent: Xml.Element, reference: int, variable: Variable) -> 
 
 
 def _add_structure(parent: Xml.Element, chosen: tuple[Variable, ...], standard: int) -> None:
-    """Add the FMU outputs and their dependencies to the XML tree."""
-    # FMI 2.0 counts variables from 1
+    """Add the FMU outputs and their dependencies to the XML tree; FMI 2.0 counts variables from 1."""
     number = {variable.name: i + (standard == 2) for i, variable in enumerate(chosen)}
     key = "index" if standard == 2 else "valueReference"
     outputs = [variable for variable in chosen if variable.causality == "output"]

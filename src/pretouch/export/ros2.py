@@ -89,10 +89,7 @@ def yaml_number(value: float) -> str:
 
 
 def _curve(design: LawDesign) -> dict[str, str]:
-    """Return the sensor curve as a table.
-
-    The distances range from the smallest valid one to one without detection.
-    """
+    """Return the sensor curve as a table. The distances range from the smallest valid one to one without detection."""
     sensor: Any = design.task.sensor
     start, end = _curve_range(sensor, math.log(design.controller.conditioning.floor) - _BELOW_FLOOR)
     step = (end - start) / _CURVE_STEPS

@@ -43,8 +43,7 @@ INPUTS: Final = {p.symbol: p.value for p in (*APPROACH, *SENSORS["exponential-2"
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Check that every motion approaches the letter's uniform motion."""
-    # The energy of its deviation must decrease.
+    """Check that every motion approaches the letter's uniform motion. The energy of its deviation must decrease."""
     a, b, around, same = (
         float(variables["a"]),
         float(variables["b"]),

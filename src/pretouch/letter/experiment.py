@@ -202,8 +202,7 @@ class LetterReport(Described, Value):
 
 
 def finding(number: int, title: str, place: str, statement: str, *steps: tuple[Any, ...]) -> Finding:
-    """Create a finding about the published letter."""
-    # Each derivation step has a name, a value and a unit.
+    """Create a finding about the published letter. Each derivation step has a name, a value and a unit."""
     return Finding(number, title, place, statement, tuple(Step(*step) for step in steps))
 
 

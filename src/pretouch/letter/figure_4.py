@@ -90,9 +90,9 @@ def _position(curve: SensorModel, method: str = "auto") -> float:
 def _r_squared(motions: Mapping[str, Any], name: str) -> float:
     """Return R² of a motion relative to a reference motion.
 
-    The reference is the numerically integrated motion for the inverse power curve.
+    The reference is the numerically integrated motion for the inverse power curve. The comparison ends at the earlier
+    of the two contacts.
     """
-    # The comparison ends at the earlier of the two contacts.
     reference, motion = motions["inverse-power"], motions[name]
     time = np.linspace(0.0, min(reference.time[-1], motion.time[-1]), 1000)
     truth = np.interp(time, reference.time, reference.position)

@@ -65,10 +65,7 @@ def reproduce(variables: Variables) -> Reproduction:
 
 
 def _reduction(curve: SensorModel, method: str) -> float:
-    """Return the relative reduction of speed at contact [%].
-
-    The relative velocity is compared with the obstacle's initial speed.
-    """
+    """Return the reduction of speed at contact [%], relative to the obstacle's initial speed."""
     contact = find_contact(approach(), curve, EXPERIMENT_GAIN.value, method=method).contact
     return float(100 - 100 * contact.relative_velocity / approach().obstacle.velocity)
 

@@ -46,8 +46,7 @@ SHOWN: Final = [0, 4, 9, 19, 29, 49, 99]  # 0.01, 0.05, 0.1, 0.2, 0.3, 0.5 and 1
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Design the gain for 100 speeds and three sensor curves."""
-    # The letter's l'_typ can be understood in two ways; gains are designed for both.
+    """Design the gain for 100 speeds, three sensor curves and both readings of the letter's l'_typ."""
     speeds = variables["speeds"]
     gains = {s: {name: np.asarray(variables["gains"][value, name]) for name in MODELS} for s, value in SCALES.items()}
     titles = {"following": "l'_typ follows the obstacle", "fixed": "l'_typ fixed at 0.3 m/s"}

@@ -39,8 +39,7 @@ LIMIT: Final = 4.5  # N
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Design gains that reduce the peak impact force."""
-    # The peak force replaces the relative velocity in the letter's objective, or is limited.
+    """Design gains with the peak impact force instead of l' in the letter's objective, or as a limit."""
     by_force, impacts = dict(variables["designs"]), variables["impacts"]
     limited = {"constraints": [Constraint(name="impact_force", limit=LIMIT)], "impact": impacts["linear spring"]}
     problem = (approach(), sensor("inverse-power"), f_1())

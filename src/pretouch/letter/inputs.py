@@ -21,8 +21,7 @@ from .printed import Parameter, resolution
 
 
 def _parameters(place: str, *lines: str) -> tuple[Parameter, ...]:
-    """Parse inputs of the published letter."""
-    # Each line has the form `name: symbol = value unit`.
+    """Parse inputs of the published letter. Each line has the form `name: symbol = value unit`."""
     matches = [re.fullmatch(r"(.+): (.+) = (\S+) ?(.*)", text) for line in lines for text in line.split("; ")]
     return tuple(Parameter(m[1], m[2], m[3], m[4], place) for m in matches if m)
 
@@ -93,8 +92,7 @@ def sensor(name: str, values: Sequence[float] | None = None) -> SensorModel:
 
 
 def approach(speed: float | FloatArray | None = None) -> Scenario:
-    """Create the published letter's encounter with an approaching obstacle."""
-    # Sections IV-B and V-A of the letter describe this encounter.
+    """Create the encounter of the letter's Sections IV-B and V-A, with an approaching obstacle."""
     values = {p.symbol: p.value for p in APPROACH}
     return _encounter(values, values["v_o"] if speed is None else -speed)
 
@@ -116,15 +114,13 @@ def _encounter(
 
 
 def f_1() -> Objective:
-    """Create the published letter's objective f_1."""
-    # Equation L(20) has weights and typical values from Section V-A.
+    """Create the published letter's objective f_1. Equation L(20) has weights and typical values from Section V-A."""
     w_1, w_2, x_typ, v_typ = (p.value for p in F_1)
     return excursion_objective(position_scale=x_typ, velocity_scale=v_typ, position_weight=w_1, velocity_weight=w_2)
 
 
 def f_2() -> Objective:
-    """Create the published letter's objective f_2."""
-    # Equation L(22) has weights and typical values from Section V-C.
+    """Create the published letter's objective f_2. Equation L(22) has weights and typical values from Section V-C."""
     w_3, w_4, t_typ, v_typ = (p.value for p in F_2)
     return time_objective(time_scale=t_typ, velocity_scale=v_typ, time_weight=w_3, velocity_weight=w_4)
 

@@ -72,8 +72,7 @@ def letter_page(report: LetterReport) -> Page:
 
 
 def _overview(report: LetterReport) -> PageTable:
-    """Count the published values for each degree of agreement."""
-    # The table has one row for each part of the letter.
+    """Count the published values for each degree of agreement. The table has one row for each part of the letter."""
     rows: list[tuple[Cell, ...]] = [
         (f"[{r.id}: {r.title}](#part-{r.id})", *(str(r.counts[a] or "") for a in Agreement))
         for r in report.reproductions
@@ -98,10 +97,7 @@ def _closing(report: LetterReport) -> str:
 
 
 def _failures(report: LetterReport) -> Iterator[str]:
-    """Yield a warning for each unexplained difference from the letter.
-
-    Each finding that does not hold also yields a warning.
-    """
+    """Yield a warning for each unexplained difference from the letter, and each finding that does not hold."""
     for f in report.findings:
         if not f.holds:
             steps = "; ".join(f"{step.name}: {step}" for step in f.failed)
@@ -151,10 +147,7 @@ def _part(part: Reproduction) -> PageSection:
 
 
 def _comparison_blocks(part: Reproduction) -> Iterator[PageTable | Listing | Paragraph]:
-    """Yield a table of published and computed numbers.
-
-    Then yield the reason for each difference.
-    """
+    """Yield a table of published and computed numbers. Then yield the reason for each difference."""
     head = ("number", "place", "printed", "computed", "difference", "range over input rounding", "verdict")
     rows = [
         (

@@ -185,7 +185,7 @@ class Printed(Value):
 def numeral(value: float, printed: str, sign: str = "") -> str:
     """Format a computed number like a published number.
 
-    It has two more decimals.
+    It has two more decimals. A number whose text would be far longer gets six digits.
 
     Returns:
         The number as text.
@@ -194,7 +194,6 @@ def numeral(value: float, printed: str, sign: str = "") -> str:
         >>> numeral(-0.091534, "-0.082"), numeral(1.2987e-5, "1.30e-5"), numeral(0.00034, "-0.088", "+")
         ('-0.09153', '1.2987e-5', '+0.00034')
     """
-    # A number whose text would be far longer gets six digits.
     if not math.isfinite(value):
         return "not a number" if math.isnan(value) else "infinite" if value > 0 else "-infinite"
     mantissa, exponential, _ = printed.lower().partition("e")
@@ -206,6 +205,5 @@ def numeral(value: float, printed: str, sign: str = "") -> str:
 
 
 def short_exponent(text: str) -> str:
-    """Shorten the exponents of numbers in a text."""
-    # For example, e-05 becomes e-5.
+    """Shorten the exponents of numbers in a text. For example, e-05 becomes e-5."""
     return re.sub(r"e([+-]?)0*(\d)", lambda match: f"e{match[1].strip('+')}{match[2]}", text)

@@ -89,10 +89,7 @@ def reproduce(variables: Variables) -> Reproduction:
 
 
 def _contacts(curve: SensorModel, gains: Sequence[float]) -> FloatArray:
-    """Return the values at contact for every gain.
-
-    They are robot position, relative velocity and objective f_1, shape (3, n).
-    """
+    """Return robot position, relative velocity and objective f_1 at contact for every gain, shape (3, n)."""
     contact, speed = find_contact(approach(), curve, gains).contact, abs(approach().obstacle.velocity)
     return np.stack([contact.position, contact.relative_velocity, f_1().value(contact, speed)])
 
@@ -111,10 +108,7 @@ def _columns(values: FloatArray, ranges: FloatArray) -> list[Printed]:
 
 
 def _rounded(printed: str) -> tuple[float, float]:
-    """Return the rounding interval of a published number.
-
-    These are the smallest and the largest magnitude that round to it.
-    """
+    """Return the smallest and the largest magnitude that round to a published number."""
     return abs(float(printed)) - resolution(printed) / 2, abs(float(printed)) + resolution(printed) / 2
 
 

@@ -102,10 +102,7 @@ def _measured(time: FloatArray, speed: FloatArray, slope: float) -> list[Printed
 
 
 def _changes(first: str, second: str) -> tuple[float, float]:
-    """Return the changes of force and time between two gains.
-
-    They are the relative decrease of the force and the relative increase of the time.
-    """
+    """Return the relative decrease of the force and the relative increase of the time between two gains."""
     (t1, f1), (t2, f2) = (tuple(map(float, PRINTED[g])) for g in (first, second))
     return 1 - f2 / f1, t2 / t1 - 1
 

@@ -90,8 +90,7 @@ def read_columns(path: Path, wanted: str) -> tuple[str, str, FloatArray, FloatAr
 
 
 def _index_of(path: Path, header: list[str], wanted: str, clock: int) -> int:
-    """Return the index of the column with the readings."""
-    # Without a choice, this is the only column besides the time column.
+    """Return the index of the chosen column, or of the only column besides the time column."""
     others = [i for i in range(len(header)) if i != clock]
     if not wanted and len(others) == 1:
         return others[0]

@@ -125,10 +125,7 @@ def _read_compressed(path: Path, stream: Any, wanted: Collection[str], contents:
 
 
 def _read_mcap(name: str, stream: Any, wanted: Collection[str], contents: Contents) -> None:
-    """Read the messages of an MCAP file.
-
-    Of a truncated or damaged file, the messages before the damage are kept.
-    """
+    """Read the messages of an MCAP file. Of a truncated or damaged file, the messages before the damage are kept."""
     reader = require("mcap.stream_reader", extra=EXTRA)
     records = require("mcap.records", extra=EXTRA)
     state, before = _Channels(wanted, contents), sum(contents.counts.values())
@@ -186,8 +183,10 @@ class _Channels:
 
 
 def _read_records(data: bytes, state: _Channels) -> None:
-    """Read the schemas, channels and messages of an MCAP chunk."""
-    # This loop runs once per message, so it reads only what is needed.
+    """Read the schemas, channels and messages of an MCAP chunk.
+
+    This loop runs once per message, so it reads only what is needed.
+    """
     records = require("mcap.records", extra=EXTRA)
     counts: dict[int, int] = {}
     place, end, head = 0, len(data), _RECORD.size + _HEAD.size

@@ -135,8 +135,7 @@ def _rival(correlations: FloatArray, best: int) -> int | None:
 
 
 def _smoothed(time: FloatArray, values: FloatArray, half_width: float) -> tuple[FloatArray, FloatArray]:
-    """Smooth a signal without shifting it in time."""
-    # Without this, the noise of the interpolated signal would make the residual a jagged function of the shift.
+    """Smooth a signal without a shift, so that its noise does not make the residual a jagged function of it."""
     width = _KERNEL * half_width
     step = min(width / 5, float(np.median(np.diff(time))) / 2)
     count = min(int((time[-1] - time[0]) / step), _MOST_POINTS)
@@ -152,10 +151,7 @@ def _smoothed(time: FloatArray, values: FloatArray, half_width: float) -> tuple[
 def _refine(
     time: FloatArray, signal: FloatArray, other: tuple[FloatArray, FloatArray], shift: float, half_width: float
 ) -> tuple[float, float]:
-    """Return the least-squares time shift and its standard error [s].
-
-    The standard error is that of Newey and West, for autocorrelated residuals.
-    """
+    """Return the least-squares time shift and its standard error [s] by Newey and West."""
     from scipy.optimize import minimize_scalar  # noqa: PLC0415 - slow to import
 
     least = minimize_scalar(

@@ -158,10 +158,7 @@ def _resolution(values: FloatArray) -> float:
 
 
 def _is_clipped(values: FloatArray) -> bool:
-    """Return True if the readings are probably clipped.
-
-    The largest value then occurs several times in a row.
-    """
+    """Return True if the readings are probably clipped. The largest value then occurs several times in a row."""
     if len(values) < _CLIPPED or values.min() == values.max():
         return False
     at_top = np.concatenate([[0], (values == values.max()).astype(np.int8), [0]])

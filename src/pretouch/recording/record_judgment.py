@@ -128,10 +128,7 @@ def _missing(calibration: Calibration, report: CalibrationReport | None, goal: R
 
 
 def _objection(report: CalibrationReport, slope: float | None, missing: MissingDistances, goal: RecordGoal) -> str:
-    """Return a reason why the fit of the sensor curve is insufficient.
-
-    The text is empty if the fit is good enough.
-    """
+    """Return a reason why the fit of the sensor curve is insufficient. The text is empty if the fit is good enough."""
     if report.verdict != "usable":
         return report.reasons[0]
     if slope is None or report.slope is None:
@@ -148,10 +145,7 @@ def _objection(report: CalibrationReport, slope: float | None, missing: MissingD
 
 
 def _objection_of_scenario(load: Callable[[], Task]) -> str:
-    """Return a reason why a calibration is insufficient for a scenario.
-
-    The text is empty if the calibration is good enough.
-    """
+    """Return why a calibration is insufficient for a scenario; empty if it is good enough."""
     try:
         task = load()
         report = task.calibration

@@ -311,8 +311,7 @@ class _Session:
             raise self._silence()
 
     def _check_silence(self, last: float, now: float, has_arrived: bool) -> float:
-        """Raise an error if readings are overdue."""
-        # The result is the time of the last reading.
+        """Raise an error if readings are overdue. The result is the time of the last reading."""
         if has_arrived:
             return now
         if self.reader.has_ended:

@@ -138,10 +138,7 @@ class Stay:
         return np.array(self.counted or [output for _, output in self._recent])
 
     def _is_steady(self, now: float) -> bool:
-        """Return True if the sensor output has settled.
-
-        The result is also True after the longest settling time.
-        """
+        """Return True if the sensor output has settled. The result is also True after the longest settling time."""
         if len(self._recent) < _FEWEST or now - self._recent[0][0] < 0.4 * self._dwell:
             return False
         if now - self._judged < self._dwell / _JUDGMENTS:  # so that fast sensors need little computing time

@@ -105,20 +105,14 @@ def timing_of(time: FloatArray, values: FloatArray) -> Timing:
 
 
 def _jitter(intervals: FloatArray) -> float:
-    """Return the jitter of the reading times [s].
-
-    The jitter is a robust standard deviation, or 0 below 1 ns.
-    """
-    # the interval between two readings has the jitter of both
-    jitter = float(ROBUST * np.median(np.abs(intervals - np.median(intervals))) / np.sqrt(2))
+    """Return the jitter of the reading times [s]: a robust standard deviation, or 0 below 1 ns."""
+    spread = ROBUST * np.median(np.abs(intervals - np.median(intervals)))
+    jitter = float(spread / np.sqrt(2))  # an interval has the jitter of two readings
     return jitter if jitter >= _RESOLUTION else 0.0
 
 
 def _held(values: FloatArray) -> int:
-    """Return how many times a sensor repeats each value.
-
-    The result is 1 if this number is not constant.
-    """
+    """Return how many times a sensor repeats each value. The result is 1 if this number is not constant."""
     finite = values[np.isfinite(values)]
     changes = np.flatnonzero(np.diff(finite) != 0)
     runs = np.diff(changes)

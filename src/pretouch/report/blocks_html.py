@@ -102,8 +102,7 @@ def _pictures(blocks: Iterable[Block]) -> Iterator[Picture]:
 
 
 def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, list[Block]]:
-    """Separate one plot of a report page from all other blocks."""
-    # Sections that the figure leaves empty are removed as well.
+    """Separate one plot from all other blocks; sections that it leaves empty are removed."""
     lead: Picture | None = None
     others: list[Block] = []
     for block in blocks:

@@ -166,10 +166,7 @@ def _set_up(axes: Axes, report: CalibrationReport, *, zoom: bool = False) -> Sca
 
 
 def _unit(report: CalibrationReport) -> str:
-    """Return the unit of the sensor output as plot text.
-
-    Characters that the font lacks become question marks.
-    """
+    """Return the unit of the sensor output as plot text. Characters that the font lacks become question marks."""
     plain = "".join(c if ord(c) < 0x250 or c in "\u00b5\u03bc\u2126\u03a9" else "?" for c in report.calibration.unit)
     return plain.strip() or "1"
 

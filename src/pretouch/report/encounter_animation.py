@@ -138,10 +138,7 @@ def encounter_animation(lanes: Sequence[Lane], sensor: SensorModel) -> str:
 def _lane(
     number: int, lane: Lane, rules: list[str], *, scale: float, near: float, far: float, fastest: float, end: float
 ) -> str:
-    """Return the SVG shapes of one run.
-
-    The CSS keyframes that move these shapes are appended to `rules`.
-    """
+    """Return the SVG shapes of one run. The CSS keyframes that move these shapes are appended to `rules`."""
     times = np.linspace(0.0, end, _FRAMES)
     distance = np.maximum(np.interp(times, lane.time, lane.distance), 0.0)
     surface = _LEFT + scale * (np.interp(times, lane.time, lane.position) - near)

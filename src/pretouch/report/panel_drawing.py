@@ -172,10 +172,7 @@ def _is_written(mark: Mark) -> bool:
 
 
 def _draw_panel(axes: Axes, panel: Panel, width: float, height: float) -> None:
-    """Draw everything in a panel except its legend.
-
-    Width and height [inch] are those of the panel without its labels.
-    """
+    """Draw a panel of a width and height [inch], which do not include its labels, without its legend."""
     zoomed = panel.x_limits is not None or panel.y_limits is not None
     for curve, look in _looks(panel):
         _draw_curve(axes, curve, look, clipped=zoomed)
@@ -357,10 +354,7 @@ def _wrapped(text: str, room: float, size: float) -> str:
 
 
 def _set_axis(axes: Axes, panel: Panel, which: str, room: float) -> None:
-    """Set limits, ticks and label of an axis.
-
-    Very large or small values get a power of ten in the unit.
-    """
+    """Set limits, ticks and label of an axis. Very large or small values get a power of ten in the unit."""
     logarithmic, limits = getattr(panel, f"{which}_log"), getattr(panel, f"{which}_limits")
     low, high = limits or _data_limits(panel, which)
     label = getattr(panel, f"{which}_label")
@@ -386,8 +380,7 @@ def _set_axis(axes: Axes, panel: Panel, which: str, room: float) -> None:
 
 
 def _with_power(label: str, power: int) -> str:
-    """Add a power of ten to the unit of a label."""
-    # `force [N]` becomes `force [10⁻⁶ N]`.
+    """Add a power of ten to the unit of a label. `force [N]` becomes `force [10⁻⁶ N]`."""
     written = "10" + str(power).translate(
         str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
     )
@@ -396,8 +389,7 @@ def _with_power(label: str, power: int) -> str:
 
 
 def _within_limits(curve: Curve, panel: Panel, which: str) -> Any:
-    """Return a mask of the curve points within the axis limits."""
-    # If the panel has no limits, or no point is within the limits, all points count as within.
+    """Return a mask of the curve points within the axis limits; of all points if there are none."""
     limits, values = getattr(panel, f"{which}_limits"), np.asarray(getattr(curve, which), float)
     within = (values >= limits[0]) & (values <= limits[1]) if limits else np.ones(len(values), dtype=bool)
     return within if within.any() else np.ones(len(values), dtype=bool)
@@ -467,8 +459,7 @@ def _number_contours(axes: Axes, contours: ContourSet, size: FloatArray) -> None
 
 
 def _contour_levels(values: FloatArray) -> FloatArray:
-    """Choose the contour levels of a map."""
-    # The levels are equally spaced, or quantiles if most values are close together.
+    """Choose equally spaced contour levels of a map, or quantiles if most values are close together."""
     low, high = float(values.min()), float(values.max())
     even = np.asarray(MaxNLocator(_LEVELS).tick_values(low, high))
     if np.histogram(values, even)[0].max() < _CROWDED * values.size:

@@ -51,10 +51,7 @@ def replay(replay: Replay) -> Figure:
 
 
 def _panel(replay: Replay, clock: Scale, time: FloatArray, values: FloatArray, axis: tuple[str, str]) -> Panel | None:
-    """Return a plot of one quantity over time.
-
-    The plot is None if the quantity has no finite value.
-    """
+    """Return a plot of one quantity over time. The plot is None if the quantity has no finite value."""
     label, unit = axis
     end = float(replay.steps.time[-1])
     order = np.argsort(time, kind="stable")

@@ -111,8 +111,7 @@ def film_html(result: RobotSimulation, run: int = 0) -> str:
 
 
 def _film_of(result: RobotSimulation, run: int, count: int) -> _Film:
-    """Draw `count` images of a run at equal time steps."""
-    # One image is shifted to the moment of the first contact.
+    """Draw `count` images of a run at equal time steps. One image is shifted to the moment of the first contact."""
     trace, contacts = result.trace(run), [contacts[run] for contacts in result.contacts]
     rows = np.linspace(0, len(trace.time) - 1, count).round().astype(int)
     touches = [c.time for c in contacts if not math.isnan(c.time)]
@@ -136,10 +135,7 @@ def _film_of(result: RobotSimulation, run: int, count: int) -> _Film:
 
 
 def _label(time: float, distance: float, contact: SiteContact) -> str:
-    """Return the title of a still image.
-
-    It contains the time, and the distance or the word `contact`.
-    """
+    """Return the title of a still image. It contains the time, and the distance or the word `contact`."""
     clock = format_quantity(time, "s", 3)
     if time >= contact.time:
         return f"{clock}, {'contact' if time < contact.time + _MOMENT else 'after contact'}"
@@ -165,10 +161,7 @@ def _drawing(model: Any, configuration: FloatArray, camera: Camera) -> Frame:
 
 
 def _address(frames: list[Frame]) -> str:
-    """Return images as a data URI.
-
-    Several images become an animation that loops.
-    """
+    """Return images as a data URI. Several images become an animation that loops."""
     from PIL import Image  # noqa: PLC0415 - Matplotlib brings it
 
     first, *others = [Image.fromarray(frame) for frame in frames]

@@ -93,8 +93,7 @@ def _runs(design: RobustDesign) -> list[tuple[str, int, RobustOutcomes]]:
 
 
 def _measure_panel(design: RobustDesign) -> Panel:
-    """Return a plot of the risk measure versus the gain."""
-    # Values far above the minimum are not drawn.
+    """Return a plot of the risk measure versus the gain. Values far above the minimum are not drawn."""
     sign, label, logarithmic = gain_axis(design.bounds, design.number)
     curve = design.trade_off
     nominal = _nominal_objective(design, curve.gain)
@@ -128,10 +127,7 @@ def _measure_panel(design: RobustDesign) -> Panel:
 
 
 def _nominal_objective(design: RobustDesign, gains: FloatArray) -> FloatArray:
-    """Return the objective of the nominal encounter for many gains.
-
-    The objective is infinite without contact.
-    """
+    """Return the objective of the nominal encounter for many gains. The objective is infinite without contact."""
     ensemble = design.problem.ensemble
     options: dict[str, Any] = {"method": ensemble.method, "horizon": ensemble.horizon}
     contact = ensemble.law.contact(design.scenario, design.sensor, gains, **options)
@@ -151,10 +147,7 @@ def _gain_marks(design: RobustDesign, sign: float, gains: FloatArray, nominal: F
 
 
 def _kind(design: RobustDesign) -> str:
-    """Return the plot label of the nominal encounter.
-
-    The label is `ideal` with a sampled loop, otherwise `nominal`.
-    """
+    """Return the plot label of the nominal encounter. The label is `ideal` with a sampled loop, otherwise `nominal`."""
     return "ideal" if design.on_evaluator else "nominal"
 
 

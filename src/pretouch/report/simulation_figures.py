@@ -130,8 +130,10 @@ def _loop_series(encounter: SimulatedEncounter) -> _TimeSeries:
 
 
 def _unmitigated_series(encounter: SimulatedEncounter) -> _TimeSeries:
-    """Return the time series of the run without mitigation."""
-    # The contact force is not cut, because the panel of the contact shows the whole force.
+    """Return the time series of the run without mitigation.
+
+    The contact force is not cut, because the panel of the contact shows the whole force.
+    """
     run, trace = encounter.unmitigated, encounter.unmitigated_trace
     columns = _columns_of(encounter, run, trace)
     until = run.time if run.touched else run.end_time
@@ -160,10 +162,7 @@ def _columns_of(
 
 
 def _step_columns(trace: LoopTrace) -> dict[str, FloatArray]:
-    """Return virtual force and sensor reading at each controller step.
-
-    Readings are NaN before the first one.
-    """
+    """Return virtual force and sensor reading at each controller step. Readings are NaN before the first one."""
     reading = trace.reading.copy()
     reading[: int((reading != 0.0).argmax()) if (reading != 0.0).any() else 0] = np.nan
     return {"virtual_force": trace.virtual_force, "reading": reading}
@@ -177,9 +176,8 @@ def _step_curve(time: FloatArray, values: FloatArray, period: float) -> tuple[Fl
 def _relative_velocity(encounter: SimulatedEncounter, run: SimulationResult, trace: LoopTrace) -> FloatArray:
     """Return the velocity of the obstacle relative to the robot.
 
-    This also holds after contact has moved the obstacle.
+    This also holds after contact has moved the obstacle. The obstacle's velocity is then a difference quotient.
     """
-    # The obstacle's velocity is then a difference quotient.
     obstacle_velocity = encounter.scenario.obstacle.velocity_at(trace.time)
     contact = encounter.loop.contact
     moved = trace.time > run.time if contact is not None and np.isfinite(contact.obstacle_mass) else None

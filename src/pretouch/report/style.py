@@ -255,8 +255,7 @@ def draw_svg(figure: Figure, name: str) -> str:
 
 
 def _panel_boxes(figure: Figure) -> list[tuple[float, float, float, float]]:
-    """Return position and size of each plot in a figure [pt]."""
-    # Each box has x, y (from the top), width and height.
+    """Return position and size of each plot in a figure [pt]. Each box has x, y (from the top), width and height."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - loaded with Matplotlib
     from matplotlib.transforms import Bbox  # noqa: PLC0415
 

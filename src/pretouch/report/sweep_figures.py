@@ -97,10 +97,7 @@ def _label(variable: Any, scale: Scale, *, short: bool = False) -> str:
 
 
 def _is_logarithmic(values: FloatArray) -> bool:
-    """Return True if the values of a sweep axis are logarithmically spaced.
-
-    They must span at least one decade.
-    """
+    """Return True if the values of a sweep axis are logarithmically spaced. They must span at least one decade."""
     if len(values) < 3 or not (values > 0).all() or values.max() < 10 * values.min():
         return False
     return bool(np.allclose(np.diff(np.log(values)), np.log(values[-1] / values[0]) / (len(values) - 1), rtol=1e-6))

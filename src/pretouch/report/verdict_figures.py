@@ -59,10 +59,7 @@ def verdict(verdict: Verdict) -> Figure:
 
 
 def _quantities(verdict: Verdict) -> list[str]:
-    """Return the names of the quantities to plot.
-
-    These are the most important quantities and all quantities with a limit.
-    """
+    """Return the names of the most important quantities and of those with a limit."""
     compared = [c.name for c in verdict.comparisons]
     forces = [name for name in ("impact_force", "peak_force") if name in compared]
     names = ["relative_velocity", *forces, "largest_excursion", "time"]
@@ -72,10 +69,7 @@ def _quantities(verdict: Verdict) -> list[str]:
 
 
 def _outcome_panel(verdict: Verdict, name: str) -> Panel | None:
-    """Return a plot of the distribution of one quantity.
-
-    The plot is None if no run has a value.
-    """
+    """Return a plot of the distribution of one quantity. The plot is None if no run has a value."""
     columns = [
         ("without mitigation", _WITHOUT, _magnitudes(verdict, name, verdict.unmitigated, 0.0)),
         ("with the gain", _WITH, _magnitudes(verdict, name, verdict.mitigated, verdict.gain)),
@@ -101,10 +95,7 @@ def _magnitudes(verdict: Verdict, name: str, result: SimulationResult | None, ga
 
 
 def _predictions(verdict: Verdict, name: str, scale: Scale) -> Iterator[Mark]:
-    """Yield points that mark the predicted values.
-
-    Their height of 50 % allows a comparison with the median of the runs.
-    """
+    """Yield points at the predicted values, at a height of 50 % for a comparison with the median of the runs."""
     compared = verdict.comparison(name)
     check = _limit_of(verdict, name)
     if compared is not None:

@@ -164,10 +164,7 @@ def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
 
 
 def _stable_until(verdict: Verdict, sign: float) -> dict[str, float]:
-    """Return the gains with gain margins 1 and 2.
-
-    Margin 1 is the stability limit. Gains outside the plot are omitted.
-    """
+    """Return the gains with gain margins 1 (the stability limit) and 2 that are inside the plot."""
     check, loss = verdict.stability, verdict.loss
     low, high = verdict.design.bounds
     if check is None or loss is None:

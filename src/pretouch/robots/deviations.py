@@ -94,10 +94,7 @@ def report_deviations(
 
 
 def _saturated(contact: SiteContact) -> float:
-    """Return the fraction of time with a drive at its limit.
-
-    The time counts from detection to contact.
-    """
+    """Return the fraction of time with a drive at its limit. The time counts from detection to contact."""
     if contact.detection is None:
         return 0.0
     if math.isnan(contact.time):

@@ -132,10 +132,7 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
 
 
 def _controls(model: Model, rows: Any, known: Any) -> FloatArray:
-    """Return the control range of each actuator.
-
-    If an actuator integrates its control, the range is that of its activation.
-    """
+    """Return the range of the control of each actuator, or of its activation if it integrates its control."""
     integrates = np.asarray(model.actuator_dyntype)[rows] == int(mujoco().mjtDyn.mjDYN_INTEGRATOR)
     limited = np.where(
         integrates, np.asarray(model.actuator_actlimited)[rows], np.asarray(model.actuator_ctrllimited)[rows]

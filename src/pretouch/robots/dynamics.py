@@ -247,10 +247,7 @@ def axis_motion(dynamics: PostureDynamics, hold: str, locked: Any = ()) -> AxisM
 
 
 def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMotion | None:
-    """Return the joint motion along the axis, with other directions fixed.
-
-    The result is None if the joints cannot keep these directions fixed.
-    """
+    """Return the joint motion along the axis, with other directions fixed; None if that is impossible."""
     inertia = dynamics.inertia[np.ix_(kept, kept)]
     solution = least_energy(held_rows(dynamics, hold)[:, kept], (0,), inertia)
     if solution is None:
@@ -293,7 +290,8 @@ def least_energy(
 ) -> tuple[FloatArray, FloatArray] | None:
     """Find the least-energy joint motion along each of several directions.
 
-    The directions are rows of a Jacobian. Each motion moves along its own row only.
+    The directions are rows of a Jacobian. Each motion moves along its own row only. Rows in meters and in radians are
+    made comparable by the mobility of each, and rows of zeros are left out.
 
     Args:
         rows: the Jacobian of all directions that move or are held, shape (k, n).
@@ -303,7 +301,6 @@ def least_energy(
     Returns:
         The motions, shape (n, m), and a basis of the motions that move no row; None if the rows are in conflict.
     """
-    # Rows in meters and in radians are made comparable by the mobility of each, and rows of zeros are left out.
     root = np.linalg.cholesky(inertia)
     whitened = np.linalg.solve(root, rows.T).T
     sizes = np.linalg.norm(whitened, axis=1)

@@ -117,10 +117,7 @@ def _warnings(
     contacts: Sequence[Sequence[SiteContact]],
     predictions: Sequence[Sequence[SiteContact | None]],
 ) -> Iterator[str]:
-    """Yield all warnings of a robot simulation.
-
-    They concern the postures, the model, and deviations from the prediction.
-    """
+    """Yield all warnings of a robot simulation, on postures, model and deviations from the prediction."""
     names = [law.site.name for law in scene.laws]
     explanations = list(explain_deviations(names, contacts))
     if scene.centering is None:  # the prediction does not know the law of the hand
@@ -298,10 +295,7 @@ def _largest_torques(drives: Drives) -> FloatArray:
 
 
 class _Site:
-    """One sensor site in a simulated run.
-
-    It has a sensor, a controller and the results recorded so far.
-    """
+    """One sensor site in a simulated run. It has a sensor, a controller and the results recorded so far."""
 
     __slots__ = (
         *("body", "controller", "detection", "distance", "excursion", "force", "glance", "index", "impulse", "law"),
@@ -401,10 +395,7 @@ class _Run:
         )
 
     def _move_hand(self, outputs: Sequence[Output]) -> None:
-        """Move the hand of a centering law for one control period.
-
-        Without such a law, do nothing.
-        """
+        """Move the hand of a centering law for one control period. Without such a law, do nothing."""
         if self.hand is not None:
             before = self.hand.position, self.hand.velocity
             self.hand.advance(outputs, touched=any(not math.isnan(site.time) for site in self.sites))
@@ -426,10 +417,7 @@ class _Run:
         return output
 
     def _detect(self, site: _Site, t: float) -> DetectedEncounter:
-        """Return the encounter of a site at its first detection.
-
-        The prediction starts with its distance, velocities and masses.
-        """
+        """Return the encounter of a site at its first detection, with distance, velocities and masses."""
         scene, data = self.scene, self.data
         model = scene.model
         dynamics = posture_dynamics(model, data, site.drivetrain, site.law.site.direction)
@@ -453,10 +441,7 @@ class _Run:
         )
 
     def _object_acceleration(self, glance: Glance, site: _Site) -> float:
-        """Return the object's acceleration along the sensor axis [m/s^2].
-
-        It is relative to the base of the site.
-        """
+        """Return the object's acceleration along the sensor axis [m/s^2]. It is relative to the base of the site."""
         library, model, data = mujoco(), self.scene.model, self.data
         body = int(model.geom_bodyid[glance.geom])
         library.mj_rnePostConstraint(model, data)
@@ -498,10 +483,7 @@ class _Run:
             self._watch(site, now, h)
 
     def _torques(self, at: float) -> FloatArray:
-        """Return the torques that make the joints follow their reference.
-
-        They are limited to what the drives can apply.
-        """
+        """Return the torques, within those of the drives, that make the joints follow their reference."""
         scene, data, model = self.scene, self.data, self.scene.model
         drivetrain = scene.drivetrains[0]
         driven, base = drivetrain.driven, drivetrain.base
@@ -559,20 +541,14 @@ class _Run:
         site.rate = (site.distance - before) / h if math.isfinite(site.distance) and math.isfinite(before) else math.nan
 
     def _leave_axis(self, site: _Site, now: float) -> None:
-        """Record how far a site has moved off its initial axis.
-
-        Rotations are recorded as well. The axis moves with the robot.
-        """
+        """Record how far a site has moved and turned off its initial axis, which moves with the robot."""
         axis, position, velocity = site.start
         moved = np.array(self.data.site_xpos[site.index]) - position - velocity * now - site.fall * (now * now / 2)
         turn = float(np.linalg.norm(np.cross(axis, site.sight.axis(self.data))))
         site.turn, site.sideways = math.asin(min(turn, 1.0)), float(np.linalg.norm(np.cross(axis, moved)))
 
     def _contact_force(self, site: _Site) -> float:
-        """Return the contact force [N] on a site along its axis.
-
-        The force acts on the body of the site. It is positive if it pushes back.
-        """
+        """Return the contact force [N] on the body of a site along its axis, positive if it pushes back."""
         library, model, data = mujoco(), self.scene.model, self.data
         if not data.ncon:
             return 0.0

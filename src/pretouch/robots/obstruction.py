@@ -80,10 +80,7 @@ def _name_of(model: Model, geom: int) -> str:
 
 
 def _distance_to(model: Model, data: Data, geom: int, point: FloatArray, direction: FloatArray) -> float:
-    """Return the distance [m] along a ray to a geometry's surface.
-
-    It is negative if the ray misses the surface.
-    """
+    """Return the distance [m] along a ray to a geometry's surface. It is negative if the ray misses the surface."""
     library = mujoco()
     kinds, kind = library.mjtGeom, int(model.geom_type[geom])
     if kind in {int(kinds.mjGEOM_PLANE), int(kinds.mjGEOM_HFIELD)}:

@@ -135,10 +135,7 @@ class _Path:
             locked = self._blocked(joints, locked)
 
     def _motion(self, joints: FloatArray, locked: tuple[int, ...]) -> Any:
-        """Return the joint motion along the path at given joint positions.
-
-        The result is None if no motion exists or the posture is singular.
-        """
+        """Return the joint motion along the path; None if none exists or the posture is singular."""
         self.data.qpos[self.places] = joints
         update_posture(self.model, self.data)
         turn = np.array(self.data.site_xmat[self.drivetrain.site]).reshape(3, 3)
@@ -155,10 +152,7 @@ class _Path:
         return 0.0 if motion is None else float(motion.conditioning)
 
     def _slack(self, joints: FloatArray, locked: tuple[int, ...]) -> float:
-        """Return the smallest distance [rad or m] to a joint limit.
-
-        Only moving joints count.
-        """
+        """Return the smallest distance [rad or m] to a joint limit. Only moving joints count."""
         low, high = np.delete(self.ranges, locked, axis=0).T
         q = np.delete(joints, locked)
         return float(np.minimum(q - low, high - q).min() + _TOLERANCE)

@@ -178,10 +178,7 @@ class JointPath:
         return JointReference(position, motions @ velocities, motions @ accelerations + turning @ velocities, obstacle)
 
     def _anchor(self, step: FloatArray) -> None:
-        """Extend the joint path until the sites have moved by a given step.
-
-        The steps are at most 1 mm long.
-        """
+        """Extend the joint path until the sites have moved by a given step. The steps are at most 1 mm long."""
         if len(step) == 1:  # the path is a line, on which all runs have the same anchors
             for _ in range(int(abs(step[0]) / _SPACING)):
                 if not self._follow(math.copysign(_SPACING, step[0]) * np.ones(1)):

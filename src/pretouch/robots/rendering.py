@@ -171,10 +171,7 @@ def _open_renderer(model: Model, height: int, width: int) -> Any:
 
 
 def _choose_opengl(kind: str) -> None:
-    """Make MuJoCo use another OpenGL backend.
-
-    By itself, MuJoCo chooses the backend only once, at its import.
-    """
+    """Make MuJoCo use another OpenGL backend. By itself, MuJoCo chooses the backend only once, at its import."""
     os.environ["MUJOCO_GL"] = kind
     try:
         reload(import_module("mujoco.rendering.classic.gl_context"))
@@ -183,10 +180,7 @@ def _choose_opengl(kind: str) -> None:
 
 
 def _frames(renderer: Any, model: Model, configurations: FloatArray, view: Any) -> Iterator[Frame]:
-    """Yield an image with a light background for each configuration.
-
-    MuJoCo's own background is black.
-    """
+    """Yield an image with a light background for each configuration. MuJoCo's own background is black."""
     data = mujoco().MjData(model)
     for row in configurations:
         data.qpos[:] = row
@@ -239,10 +233,7 @@ def _color_of(model: Model, geom: int) -> tuple[float, ...]:
 
 
 def _points_of(model: Model, data: Data, geom: int, frame: FloatArray) -> FloatArray:
-    """Return points whose convex hull is a geometry's visible outline.
-
-    The points are in the world frame. A plane has none.
-    """
+    """Return world points whose convex hull is a geometry's visible outline; none for a plane."""
     kinds, kind, size = mujoco().mjtGeom, int(model.geom_type[geom]), np.array(model.geom_size[geom])
     place, turn = np.array(data.geom_xpos[geom]), np.array(data.geom_xmat[geom]).reshape(3, 3)
     rim = np.column_stack([_CIRCLE, np.zeros(len(_CIRCLE))])

@@ -115,10 +115,7 @@ def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach:
 
 
 def _moving(model: Model, site: int, glance: Glance) -> IntArray:
-    """Return the degrees of freedom of an object ahead of a sensor.
-
-    Fixed objects and robot parts have none.
-    """
+    """Return the degrees of freedom of an object ahead of a sensor. Fixed objects and robot parts have none."""
     if glance.geom < 0:
         return np.zeros(0, dtype=np.int64)
     tree, own = (int(model.body_treeid[body]) for body in (model.geom_bodyid[glance.geom], model.site_bodyid[site]))
@@ -206,10 +203,7 @@ def put_ball(model: Model, data: Data, site: SensorSite, ball: Ball) -> tuple[Mo
 
 
 def _jacobian(model: Model, data: Data, point: FloatArray, body: int) -> FloatArray:
-    """Return the Jacobian of a body at a point.
-
-    It has the linear and angular velocity per joint velocity, shape (6, nv).
-    """
+    """Return linear and angular velocity of a body at a point per joint velocity, shape (6, nv)."""
     jacobian = np.zeros((6, model.nv))
     mujoco().mj_jac(model, data, jacobian[:3], jacobian[3:], point, body)
     return jacobian

@@ -98,10 +98,9 @@ class Sight:
     def _cast(
         self, data: Data, start: FloatArray, ray: FloatArray, *, passed: float, geom: Any, normal: FloatArray
     ) -> float:
-        """Return the distance [m] along a ray to the first object.
+        """Return the distance [m] along a ray to the first object. Only objects beyond the length `passed` count.
 
-        Only objects beyond the length `passed` count. The distance is negative if there is none. Other bodies of the
-        robot behind the contact surface are passed.
+        The distance is negative if there is none. Other bodies of the robot behind the contact surface are passed.
         """
         while True:
             beyond = start + passed * ray
@@ -159,10 +158,7 @@ class Sight:
 
 
 def _beam(direction: FloatArray, half_angle: float) -> FloatArray:
-    """Return rays that represent equal parts of a conical beam.
-
-    The rays are unit vectors, shape (n, 3).
-    """
+    """Return rays that represent equal parts of a conical beam. The rays are unit vectors, shape (n, 3)."""
     if half_angle <= 0:
         return direction[None].copy()
     first, second = np.linalg.svd(direction[None])[2][1:]

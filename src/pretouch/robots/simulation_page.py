@@ -78,10 +78,7 @@ def _headline(result: RobotSimulation, order: tuple[str, ...]) -> str:
 
 
 def _figures(result: RobotSimulation, site: str) -> Iterator[tuple[str, Cell]]:
-    """Yield simulated and predicted results of the first contact.
-
-    They are contact speed, peak force and excursion.
-    """
+    """Yield simulated and predicted results of the first contact. They are contact speed, peak force and excursion."""
     for label, quantity, unit in _KEY_FIGURES:
         simulated, predicted = (abs(_mean(f(site, quantity))) for f in (result.simulated, result.predicted))
         comparison = "" if np.isnan(predicted) else f"; predicted {format_quantity(predicted, unit, 3)}"

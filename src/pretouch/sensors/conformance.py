@@ -96,10 +96,7 @@ def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance
 
 
 def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool, str]]:
-    """Yield the result of each check of a sensor curve.
-
-    Stop if later checks would be meaningless.
-    """
+    """Yield the result of each check of a sensor curve. Stop if later checks would be meaningless."""
     obstacle = _evaluation_obstacle(sensor, distance)
     evidence = obstacle or "a number, a row and a table of distances"
     yield "ln xi and g accept distances of any shape and return the same shape", obstacle is None, evidence
@@ -170,18 +167,12 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
 
 @cache_by_curve(256)
 def _verified_reach(sensor: SensorModel) -> list[float]:  # noqa: ARG001 - the key of the cache
-    """Return the largest checked distance of a sensor curve [m].
-
-    The result is a list with one element, which the caller updates.
-    """
+    """Return a list of one element, which the caller updates: the largest checked distance of a curve [m]."""
     return [-np.inf]
 
 
 def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Return an error message for an invalid sensor curve.
-
-    It names the first missing property. It is None if the curve is valid.
-    """
+    """Return the first missing property of an invalid sensor curve; None if the curve is valid."""
     obstacle = _evaluation_obstacle(sensor, distance)
     if obstacle is not None:
         return (
@@ -210,10 +201,7 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
 
 
 def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> str | None:
-    """Return an error message for a wrong sensor slope.
-
-    The slope is zero, positive, or not the declared constant.
-    """
+    """Return an error message for a wrong sensor slope. The slope is zero, positive, or not the declared constant."""
     steepest, i = float(np.abs(slope).max()), int(slope.argmax())
     if steepest == 0:
         return "found a slope of 0 1/m at every distance, which must be negative: the output is constant"
@@ -236,10 +224,7 @@ def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArra
 
 
 def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Return an error message for an inconsistent sensor slope.
-
-    The slope must be the derivative of the log output. If it is, return None.
-    """
+    """Return why the slope is not the derivative of the log output; None if it is."""
     edges = np.unique(np.concatenate([distance, [k for k in sensor.knots if distance[0] < k < distance[-1]]]))
     left, right, limit = edges[:-1], edges[1:], 0.0
     parts: list[FloatArray] = []
@@ -267,10 +252,7 @@ def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
 
 
 def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the change of log output over each interval.
-
-    The second result is the integral of the slope over each interval.
-    """
+    """Return the change of log output and the integral of the slope over each interval."""
     if not len(left):
         return left, left
     offset, weight = np.polynomial.legendre.leggauss(8)
@@ -280,8 +262,7 @@ def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[
 
 
 def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Evaluate a sensor curve and return its error as text."""
-    # The result is None if the curve raises no error.
+    """Evaluate a sensor curve and return its error as text. The result is None if the curve raises no error."""
     for function in (sensor.log_output, sensor.log_slope):
         for probe in (float(distance[0]), distance, distance[:16].reshape(4, 4)):
             try:
@@ -299,10 +280,7 @@ def _scalar_difference(function: Callable[[Any], Any], distance: FloatArray) -> 
 
 
 def _is_value(sensor: SensorModel) -> bool:
-    """Return True if a sensor curve is immutable and hashable.
-
-    It must be a frozen dataclass with hashable fields.
-    """
+    """Return True if a sensor curve is immutable and hashable. It must be a frozen dataclass with hashable fields."""
     parameters = vars(type(sensor)).get("__dataclass_params__")
     try:
         hash(sensor)
@@ -312,12 +290,11 @@ def _is_value(sensor: SensorModel) -> bool:
 
 
 def _slope_error(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> tuple[float, float]:
-    """Return the largest slope error of a sensor curve.
+    """Return the largest slope error of a sensor curve. Also return the allowed error. Both are in 1/m.
 
-    Also return the allowed error. Both are in 1/m.
+    The means of g and of the derivative of ln xi over intervals are compared. Intervals that disagree are halved while
+    there are few of them, since steep parts of g need short intervals.
     """
-    # The means of g and of the derivative of ln xi over intervals are compared.
-    # Intervals that disagree are halved while there are few of them, since steep parts of g need short intervals.
     edges = np.unique(np.concatenate([distance, [k for k in sensor.knots if distance[0] < k < distance[-1]]]))
     width = np.diff(edges)
     left, right = (

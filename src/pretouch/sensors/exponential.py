@@ -153,10 +153,7 @@ class ExponentialFirstOrder(SensorModel):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return factors that convert first-order exponential curves to one reference curve.
-
-        They scale the gain.
-        """
+        """Return factors that convert first-order exponential curves to one reference curve. They scale the gain."""
         rate = np.asarray(values.get("rate", self.rate))
         if not np.all(rate < 0):
             return None
@@ -259,9 +256,8 @@ class ExponentialSecondOrder(SensorModel):
     ) -> CurveSimilarity | None:
         """Return factors that convert second-order exponential curves to one reference curve.
 
-        They scale length and gain.
+        They scale length and gain. The slope g = c + 2 b (l + recess) = 2 b (l - l*) is scaled by lengths s = L* / l*.
         """
-        # The slope g = c + 2 b (l + recess) = 2 b (l - l*) is scaled by lengths s = L* / l*.
         if self.curvature == 0:
             return None
         b = np.asarray(values.get("curvature", self.curvature))

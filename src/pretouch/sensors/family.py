@@ -88,25 +88,23 @@ class Family(ABC):
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
         """Return the log outputs of several sensor curves.
 
-        They are ln xi at several distances [m].
+        They are ln xi at several distances [m]. Parameters of shape (..., p) and distances of shape (n,) give the shape
+        (..., n).
         """
-        # Parameters of shape (..., p) and distances of shape (n,) give the shape (..., n).
 
     @abstractmethod
     def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
         """Return the slopes of several sensor curves [1/m].
 
-        They are g at several distances [m].
+        They are g at several distances [m]. The shape is that of `log_output`.
         """
-        # The shape is that of `log_output`.
 
     @abstractmethod
     def coordinates(self, u: FloatArray) -> FloatArray:
         """Transform fit parameters to numbers that are always finite.
 
-        Examples are logarithms.
+        Examples are logarithms. Each is a monotonic function of one of the curve's own parameters.
         """
-        # Each is a monotonic function of one of the curve's own parameters.
 
     @abstractmethod
     def parameters(self, coordinates: FloatArray) -> FloatArray:
@@ -193,10 +191,7 @@ class PlainFamily(Family):
         return np.array([log_middle, *(_encoded(float(start[name]), sign) for name, sign in pairs)])
 
     def _curve(self, u: FloatArray) -> Any:
-        """Return the sensor curve with given fit parameters.
-
-        Its scale is 1. Return None if the parameters are invalid.
-        """
+        """Return the curve of scale 1 with given fit parameters; None if they are invalid."""
         values = [_decoded(float(v), sign) for v, sign in zip(u[1:], self._signs, strict=True)]
         try:
             parameters = dict(zip(self.parameter_names, [1.0, *values], strict=True))

@@ -188,11 +188,10 @@ class InversePower(SensorModel):
         recess: FloatArray,
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return factors that convert inverse power curves to one reference curve.
+        """Return factors that convert inverse power curves to one reference curve. They scale length and gain.
 
-        They scale length and gain.
+        For g = -n / (l + l_0), lengths scale with s = L_0 / l_0, and the gain with s n / N.
         """
-        # For g = -n / (l + l_0), lengths scale with s = L_0 / l_0, and the gain with s n / N.
         offset = np.asarray(values.get("distance_offset", self.distance_offset)) + recess
         exponent = np.asarray(values.get("exponent", self.exponent))
         if not (np.all(offset > 0) and np.all(exponent > 0)):

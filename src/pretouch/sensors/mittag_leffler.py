@@ -83,10 +83,11 @@ def mittag_leffler(
 
 
 def _on_parabola(order: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Evaluate the Mittag-Leffler function by an inverse Laplace transform."""
-    # The integration path is a parabola. The derivative is also evaluated.
-    # The sum inverts s^(alpha-1) / (s^alpha - z) at time one, and its derivative by z.
-    # Orders have the shape (b, 1, 1), arguments (b, n). Half of the nodes suffice; the others are complex conjugates.
+    """Return the Mittag-Leffler function and its derivative by an inverse Laplace transform along a parabola.
+
+    The sum inverts s^(alpha-1) / (s^alpha - z) at time one, and its derivative by z. Orders have the shape (b, 1, 1),
+    arguments (b, n). Half of the nodes suffice; the others are complex conjugates.
+    """
     step, mu = 3.0 / _NODES, math.pi * _NODES / 12
     node = 1 + 1j * (np.arange(_NODES) + 0.5) * step
     s = mu * node**2
@@ -101,13 +102,14 @@ def _on_parabola(order: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _on_line(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Evaluate small values of the Mittag-Leffler function accurately."""
-    # The function and its derivative are computed from an integral.
-    # E_alpha(-x) = sin(delta) / (pi alpha) int exp(-(x e^v)^(1/alpha)) / (2 (cosh v - cos delta)) dv.
-    # This is the transform on its branch cut at r = (x e^v)^(1/alpha), with delta = pi (1 - alpha). All terms are
-    # positive, so the sum keeps its relative accuracy for any small E. The trapezoidal rule at half-integers has an
-    # error due to the poles at v = +-i delta: their residues over 1 + exp(2 pi delta / step), which are added. At
-    # alpha = 1 only the residues remain, exp(-x).
+    """Return small values of the Mittag-Leffler function and its derivative accurately, from an integral.
+
+    E_alpha(-x) = sin(delta) / (pi alpha) int exp(-(x e^v)^(1/alpha)) / (2 (cosh v - cos delta)) dv. This is the
+    transform on its branch cut at r = (x e^v)^(1/alpha), with delta = pi (1 - alpha). All terms are positive, so the
+    sum keeps its relative accuracy for any small E. The trapezoidal rule at half-integers has an error due to the poles
+    at v = +-i delta: their residues over 1 + exp(2 pi delta / step), which are added. At alpha = 1 only the residues
+    remain, exp(-x).
+    """
     delta = math.pi * (1 - order)
     left, right = -40 - np.log(-z.min()), order * math.log(750)  # below, e^v < 1e-17 / x; above, exp(-750) = 0
     v = _STEP * (np.arange(math.floor(left / _STEP), math.ceil(right / _STEP)) + 0.5)
@@ -142,10 +144,7 @@ class _MittagLefflerFamily(Family):
         return np.array([log_middle, math.log(-slope * (1 + bend)), 1 / (1 + 0.2 * bend)])
 
     def _relative(self, u: FloatArray, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the logarithm of the Mittag-Leffler function.
-
-        Also return the derivative of this logarithm.
-        """
+        """Return the logarithm of the Mittag-Leffler function. Also return the derivative of this logarithm."""
         argument = -np.exp(u[..., 1, None]) * distance
         order = np.minimum(u[..., 2], 1.0).ravel()
         value, derivative = mittag_leffler(order, argument, accuracy=_ACCURACY)

@@ -92,17 +92,11 @@ class SensorModel(ABC):
 
     @abstractmethod
     def _log_output(self, distance: FloatArray) -> FloatArray:
-        """Return the log output ln xi at valid distances.
-
-        The caller has checked the distances.
-        """
+        """Return the log output ln xi at valid distances. The caller has checked the distances."""
 
     @abstractmethod
     def _log_slope(self, distance: FloatArray) -> FloatArray:
-        """Return the sensor slope g [1/m] at valid distances.
-
-        The slope is g = d ln xi / dl. The caller has checked the distances.
-        """
+        """Return g = d ln xi / dl [1/m] at distances that the caller has checked."""
 
     @property
     def valid_range(self) -> tuple[float, float]:
@@ -131,10 +125,7 @@ class SensorModel(ABC):
 
     @classmethod
     def _declared(cls) -> list[Field[Any]]:
-        """Return the dataclass fields of the curve parameters.
-
-        The scale comes first.
-        """
+        """Return the dataclass fields of the curve parameters. The scale comes first."""
         return [f for f in fields(cls) if "unit" in f.metadata]
 
     @property
@@ -204,10 +195,7 @@ class SensorModel(ABC):
         return dict(plain(content))
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:  # noqa: ARG002 - for subclasses
-        """Return the exact derivative of the sensor curve by a parameter.
-
-        The result is None if the curve has no exact derivative.
-        """
+        """Return the exact derivative of the sensor curve by a parameter; None if there is none."""
         return None
 
     @final
@@ -267,8 +255,7 @@ class SensorModel(ABC):
 
 
 def _distances(distance: ArrayLike) -> FloatArray:
-    """Convert distances [m] to a float array."""
-    # Values that are not numbers are an error.
+    """Convert distances [m] to a float array. Values that are not numbers are an error."""
     values = np.asarray(distance)
     if values.dtype.kind == "f" or are_numbers(distance):
         return np.asarray(values, dtype=np.float64)
@@ -288,8 +275,7 @@ def _check_domain(value: float, name: str, metadata: Mapping[str, Any]) -> None:
 
 
 def _number(value: Any, name: str, unit: str) -> float:
-    """Check that a value is a single finite number."""
-    # Return the number as a float.
+    """Check that a value is a single finite number. Return the number as a float."""
     number = finite(value, name, unit)
     if not isinstance(number, float):
         raise InvalidInputError(f"{name}: found an array of shape {np.shape(number)}, expected a single number")
@@ -304,10 +290,11 @@ def _limit(value: Any, name: str) -> float:
 def cache_by_curve(
     size: int,
 ) -> Callable[[Callable[Concatenate[SensorModel, P], R]], Callable[Concatenate[SensorModel, P], R]]:
-    """Cache a function of a sensor curve."""
-    # The curve is the first argument. At most `size` results are cached.
-    # Equal curves share their results. Curves are compared by their fields only, so results of a curve with further
-    # attributes are not cached.
+    """Return a decorator that caches a function whose first argument is a sensor curve.
+
+    At most `size` results are cached. Equal curves share their results. Curves are compared by their fields only, so
+    results of a curve with further attributes are not cached.
+    """
 
     def decorate(function: Callable[Concatenate[SensorModel, P], R]) -> Callable[Concatenate[SensorModel, P], R]:
         cached = lru_cache(maxsize=size)(function)
@@ -322,10 +309,7 @@ def cache_by_curve(
 
 
 def _has_only_fields(sensor: SensorModel) -> bool:
-    """Return True if a sensor curve has only dataclass fields.
-
-    Cached properties may exist, but no other attributes.
-    """
+    """Return True if a sensor curve has only dataclass fields. Cached properties may exist, but no other attributes."""
     attributes = getattr(sensor, "__dict__", None)
     if attributes:
         others = attributes.keys() - {f.name for f in fields(sensor)}

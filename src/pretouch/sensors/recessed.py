@@ -126,9 +126,9 @@ class Recessed(SensorModel):
         return np.asarray(self.sensor.log_slope(self._sensor_distance(distance)))
 
     def _sensor_distance(self, distance: FloatArray) -> FloatArray:
-        """Return distances from the sensor for distances from the contact surface.
+        """Return distances from the sensor for distances from the contact surface. Both are in m.
 
-        Both are in m. The sensor distances are limited to the valid range because sums are rounded.
+        The sensor distances are limited to the valid range because sums are rounded.
         """
         low, high = self.sensor.valid_range
         return np.clip(distance + self.recess, low, high)

@@ -69,10 +69,16 @@ class CurveSensitivity:
 
 
 def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
-    """Differentiate a sensor curve with respect to one parameter."""
-    # If the class of the curve does not define the derivative, dg/d(parameter) is computed from the polynomial through
-    # eleven curves with the parameter within 5 % of its value. If values on one side are invalid, the other side is
-    # used. The relative error is about 1e-11 if g is computed to rounding.
+    """Differentiate a sensor curve with respect to one parameter.
+
+    Returns:
+        The exact derivative if the class of the curve defines it. Otherwise dg/d(parameter) is computed from the
+        polynomial through eleven curves with the parameter within 5 % of its value. If values on one side are invalid,
+        the other side is used. The relative error is about 1e-11 if g is computed to rounding.
+
+    Raises:
+        InvalidInputError: the curve has no such parameter.
+    """
     if name not in sensor.parameter_units:
         raise InvalidInputError(
             f"parameter: found {name!r}, expected one of {', '.join(sensor.parameter_units) or 'none at all'}"
@@ -82,11 +88,10 @@ def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
 
 
 def _describes_own_curve(cls: type) -> bool:
-    """Return True if a curve class defines its own parameter derivatives.
+    """Return True if a curve class defines its own parameter derivatives. Inherited derivatives do not count.
 
-    Inherited derivatives do not count.
+    A subclass that overrides `_log_slope` but not `_sensitivity_to` has a curve that the latter does not describe.
     """
-    # A subclass that overrides `_log_slope` but not `_sensitivity_to` has a curve that the latter does not describe.
     first = {name: next(c for c in cls.__mro__ if name in vars(c)) for name in ("_sensitivity_to", "_log_slope")}
     return issubclass(first["_sensitivity_to"], first["_log_slope"])
 

@@ -147,9 +147,9 @@ class PiecewiseCubic(SensorModel):
     def coefficients(self) -> FloatArray:
         """Return the polynomial coefficients of the log output.
 
-        There are four coefficients for each interval between points.
+        There are four coefficients for each interval between points. In ln xi = sum c_k z^k, z is l minus the middle of
+        the interval [m]. The result has the shape (N - 1, 4).
         """
-        # In ln xi = sum c_k z^k, z is l minus the middle of the interval [m]. The result has the shape (N - 1, 4).
         width = np.diff(self.distances)
         (near, far), slopes = np.array([self.log_outputs[:-1], self.log_outputs[1:]]), np.array(self.slopes)
         first, last = slopes[:, 0], slopes[:, 1]

@@ -172,8 +172,10 @@ class SensorChain:
         return self.exposure / 2 + self.delay
 
     def numbers(self) -> tuple[float, ...]:
-        """Return the parameters of the sensor for the compiled simulation."""
-        # The structure is pretouch_chain in native/core/pretouch.h; booleans are 0 or 1.
+        """Return the parameters of the sensor for the compiled simulation.
+
+        The structure is pretouch_chain in native/core/pretouch.h; booleans are 0 or 1.
+        """
         return (
             *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
             *(self.offset + self.crosstalk, self.drift, self.lowest, self.highest, self.resolution, self.dropout),
@@ -377,10 +379,7 @@ def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool =
 
 
 def _waits(chain: SensorChain, period: float) -> tuple[float, float]:
-    """Return the longest and shortest waiting time [s] of a sensor reading.
-
-    A finished reading waits for the next controller step.
-    """
+    """Return the longest and shortest time [s] that a finished reading waits for the controller."""
     step = min(period, chain.period)  # a newer reading replaces one that still waits
     ratio = max(chain.period, period) / step
     deviation = abs(ratio - round(ratio))

@@ -167,8 +167,10 @@ class ClosedLoop:
         return None if own is None else continuous_law(own)
 
     def after(self, runs: int) -> ClosedLoop:
-        """Return a control loop that skips the noise of earlier runs."""
-        # The noise of the first encounter is shifted by `runs`.
+        """Return a control loop that skips the noise of earlier runs.
+
+        The noise of the first encounter is shifted by `runs`.
+        """
         return replace(self, first_run=self.first_run + runs)
 
     def run(
@@ -274,13 +276,14 @@ class ClosedLoop:
     ) -> Loop:
         """Combine the control loop with an array of encounters.
 
+        If `gain` is None, the law keeps its own gain.
+
         Returns:
             The inputs of the simulation. The encounters share one sensor curve, or have one each.
 
         Raises:
             InvalidInputError: the shape of the gains does not match that of the encounters.
         """
-        # If `gain` is None, the law keeps its own gain.
         law = self.continuous
         gains = np.asarray(0.0 if gain is None else finite(gain, "gain", "" if law is None else law.number.unit))
         try:
@@ -332,10 +335,7 @@ class ClosedLoop:
         return np.broadcast_to(time, scenario.shape) if np.any(time > 0) else None
 
     def _laws(self, gains: FloatArray) -> tuple[tuple[SampledLaw, ...], IntArray]:
-        """Return a controller for every distinct gain.
-
-        The second result assigns a controller to each gain by its index.
-        """
+        """Return a controller for every distinct gain, and the index of the controller of each gain."""
         distinct, law_of = np.unique(gains, return_inverse=True)
         return tuple(self.law.with_value(float(g)) for g in distinct), law_of.reshape(gains.shape)
 
@@ -360,8 +360,7 @@ Row = tuple[str, Cell]
 
 
 def loop_section(loop: ClosedLoop, *first: Row) -> PageSection:
-    """Return the report section that describes a sampled control loop."""
-    # The rows `first` precede the loop's own rows.
+    """Return the report section that describes a sampled control loop. The rows `first` precede the loop's own rows."""
     parts = (
         ("Sensor chain", loop.chain.rows()),
         ("Controller", law_rows(loop.law)),

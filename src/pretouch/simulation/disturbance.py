@@ -82,8 +82,10 @@ class Disturbance:
         return text if self.duration is None else f"{text}, for {format_quantity(self.duration, 's')}"
 
     def numbers(self) -> tuple[float, ...]:
-        """Return the parameters of the disturbance for the compiled simulation."""
-        # The structure is pretouch_disturbance in native/core/pretouch.h.
+        """Return the parameters of the disturbance for the compiled simulation.
+
+        The structure is pretouch_disturbance in native/core/pretouch.h.
+        """
         return (
             float(KINDS.index(self.kind) + 1),
             math.inf if self.time is None else self.time,

@@ -123,10 +123,11 @@ class LinearLoop:
 def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing: LoopTiming) -> LinearLoop:
     """Discretize the open control loop of a linear robot exactly.
 
+    The plant is x' = A x + B F with the output C x; B and C have the shape (n,).
+
     Returns:
         The loop, whose time step is the sensor period.
     """
-    # The plant is x' = A x + B F with the output C x; B and C have the shape (n,).
     n, exposure, period = len(push), timing.exposure, timing.period
     block = np.zeros((n + 2, n + 2))  # the state, the integral of the reading, a constant force
     block[:n, :n], block[n, :n], block[:n, n + 1] = system, output, push
@@ -221,10 +222,11 @@ def first_crossover(loop: LinearLoop) -> Crossover | None:
 def worst_crossover(system: _Plant, timing: LoopTiming) -> tuple[LinearLoop, Crossover | None]:
     """Find the loop delay that results in the smallest stability limit.
 
+    The worst delay is nearly always the longest. Near a weakly damped mode, the limit has minima over the delay.
+
     Returns:
         The loop with this delay, and its stability limit.
     """
-    # The worst delay is nearly always the longest. Near a weakly damped mode, the limit has minima over the delay.
     tried: dict[float, tuple[LinearLoop, Crossover | None]] = {}
 
     def limit(part: float) -> float:
@@ -264,10 +266,7 @@ def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, near: float
 
 
 def _aliased_angle(mode: complex) -> float:
-    """Return the angle per sampling period of an aliased oscillation.
-
-    The angle omega T is between 0 and pi.
-    """
+    """Return the angle per sampling period of an aliased oscillation. The angle omega T is between 0 and pi."""
     return abs(math.remainder(mode.imag, 2 * math.pi))
 
 
@@ -275,9 +274,8 @@ def _growth_of_mode(loop: LinearLoop, pole: float) -> float:
     """Return the growth rate of an undamped mode under weak damping.
 
     The rate is ln |z|. The mode is undamped in open loop. The virtual damping is so small that it moves the eigenvalue
-    by 1e-6.
-
-    With z = z_0 exp(i e) and Q(e) = (exp(i e) - 1) P(z), which is finite at z_0, 1 + d P = 0 is exp(i e) = 1 - d Q(e).
+    by 1e-6. With z = z_0 exp(i e) and Q(e) = (exp(i e) - 1) P(z), which is finite at z_0, 1 + d P = 0 is exp(i e) = 1 -
+    d Q(e).
     """
 
     def weight(e: complex) -> complex:
@@ -306,10 +304,11 @@ def _modulus_near(loop: LinearLoop, angle: float, damping: float) -> float:
 def _crossover_angles(loop: LinearLoop, angle: FloatArray, response: _Complex, poles: list[float]) -> list[float]:
     """Find where the imaginary part of the frequency response rises through zero.
 
+    Only the angles of the smallest dampings are complete.
+
     Returns:
         The zeros of the open loop's response, as angles omega T.
     """
-    # Only the angles of the smallest dampings are complete.
     rising = (
         _sign_changes(response)
         & np.signbit(response.imag[:-1])
@@ -376,8 +375,7 @@ def _is_relevant(response: _Complex) -> BoolArray:
 
 
 def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
-    """Mark the frequency intervals with an undamped open-loop mode."""
-    # There, P changes its sign without a crossover.
+    """Mark the frequency intervals with an undamped open-loop mode. There, P changes its sign without a crossover."""
     contains = np.zeros(len(angle) - 1, dtype=bool)
     for pole in poles:
         contains |= (angle[:-1] < pole) & (pole <= angle[1:])
@@ -389,13 +387,13 @@ def zero_between(
 ) -> float:
     """Find a zero or a sign-changing jump of a function in an interval.
 
-    The function has different signs at the two ends.
+    The function has different signs at the two ends. Chandrupatla's method: inverse quadratic interpolation, or
+    bisection if it is unreliable (T. R. Chandrupatla, Advances in Engineering Software 28 (1997) 145). SciPy's brentq
+    would take 0.1 s to load.
 
     Returns:
         The position of the zero or jump.
     """
-    # Chandrupatla's method: inverse quadratic interpolation, or bisection if it is unreliable (T. R. Chandrupatla,
-    # Advances in Engineering Software 28 (1997) 145). SciPy's brentq would take 0.1 s to load.
     (b, at_b), (a, at_a), part = first, second, 0.5
     while True:
         x = a + part * (b - a)

@@ -219,10 +219,11 @@ def _count_from_start(lead: FloatArray, outputs: tuple[FloatArray, ...]) -> None
 def waiting_readings(chain: SensorChain, period: float) -> FloatArray:
     """Allocate memory for the sensor readings that wait for delivery.
 
+    The number of rows is a power of two.
+
     Returns:
         Memory for all readings that may wait at the same time.
     """
-    # The number of rows is a power of two.
     waiting = int((chain.delay + _JITTERS * chain.jitter + chain.exposure + period) * chain.rate) + 8
     return np.empty((1 << (waiting - 1).bit_length(), _READING))
 
@@ -244,8 +245,7 @@ def curve_structure(sensor: SensorModel, farthest: float) -> tuple[ctypes.Struct
 
 
 def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> tuple[_Loop, _PythonStep | None]:
-    """Copy the inputs of selected encounters for the compiled simulation."""
-    # The structure contains the output arrays of `run_loop`.
+    """Copy inputs of encounters, and the output arrays of `run_loop`, for the compiled simulation."""
     begun, period = loop.begun, loop.laws[0].period
     scenes, course = _columns(loop, _scene_of(begun))[which], begun.obstacle.course
     stretches = _columns(loop, [number for s in course for number in (s.until, s.acceleration)])[which]
@@ -355,10 +355,7 @@ def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, f
 
 
 class _PythonStep:
-    """Adapter between the compiled simulation and a Python control law.
-
-    It holds parameters and states; the compiled loop has their indices.
-    """
+    """Adapter of a Python law: it holds parameters and states, of which the compiled loop has the indices."""
 
     def __init__(self, step: Any, parameters: list[Any], states: list[Any]) -> None:
         self._law, self._parameters, self._states, self._state = step, parameters, states, None
@@ -394,8 +391,7 @@ def _to_sample(raw: RawSample) -> Sample:
 
 
 def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -> FloatArray:
-    """Copy parameters or states of control laws to a matrix."""
-    # For a Python step, the matrix has indices. Rows are aligned to 8 bytes.
+    """Copy parameters or states of laws to rows aligned to 8 bytes; for a Python step, their indices."""
     if python_step is not None:
         return np.arange(len(parts), dtype=np.float64)[:, None]
     places = [location(part, name) for part in parts]
@@ -415,7 +411,7 @@ def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -
 def contact_step(contact: tuple[float, ...], inverse_mass: float, speed: float) -> float:
     """Return the integration step during contact [s].
 
-    It is 1/50 of the time scale of the contact.
+    It is 1/50 of the time scale of the contact. `inverse_mass` is 1 / reduced mass [1/kg], and `speed` the initial
+    speed.
     """
-    # `inverse_mass` is 1 / reduced mass [1/kg], and `speed` the initial speed.
     return float(_contact_step(byref(_Contact(*contact)), inverse_mass, speed))

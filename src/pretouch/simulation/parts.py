@@ -70,10 +70,7 @@ _counts: Final = partial(SensorChain, delay=_READ, lowest=0.0, highest=65535.0, 
 
 
 def _ranging(rate: float) -> SensorChain:
-    """Return the model of a time-of-flight sensor with continuous measurement.
-
-    It measures at a given rate [Hz].
-    """
+    """Return the model of a time-of-flight sensor with continuous measurement. It measures at a given rate [Hz]."""
     return SensorChain(
         rate=rate,
         exposure=1 / rate,

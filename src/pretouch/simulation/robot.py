@@ -61,9 +61,9 @@ class PlantModel(ABC):
     def coefficients(self) -> tuple[float, ...]:
         """Return the coefficients of the robot model in SI units.
 
-        They include mass, stiffness, damping, friction and the rate of the force controller.
+        They include mass, stiffness, damping, friction and the rate of the force controller. The order is m, k, d_v,
+        d_x, m_f, rate of the servo (0: no lag), Coulomb friction, friction speed.
         """
-        # The order is m, k, d_v, d_x, m_f, rate of the servo (0: no lag), Coulomb friction, friction speed.
 
     def rows(self) -> Iterator[Row]:
         """Yield table rows with the parameters of the robot.
@@ -315,9 +315,9 @@ class ContactModel(ABC):
     def numbers(self) -> tuple[float, float, float, bool, float]:
         """Return stiffness, damping and other coefficients of the contact force.
 
-        The others are the exponent, whether damping grows with depth, and the inverse mass of the obstacle.
+        The others are the exponent, whether damping grows with depth, and the inverse mass of the obstacle. The fourth
+        number says whether damping grows with depth.
         """
-        # The fourth number says whether damping grows with depth.
 
     def rows(self) -> Iterator[Row]:
         """Yield table rows with parameters of contact force and obstacle."""

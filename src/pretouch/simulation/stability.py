@@ -256,8 +256,7 @@ def gain_limit(
 def _linearize(
     law: ContinuousLaw, sensor: SensorModel, admittance: Admittance, distance: ArrayLike, relative_velocity: Any
 ) -> tuple[FloatArray, FloatArray, Admittance]:
-    """Return the inputs of the linearized loop: distances, virtual damping, admittance."""
-    # A law with unknown damping is refused.
+    """Return distances, virtual damping and admittance of the linearized loop; unknown damping is refused."""
     distances = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
     slope = np.abs(np.asarray(sensor.log_slope(distances)))
     velocity = math.nan if relative_velocity is None else np.asarray(finite(relative_velocity, "relative_velocity"))

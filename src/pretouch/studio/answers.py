@@ -89,10 +89,7 @@ def texts_of(document: dict[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _fixed(task: Task, document: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Return the parts of a scenario that only Python can compute.
-
-    Notes describe the parts that the page ignores.
-    """
+    """Return the parts of a scenario that only Python can compute. Notes describe the parts that the page ignores."""
     from pretouch.design.problem import GainProblem  # noqa: PLC0415
     from pretouch.design.search import GainAxis  # noqa: PLC0415
     from pretouch.design.search.compiled import limit_rows, supported_terms  # noqa: PLC0415
@@ -184,10 +181,7 @@ def _cut(calibration: Calibration, near: float, far: float) -> Calibration:
 
 
 def _fit_as_dict(fit: SensorFit, verdict: str) -> dict[str, Any]:
-    """Return a sensor fit as a dictionary for the page.
-
-    It has the data of the drawing and the scenario keys of the fitted curve.
-    """
+    """Return the data of a fit's drawing and the scenario keys of its curve for the page."""
     from pretouch.config.sensor import parameter_texts  # noqa: PLC0415
 
     sensor, window = fit.sensor, fit.window

@@ -150,10 +150,7 @@ def _end(process: Any) -> None:
 
 
 def _run(verb: str, file: str, gain: float | None, folder: str, sender: Connection) -> None:
-    """Run a job's computation in its own process.
-
-    Send progress and result.
-    """
+    """Run a job's computation in its own process. Send progress and result."""
     from pretouch._core.progress import listening  # noqa: PLC0415 - in the new process
 
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

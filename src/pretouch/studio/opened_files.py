@@ -129,10 +129,7 @@ class OpenedFiles:
 
 
 def _names(document: Any) -> Iterator[tuple[str, str, str]]:
-    """Yield the files that a scenario names.
-
-    Each item is section, key and file name.
-    """
+    """Yield the files that a scenario names. Each item is section, key and file name."""
     for section, key in _FILE_KEYS:
         table = document.get(section)
         name = table.get(key) if isinstance(table, dict) else None
@@ -141,10 +138,7 @@ def _names(document: Any) -> Iterator[tuple[str, str, str]]:
 
 
 def _is_reading(value: str) -> bool:
-    """Return True if the value of `no_object` is a reading.
-
-    Otherwise, it is the name of a file.
-    """
+    """Return True if the value of `no_object` is a reading. Otherwise, it is the name of a file."""
     from pretouch.config.sensor import read_output  # noqa: PLC0415 - only for a file with this key
 
     try:
@@ -193,10 +187,7 @@ def change_text(text: str, changes: dict[str, Any]) -> str:
 
 
 def _move_distribution(distribution: Any, before: Any, after: Any, name: str) -> None:
-    """Shift an input's distribution by the change of its nominal value.
-
-    The distribution is changed in place.
-    """
+    """Shift an input's distribution by the change of its nominal value. The distribution is changed in place."""
     unit = SCENARIO_INPUTS[name]
     read = partial(to_si, unit=unit, name=name, bare_text=True)
     try:

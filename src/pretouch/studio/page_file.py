@@ -127,10 +127,7 @@ def _page_style() -> str:
 
 
 def _figure_style() -> str:
-    """Return the CSS of live figures in other documents.
-
-    Its colors suit light and dark themes, such as Furo's.
-    """
+    """Return the CSS of live figures in other documents. Its colors suit light and dark themes, such as Furo's."""
     light, dark = _colors()
     own = ".pretouch-figure"
     return "\n".join(
@@ -145,10 +142,7 @@ def _figure_style() -> str:
 
 
 def _colors() -> list[str]:
-    """Return the CSS colors for light and dark pages.
-
-    The colors for light pages are first.
-    """
+    """Return the CSS colors for light and dark pages. The colors for light pages are first."""
     blocks = re.findall(r"\{ (.*?) \}", _read("colors.css"), flags=re.DOTALL)
     return [re.sub(r"\s+", " ", part) for part in blocks]
 

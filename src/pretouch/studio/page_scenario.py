@@ -94,10 +94,7 @@ def _obstacles(task: Task, document: dict[str, Any]) -> Iterator[str]:
 
 
 def _fitted_curve(task: Task) -> dict[str, Any]:
-    """Return the scenario keys and values of a fitted sensor curve.
-
-    Distances count from the contact surface.
-    """
+    """Return the scenario keys and values of a fitted sensor curve. Distances count from the contact surface."""
     from pretouch.config.sensor import keys_of_curve  # noqa: PLC0415 - only when a file is read
 
     return {f"sensor.{name}": text for name, text in keys_of_curve(task.sensor).items()}

@@ -27,8 +27,10 @@ ENCOUNTER_INPUTS: Final = {"gain", *SCENARIO_INPUTS}
 
 
 def inputs_of(task: Task) -> dict[str, str]:
-    """Return every input that a sweep may vary, with its SI unit."""
-    # `gain` may vary only for a task without an objective.
+    """Return every input that a sweep may vary, with its SI unit.
+
+    `gain` may vary only for a task without an objective.
+    """
     units = {"gain": task.law.number.unit, **SCENARIO_INPUTS, **sensor_inputs(task.sensor)}
     if task.impact is not None:
         units |= {f"impact.{f.name}": _IMPACT_UNITS.get(f.name, "") for f in fields(task.impact)}
@@ -161,8 +163,7 @@ def _values(name: str, values: Any, units: Mapping[str, str]) -> FloatArray:
 
 
 def _unit(name: str, units: Mapping[str, str], option: str) -> str:
-    """Return the unit of a sweep input."""
-    # For an unknown input, the error suggests similar names.
+    """Return the unit of a sweep input. For an unknown input, the error suggests similar names."""
     if name not in units:
         similar = [key for key in units if key.rpartition(".")[2] == name]
         near = sorted(similar, key=lambda n: not n.startswith("obstacle.")) or get_close_matches(name, units, n=1)

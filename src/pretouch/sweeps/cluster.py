@@ -81,15 +81,13 @@ def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[B
 
 
 def _open(path: str, plan: Grid) -> ZarrStore:
-    """Open the stored sweep on a Dask worker."""
-    # A separate task sends the plan once and not with every block.
+    """Open the stored sweep on a Dask worker. A separate task sends the plan once and not with every block."""
     _check_folder(Path(path))
     return ZarrStore(path, plan)
 
 
 def _run(store: ZarrStore, block: int) -> BlockRecord:
-    """Compute a block of encounters on a Dask worker."""
-    # A block that another worker has finished is skipped.
+    """Compute a block of encounters on a Dask worker. A block that another worker has finished is skipped."""
     _check_folder(store.path)  # without shared storage, zarr would create a new folder here
     if store.finished()[block]:
         return BlockRecord(encounters=store.size(block), repeated=True)

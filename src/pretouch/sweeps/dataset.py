@@ -34,9 +34,8 @@ _PACKAGES: Final = ("pretouch", "numpy", "scipy")
 def attributes_of(plan: Grid) -> dict[str, Any]:
     """Return the metadata of a sweep.
 
-    These are all inputs, the software versions and the random seed.
+    These are all inputs, the software versions and the random seed. The seed is -1 if there is none.
     """
-    # The seed is -1 if there is none.
     versions = {package: version(package) for package in _PACKAGES}
     inputs = _inputs_of(plan)
     names = ", ".join(plan.dims)
@@ -50,15 +49,16 @@ def attributes_of(plan: Grid) -> dict[str, Any]:
 
 
 def _inputs_of(plan: Grid) -> dict[str, Any]:
-    """Return all inputs of a sweep in SI units for JSON."""
-    # Columns of values are represented by their ends and a hash.
+    """Return all inputs of a sweep in SI units for JSON. Columns of values are represented by their ends and a hash."""
     axes = {axis.name: {name: _column(values) for name, values in axis.columns.items()} for axis in plan.axes}
     return {**plan.inputs(), "axes": axes, "results": plan.results, "chunk": plan.chunk}
 
 
 def differing_parts(attributes: dict[str, Any], plan: Grid) -> str:
-    """Return the names of inputs that differ from the stored sweep."""
-    # If all inputs are equal, the result is "seed or version of pretouch".
+    """Return the names of inputs that differ from the stored sweep.
+
+    If all inputs are equal, the result is "seed or version of pretouch".
+    """
     try:
         stored = json.loads(attributes["inputs"])
     except (KeyError, ValueError, TypeError):

@@ -23,10 +23,11 @@ from .results import ALWAYS, DESIGN_CODES, OF_DESIGNS, STATUS, read
 def solve_encounters(task: Task, axes: Sequence[Axis], names: Sequence[str]) -> Columns:
     """Solve all encounters of a sweep grid.
 
+    Each array has the shape of the grid.
+
     Returns:
         The results; most are NaN for encounters without contact or optimal gain.
     """
-    # Each array has the shape of the grid.
     shape = tuple(map(len, axes))
     looped = [k for k, axis in enumerate(axes) if axis.looped]
     if not looped:
@@ -46,10 +47,7 @@ def solve_encounters(task: Task, axes: Sequence[Axis], names: Sequence[str]) -> 
 
 
 def _values(task: Task, axes: Sequence[Axis]) -> Columns:
-    """Return the inputs of all encounters as arrays.
-
-    Each axis of the sweep is one dimension.
-    """
+    """Return the inputs of all encounters as arrays. Each axis of the sweep is one dimension."""
     values: Columns = {"obstacle.position": np.full((1,) * len(axes), task.scenario.obstacle.position)}
     for k, axis in enumerate(axes):
         shape = tuple(-1 if i == k else 1 for i in range(len(axes)))

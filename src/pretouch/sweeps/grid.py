@@ -98,17 +98,15 @@ class Grid(ABC):
         return math.prod(self.chunk_grid)
 
     def region(self, index: int) -> Region:
-        """Return the part of the sweep grid in one chunk."""
-        # Chunks are numbered along the last dimension first.
+        """Return the part of the sweep grid in one chunk. Chunks are numbered along the last dimension first."""
         dimensions = zip(np.unravel_index(index, self.chunk_grid), self.chunk, self.shape, strict=True)
         return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in dimensions)
 
     def thinned(self, most: int) -> Self:
         """Return a small trial sweep with few values per axis.
 
-        The values are evenly spaced.
+        The values are evenly spaced. The trial has one chunk with at most `most` encounters.
         """
-        # The trial has one chunk with at most `most` encounters.
         axes: list[tuple[int, Axis]] = []
         remaining = most
         for position, axis in sorted(enumerate(self.axes), key=lambda item: len(item[1])):

@@ -101,13 +101,14 @@ def make_plan(
 ) -> Plan:
     """Check the arguments of a sweep and return its plan.
 
+    `chunk_size` is the largest number of encounters of a chunk; None for a default size.
+
     Returns:
         The plan, whose grid of encounters is divided into chunks of limited size.
 
     Raises:
         InvalidInputError: an argument is invalid.
     """
-    # `chunk_size` is the largest number of encounters of a chunk; None for a default size.
     if task.scenario.shape != ():
         raise InvalidInputError(
             f"scenario: found an array of encounters of shape {task.scenario.shape}, expected a single "

@@ -64,10 +64,7 @@ def identify_sensor(sensor: SensorModel) -> dict[str, Any]:
 
 
 def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, Any]:
-    """Return an objective as a dictionary that identifies it.
-
-    A user-defined objective is identified by its name and a hash of its values.
-    """
+    """Return a dictionary that identifies an objective; a user's by its name and a hash of its values."""
     custom = isinstance(objective, CustomObjective)
     if not custom and all(term.quantity in QUANTITY_KINDS.built_in() for term in objective.terms):
         return asdict(objective)

@@ -46,13 +46,14 @@ _DEFAULT_DESIGNS: Final = ("gain", "objective", "relative_velocity")
 def check_results(results: Sequence[str] | None, *, designs: bool, impact: ImpactModel | None) -> tuple[str, ...]:
     """Check the names of the requested results.
 
+    The status is not among the returned names.
+
     Returns:
         The names, or the default results if none are requested.
 
     Raises:
         InvalidInputError: a name is unknown, or its result needs a design or an impact model.
     """
-    # The status is not among the returned names.
     if results is None:
         return _DEFAULT_DESIGNS if designs else _DEFAULT_CONTACTS
     names = (results,) if isinstance(results, str) else tuple(results)

@@ -152,8 +152,7 @@ def run_sweep(
 
 
 def _sweep_task(task: Task, axes: Axes) -> Task:
-    """Prepare the objective and the bounds of a sweep task."""
-    # The objective is removed if gains are given. Otherwise the bounds are restricted to stable gains.
+    """Return the task without an objective if gains are given; otherwise with bounds within the stable gains."""
     names = [name for axis, values in axes.items() for name in (values if isinstance(values, Mapping) else (axis,))]
     if task.gain is not None or "gain" in names or task.objective is None:
         gain = None if task.gain is None else finite(task.gain, "gain", task.law.number.unit)
@@ -164,8 +163,7 @@ def _sweep_task(task: Task, axes: Axes) -> Task:
 
 @with_file_location
 def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
-    """Return the gain bounds, narrowed to the required gain margin."""
-    # A sweep axis that changes these bounds raises an error.
+    """Return the bounds within the gain margin; a sweep axis that changes them raises an error."""
     changing = [name for name in names if name.startswith(_CHANGE_THE_LIMIT)]
     if changing and task.stability_margin is not None:
         raise InvalidInputError(
@@ -178,8 +176,7 @@ def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
 def _complete(
     store: S, progress: Callable[[Progress], object] | None, run_blocks: Callable[..., None] | None = None
 ) -> S:
-    """Compute the remaining blocks of encounters of a sweep and report progress."""
-    # This process computes the blocks unless `run_blocks` is given.
+    """Compute the remaining blocks of a sweep, in this process or by `run_blocks`, and report progress."""
     start, finished = time.perf_counter(), store.intact()
     before = sum(store.size(int(block)) for block in np.flatnonzero(finished))
     current = Progress(finished=before, total=store.plan.size, seconds=0.0)
@@ -216,8 +213,7 @@ def _to_zarr(
     progress: Any,
     on_complete: Callable[[ZarrStore], object] = lambda _: None,
 ) -> ZarrStore:
-    """Start or resume a sweep in a Zarr folder."""
-    # `on_complete` is called while the folder is still locked.
+    """Start or resume a sweep in a Zarr folder. `on_complete` is called while the folder is still locked."""
     require("zarr")
     with nullcontext() if dask is None else connected(dask) as client:
         while True:
@@ -244,10 +240,14 @@ def _contains_sweep(target: Path, plan: Grid) -> bool:
 
 
 def _to_netcdf(plan: Grid, target: Path, *, overwrite: bool, dask: Any, progress: Any) -> xr.Dataset:
-    """Compute a sweep and write its NetCDF file."""
-    # A temporary Zarr folder contains the results until the file is written.
-    # Equal sweeps may run at the same time: all compute into the folder, the first to finish writes the file, and the
-    # last removes the folder.
+    """Return a computed sweep after writing its NetCDF file.
+
+    A temporary Zarr folder contains the results until the file is written. Equal sweeps may run at the same time: all
+    compute into the folder, the first to finish writes the file, and the last removes the folder.
+
+    Raises:
+        InvalidInputError: the file was written, but cannot be read.
+    """
     folder = target.with_name(f"{target.name}.unfinished{_ZARR}")
     dataset = _open_finished(plan, target, overwrite=overwrite)
     if dataset is None:
@@ -281,8 +281,7 @@ def _is_written(plan: Grid, target: Path) -> bool:
 
 
 def _open_finished(plan: Grid, target: Path, *, overwrite: bool) -> xr.Dataset | None:
-    """Open the output file if it contains the same sweep."""
-    # A file that must not be replaced raises an error.
+    """Open the output file if it contains the same sweep. A file that must not be replaced raises an error."""
     if not target.exists():
         return None
     dataset = open_netcdf(target)

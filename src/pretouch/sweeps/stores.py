@@ -293,10 +293,7 @@ class ZarrStore(Store):
 
 
 def _attributes(path: Path) -> dict[str, Any] | None:
-    """Return the metadata of a stored sweep.
-
-    The result is None if the folder contains no sweep.
-    """
+    """Return the metadata of a stored sweep. The result is None if the folder contains no sweep."""
     zarr = require("zarr")
     if not (path / "zarr.json").is_file():
         return None
@@ -367,8 +364,7 @@ _NO_LOCKS: Final = -1  # stands for a lock on systems without locks
 
 
 def _locked(path: Path, *, exclusive: bool) -> int | None:
-    """Lock a folder, exclusively or shared with other processes."""
-    # The result is None if the lock is not available.
+    """Lock a folder, exclusively or shared with other processes. The result is None if the lock is not available."""
     if sys.platform == "win32":
         return _NO_LOCKS if path.exists() else None
     try:

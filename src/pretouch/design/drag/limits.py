@@ -174,10 +174,9 @@ def allowed_speed(
 
 
 def _last(keeps: Callable[[FloatArray], Any], high: FloatArray) -> FloatArray:
-    """Return the largest value up to each limit that meets a condition.
+    """Return the largest value up to each limit that meets a condition. The limits are `high`.
 
-    The limits are `high`. The search repeatedly refines a grid. The condition takes a grid for each number, one
-    per row.
+    The search repeatedly refines a grid. The condition takes a grid for each number, one per row.
     """
     low, high = np.where(keeps(high[:, None])[:, 0], high, 0.0), high.copy()
     while (high - low > _CLOSE * high).any():

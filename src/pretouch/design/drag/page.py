@@ -218,10 +218,7 @@ def _quantities(impact: ImpactModel | None, *runs: ContactResult) -> Iterator[tu
 
 
 def _excursion_over_bound(scenario: Scenario, run: ContactResult) -> float:
-    """Return the excursion relative to the smallest possible excursion.
-
-    NaN if the smallest excursion is unknown.
-    """
+    """Return the excursion relative to the smallest possible excursion. NaN if the smallest excursion is unknown."""
     limit = float(run.end.largest_acceleration)
     if not run.reached or not limit > 0 or not float(run.end.displacement) < 0:
         return math.nan

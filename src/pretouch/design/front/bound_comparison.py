@@ -95,14 +95,12 @@ def compare_with_bound(
 
 
 def _only_retreats(trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult) -> BoolArray:
-    """Return a mask of the encounters in which the robot only retreats.
+    """Return a mask of the encounters in which the robot only retreats. Motions up to the rest position are allowed.
 
-    Motions up to the rest position are allowed.
+    This is proved if the admittance is not under-damped, the gain mitigates and the obstacle does not brake
+    (docs/developers/fast-designs.md: l' < 0 until contact, so the force always pushes away, and the admittance does not
+    oscillate). With a drag it is a premise of the motion (docs/explanation/drag.md). Otherwise the motions are sampled.
     """
-    # This is proved if the admittance is not under-damped, the gain mitigates and the obstacle does not brake
-    # (docs/developers/fast-designs.md: l' < 0 until contact, so the force always pushes away, and the admittance does
-    # not oscillate). With a drag it is a premise of the motion (docs/explanation/drag.md). Otherwise the motions are
-    # sampled.
     a = scenario.admittance
     damped = np.square(a.damping) >= 4 * np.multiply(a.mass, a.stiffness) * (1 - 1e-12)
     task, braked = trials.encounters.task, trials.freedom.scenario.obstacle.acceleration > 0

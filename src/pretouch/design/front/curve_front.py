@@ -22,10 +22,15 @@ _CURVE_SPACING: Final = 0.01  # distance between neighbors on the front, as a sh
 # The curve is scanned until it is well interpolated. The ends of the front's pieces are then found to rounding: the
 # minima of the quantities, the edges of feasibility, and the points where another part of the curve becomes better.
 def trace_front(landscape: Evaluate) -> FoundFront:
-    """Find the Pareto front over one parameter, such as the gain."""
-    # `landscape` returns quantities, shape (k, n), and constraint ratios at coordinates, shape (n,). The points are
-    # sorted by the first quantity, or for three quantities by the coordinate. Dominated coordinates separate the
-    # pieces. The front is empty if nothing is feasible.
+    """Find the Pareto front over one parameter, such as the gain.
+
+    Args:
+        landscape: returns quantities, shape (k, n), and constraint ratios at coordinates, shape (n,).
+
+    Returns:
+        The points, sorted by the first quantity, or for three quantities by the coordinate. Dominated coordinates
+        separate the pieces. The front is empty if nothing is feasible.
+    """
 
     def evaluate(at: FloatArray) -> FloatArray:
         return landscape(at).merit.T  # infinite if not feasible

@@ -69,9 +69,9 @@ def extent_of(values: FloatArray) -> FloatArray:
 def non_dominated(values: FloatArray) -> BoolArray:
     """Return which points are Pareto-optimal.
 
-    Of several equal points only the first counts.
+    Of several equal points only the first counts. Points have the shape (n, 2) or (n, 3). Infinite points do not count.
+    Of equal points, the first one is returned.
     """
-    # Points have the shape (n, 2) or (n, 3). Infinite points do not count. Of equal points, the first one is returned.
     n, k = values.shape
     best = np.zeros(n, dtype=bool)
     order = np.lexsort((np.arange(n), *values.T[::-1]))
@@ -100,9 +100,9 @@ def non_dominated(values: FloatArray) -> BoolArray:
 def shortfall(points: FloatArray, front: FloatArray) -> FloatArray:
     """Return the smallest shift with which a Pareto front dominates each point.
 
-    This is the additive epsilon indicator of each point.
+    This is the additive epsilon indicator of each point. It is not positive if the front dominates the point (Zitzler
+    et al. 2003), and -inf for points that are infinite.
     """
-    # It is not positive if the front dominates the point (Zitzler et al. 2003), and -inf for points that are infinite.
     epsilon = np.full(len(points), -np.inf)
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))
     for start in range(0, len(finite), 1024):

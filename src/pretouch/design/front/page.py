@@ -195,10 +195,7 @@ def _count(number: int, noun: str) -> str:
 
 
 def _settings(front: ParetoFront) -> Iterator[Row]:
-    """Yield table rows with the settings of a Pareto front.
-
-    The settings are the bounds of free parameters, the limits and the impact model.
-    """
+    """Yield table rows with the bounds of free parameters, the limits and the impact model of a front."""
     gain_name = front.number.name
     free = {"gain": front.bounds, "natural_frequency": front.natural_frequency_bounds}
     for name, bounds in {**free, "damping_ratio": front.damping_ratio_bounds}.items():

@@ -71,10 +71,7 @@ def find_front(trials: Trials) -> FoundFront:
 
 
 class _FrontPoints:
-    """The current points of a Pareto front during its search.
-
-    No point dominates another point.
-    """
+    """The current points of a Pareto front during its search. No point dominates another point."""
 
     def __init__(self, trials: Trials, extent: FloatArray) -> None:
         self.trials = trials

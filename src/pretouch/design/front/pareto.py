@@ -40,10 +40,11 @@ def find_knee(
 ) -> tuple[FloatArray, float] | None:
     """Find the knee of a Pareto front.
 
+    The result is None for a front that is straight, bulges outward, or has no trade-off.
+
     Returns:
         The coordinates of the knee, and its depth below the plane through the ends; None without a knee.
     """
-    # The result is None for a front that is straight, bulges outward, or has no trade-off.
     low, extent = values.min(axis=0), np.ptp(values, axis=0)
     if len(values) < 3 or not (extent > 0).all():
         return None
@@ -178,10 +179,7 @@ def _why_no_bound(trials: Trials) -> str:
 
 
 def _bound(trials: Trials) -> PhysicalBound | None:
-    """Return the physical bound for the limits of the task.
-
-    The limits are those of acceleration and speed.
-    """
+    """Return the physical bound for the limits of the task. The limits are those of acceleration and speed."""
     limits = {c.name: c.limit for c in trials.constraints}
     if _why_no_bound(trials) or "acceleration" not in limits:
         return None

@@ -131,17 +131,13 @@ class PhysicalBound(Value):
     def least_acceleration(self, contact_speed: ArrayLike) -> Any:
         """Return the smallest necessary acceleration for a contact speed.
 
-        The acceleration is in m/s^2, the contact speed in m/s.
+        The acceleration is in m/s^2, the contact speed in m/s. For every excursion, it is (v^2 - w^2) / (2 l0) - a.
         """
-        # For every excursion, it is (v^2 - w^2) / (2 l0) - a.
         w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
         return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 
     def _slow(self, w: FloatArray) -> FloatArray:
-        """Return the excursion at which a braking obstacle reaches a given speed.
-
-        This speed is the robot's top speed plus the contact speed. NaN unless the obstacle brakes.
-        """
+        """Return the excursion at which a braking obstacle reaches top speed plus contact speed; NaN otherwise."""
         if self.acceleration <= 0:
             return np.full(np.shape(w), np.nan)
         return np.asarray((self.velocity**2 - (w + self.speed_limit) ** 2) / (2 * self.acceleration) - self.distance)
@@ -217,9 +213,9 @@ def why_no_bound(scenario: Scenario) -> str:
 def _arrival(distance: Any, velocity: Any, acceleration: Any) -> FloatArray:
     """Return the time to cover a distance at constant acceleration.
 
-    Infinite if the object never covers the distance.
+    Infinite if the object never covers the distance. It solves distance + velocity t + acceleration t^2 / 2 = 0 for a
+    velocity below 0.
     """
-    # It solves distance + velocity t + acceleration t^2 / 2 = 0 for a velocity below 0.
     square = np.asarray(velocity**2 - 2 * acceleration * distance)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.where(square >= 0, 2 * distance / (np.sqrt(np.maximum(square, 0)) - velocity), np.inf))

@@ -57,11 +57,12 @@ class InputImportance(Value):
 def rank_uncertain_inputs(problem: RobustProblem, gain: float) -> tuple[InputImportance, ...]:
     """Rank uncertain inputs by their influence on the objective.
 
+    Each of the two sets has the number of samples of the task, but at least _FEWEST. Shares are NaN if an encounter
+    ends without contact.
+
     Returns:
         The inputs, with the largest share in the variance first.
     """
-    # Each of the two sets has the number of samples of the task, but at least _FEWEST. Shares are NaN if an encounter
-    # ends without contact.
     task, uncertainty = problem.task, problem.task.uncertainty
     if not uncertainty:
         return ()
@@ -110,8 +111,10 @@ def _two_sets(uncertainty: Uncertainty, samples: int, seed: int) -> dict[str, Fl
 
 
 def _shares(f_a: FloatArray, f_b: FloatArray, f_c: FloatArray) -> tuple[float, float]:
-    """Return the first-order and the total Sobol index of one uncertain input."""
-    # Subtracting the mean changes neither index and reduces the error of the first one.
+    """Return the first-order and the total Sobol index of one uncertain input.
+
+    Subtracting the mean changes neither index and reduces the error of the first one.
+    """
     every = np.concatenate([f_a, f_b])
     middle, variance = every.mean(), every.var()
     if variance == 0:

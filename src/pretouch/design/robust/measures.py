@@ -171,9 +171,8 @@ class Quantile(_AtProbability):
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
         """Return the quantile with its confidence interval.
 
-        The interval is valid for every distribution.
+        The interval is valid for every distribution. The interval lies between order statistics.
         """
-        # The interval lies between order statistics.
         from scipy.stats import binom  # noqa: PLC0415 - SciPy is imported only for a validation
 
         ordered, n = np.sort(values), len(values)
@@ -206,8 +205,10 @@ class ConditionalValueAtRisk(_AtProbability):
         return f"mean of the worst {100 * (1 - self.probability):g} %"
 
     def of(self, values: Any) -> Any:
-        """Return the mean of the values beyond a quantile."""
-        # With the quantile q of probability p, it is q + mean(max(f - q, 0)) / (1 - p).
+        """Return the mean of the values beyond a quantile.
+
+        With the quantile q of probability p, it is q + mean(max(f - q, 0)) / (1 - p).
+        """
         f = np.asarray(values, dtype=np.float64)
         q = np.asarray(sample_quantile(f, self.probability))[..., None]
         with np.errstate(invalid="ignore"):
@@ -217,9 +218,9 @@ class ConditionalValueAtRisk(_AtProbability):
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
         """Return the tail mean with its confidence interval.
 
-        The interval is valid for large numbers of samples.
+        The interval is valid for large numbers of samples. The interval is that of the mean of q + max(f - q, 0) / (1 -
+        p).
         """
-        # The interval is that of the mean of q + max(f - q, 0) / (1 - p).
         q = sample_quantile(values, self.probability)
         if not math.isfinite(q):
             return math.inf, -math.inf, math.inf
@@ -259,8 +260,10 @@ class WorstCase(Measure):
 
 
 def sample_quantile(values: Any, probability: float) -> Any:
-    """Return the quantile of samples along the last axis."""
-    # It is the smallest value such that at least this share of the values does not exceed it.
+    """Return the quantile of samples along the last axis.
+
+    It is the smallest value such that at least this share of the values does not exceed it.
+    """
     f = np.asarray(values, dtype=np.float64)
     rank = min(max(math.ceil(probability * f.shape[-1] - 1e-9), 1), f.shape[-1]) - 1
     return float_or_array(np.partition(f, rank, axis=-1)[..., rank])

@@ -219,10 +219,7 @@ def _outcome(design: RobustDesign, v: Validation) -> PageSection:
 
 
 def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
-    """Yield table rows that compare several gains.
-
-    Compared are the objective and the contact quantities.
-    """
+    """Yield table rows that compare several gains. Compared are the objective and the contact quantities."""
     runs = design.compared.values()
     unbounded = ", the largest of the samples" if v.low == v.value else ""
     interval = f" ({v.low:.4g} to {v.high:.4g})" if math.isfinite(v.high) else unbounded
@@ -264,10 +261,7 @@ def _limit_row(outcome: LimitOutcome, v: Validation) -> Row:
 
 
 def _worst(design: RobustDesign) -> PageSection | None:
-    """Return the report section about the worst encounter.
-
-    None unless the design minimized the worst case.
-    """
+    """Return the report section about the worst encounter. None unless the design minimized the worst case."""
     w, units = design.worst, input_units(design.sensor)
     if w is None:
         return None

@@ -66,6 +66,10 @@ class Price(Value):
 def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float | None) -> Price:
     """Compare one gain with the optimal gain for each input value.
 
+    The other inputs keep their given values. Inputs that were estimated together with this input take their likeliest
+    values. The optimal gains ignore constraints, so that the loss is never negative; constraints may cause part of the
+    loss.
+
     Returns:
         The comparison over the values of this input.
 
@@ -73,9 +77,6 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
         InvalidInputError: the count is no whole number >= 2.
         ResultUnavailableError: there is no gain.
     """
-    # The other inputs keep their given values.
-    # Inputs that were estimated together with this input take their likeliest values. The optimal gains ignore
-    # constraints, so that the loss is never negative; constraints may cause part of the loss.
     if type(count) is not int or count < 2:
         raise InvalidInputError(f"count: found {count!r}, expected a whole number that is 2 or larger")
     if gain is None:

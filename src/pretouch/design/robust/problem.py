@@ -41,8 +41,7 @@ class RobustProblem(GainProblem):
 
     @classmethod
     def over(cls, task: Task, axis: GainAxis, values: Mapping[str, Any], **options: Any) -> RobustProblem:
-        """Make the search problem for sampled values of uncertain inputs."""
-        # The options are those of `make_ensemble`.
+        """Make the search problem for sampled values of uncertain inputs. The options are those of `make_ensemble`."""
         names = ("method", "horizon", "law", "evaluate")
         settings = {**{name: getattr(task, name) for name in names}, **options}
         return cls(task=task, axis=axis, ensemble=make_ensemble(task.scenario, task.sensor, values, **settings))
@@ -82,9 +81,9 @@ class RobustProblem(GainProblem):
     def values(self, gain: float) -> tuple[FloatArray, FloatArray]:
         """Return objective and constraint ratios of every encounter.
 
-        All encounters have the same gain. The ratios are |quantity| / limit.
+        All encounters have the same gain. The ratios are |quantity| / limit. Objectives have the shape (n,) and ratios
+        (k, n); both are infinite without contact.
         """
-        # Objectives have the shape (n,) and ratios (k, n); both are infinite without contact.
         objective, ratios, _ = self._evaluate(np.array([gain]))
         return objective[0], ratios[:, 0]
 
@@ -152,8 +151,7 @@ class RobustProblem(GainProblem):
 
     @property
     def _has_theorems(self) -> bool:
-        """True if the theorems on later and missing contacts apply."""
-        # They hold for L(1) with L(2) in continuous time, from the given state.
+        """Return True for L(1) with L(2) in continuous time, where theorems on later and missing contacts hold."""
         ensemble = self.ensemble
         return ensemble.evaluator is None and ensemble.law == DAMPER and ensemble.method != "uniform-motion"
 

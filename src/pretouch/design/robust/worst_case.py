@@ -88,10 +88,11 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
 def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, list[Minimum], WorstEncounter | None]:
     """Find the gain with the smallest worst-case objective.
 
+    The last problem, its scan and its minima are returned as well.
+
     Returns:
         The problem, the scan, its minima, and the encounter in which the worst case occurs.
     """
-    # The last problem, its scan and its minima are returned as well.
     box = box_of(task.uncertainty)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
     points = _first_points(box)
@@ -156,10 +157,7 @@ def _raised_further(relaxation: Relaxation, more: Sequence[Relaxation]) -> Relax
 
 
 def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
-    """Return the start points of the worst-case search.
-
-    They are corners, middle and inner points of the input ranges.
-    """
+    """Return corners, middle and inner points of the input ranges, where the worst-case search starts."""
     corners = np.array(list(product(*box.values())))
     middle = np.array([[0.5 * (low + high) for low, high in box.values()]])
     inside = sample_inputs({name: Interval(low=low, high=high) for name, (low, high) in box.items()}, _INSIDE)
@@ -167,8 +165,7 @@ def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
 
 
 def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], gain: float, which: int) -> Function:
-    """Return the objective or a constraint as a function of the inputs."""
-    # The function also returns the gradient.
+    """Return the objective or a constraint as a function of the inputs. The function also returns the gradient."""
     names = tuple(box)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
 

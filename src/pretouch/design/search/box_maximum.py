@@ -99,8 +99,7 @@ def _range_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _halve(
     lows: FloatArray, highs: FloatArray, change: FloatArray, collapsed: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Halve each box of inputs along one input."""
-    # Boxes that have just lost a dimension stay whole.
+    """Halve each box of inputs along one input. Boxes that have just lost a dimension stay whole."""
     width = highs - lows
     axis = np.argmax(change * width, axis=1)
     rows = np.arange(len(lows))

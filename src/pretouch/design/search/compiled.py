@@ -137,10 +137,7 @@ def limit_rows(problem: GainProblem, limits: Iterable[Constraint]) -> list[tuple
 
 
 def _row(quantity: str, impact: ImpactModel | None) -> tuple[float, float, float] | None:
-    """Return row, factor and exponent of a quantity in the compiled search.
-
-    None if the compiled search cannot compute the quantity.
-    """
+    """Return row, factor and exponent of a quantity in the compiled search; None if that cannot compute it."""
     factor, exponent = 1.0, 1.0
     if quantity == "impact_force" and isinstance(impact, ElasticImpact):
         quantity, factor, exponent = "relative_velocity", float(impact.peak_force(1.0)), impact.speed_exponent
@@ -151,10 +148,7 @@ def _row(quantity: str, impact: ImpactModel | None) -> tuple[float, float, float
 
 
 def _inputs(scenario: Scenario, size: int) -> FloatArray:
-    """Return the encounter inputs of the compiled search.
-
-    Each encounter has ten numbers, relative to the reference motion.
-    """
+    """Return the ten numbers of each encounter, relative to the reference, for the compiled search."""
     columns = scenario.relative_columns()
     if scenario.shape == ():
         return np.array(columns).reshape(10, 1)

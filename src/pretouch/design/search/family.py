@@ -43,12 +43,12 @@ _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, PO
 def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
     """Interpolate the optimal gains of many similar encounters.
 
-    The encounters differ in one input.
+    The encounters differ in one input. The result is None if they differ in more than one input, are few, or the
+    compiled search does not support them.
 
     Returns:
         The gains [N s], the objectives, and whether each interpolation is accurate.
     """
-    # The result is None if they differ in more than one input, are few, or the compiled search does not support them.
     varied = list(_varied_inputs(problem.task.scenario))
     if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or supported_terms(problem) is None:
         return None
@@ -65,10 +65,7 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
 
 
 def _cover(family: _Family, low: float, high: float, which: Any, out: FloatArray) -> None:
-    """Interpolate optimal gains over an interval of one input.
-
-    Halve the interval if the error is too large.
-    """
+    """Interpolate optimal gains over an interval of one input. Halve the interval if the error is too large."""
     place = family.place if which is None else family.place[which]
     if len(place) < _FEW or not low < high:
         return
@@ -153,10 +150,7 @@ def _family(problem: GainProblem, name: str, value: Any) -> _Family:
 
 
 def _varied_inputs(scenario: Scenario) -> Iterator[tuple[str, Any]]:
-    """Yield each encounter input that is an array.
-
-    Each item has the name and the value of the input.
-    """
+    """Yield each encounter input that is an array. Each item has the name and the value of the input."""
     for part in ("admittance", "obstacle", "plant", "reference"):
         body: Any = getattr(scenario, part)
         for f in declared(body.__class__):

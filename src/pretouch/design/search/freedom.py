@@ -121,10 +121,10 @@ class Freedom:
     def spread(self, count: int) -> FloatArray:
         """Return evenly spread search points.
 
-        They are a low-discrepancy sequence over all free parameters.
+        They are a low-discrepancy sequence over all free parameters. The points are multiples of the inverse powers of
+        x, modulo 1, where x^(size + 1) = x + 1 generalizes the golden section (H. Niederreiter, Random Number
+        Generation and Quasi-Monte Carlo Methods, 1992).
         """
-        # The points are multiples of the inverse powers of x, modulo 1, where x^(size + 1) = x + 1 generalizes the
-        # golden section (H. Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, 1992).
         x = float(np.roots([1.0, *([0.0] * (self.size - 1)), -1.0, -1.0]).real.max())
         steps = x ** -np.arange(1.0, self.size + 1)
         return np.asarray((0.5 + np.arange(count)[:, None] * steps) % 1.0)

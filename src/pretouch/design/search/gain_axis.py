@@ -93,10 +93,11 @@ class GainAxis:
     def gain(self, coordinate: FloatArray | float) -> FloatArray:
         """Convert a value of the search variable to a gain.
 
+        It is exactly a bound if the coordinate is that of the bound up to rounding.
+
         Returns:
             The gain, which never lies outside the bounds.
         """
-        # It is exactly a bound if the coordinate is that of the bound up to rounding.
         gain = np.clip(self.scale * np.sinh(coordinate), self.low, self.high)
         for bound, end in zip(self.ends, self.span, strict=True):
             gain = np.where(np.abs(coordinate - end) <= _ROUNDING * max(1.0, abs(end)), bound, gain)

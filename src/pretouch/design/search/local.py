@@ -63,10 +63,11 @@ def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> tuple[Flo
 def reduce_violation(trials: Trials, start: FloatArray) -> FloatArray:
     """Minimize the largest ratio |quantity| / limit.
 
+    The search minimizes t subject to ratios <= t, which is smooth also where several ratios are equal.
+
     Returns:
         The point with the smaller violation of the start and the minimum.
     """
-    # The search minimizes t subject to ratios <= t, which is smooth also where several ratios are equal.
     count = len(trials.measures)
     rows = _cached_rows(trials, np.ones(count + len(trials.constraints)))
     up = np.append(np.zeros(len(start)), 1.0)
@@ -110,10 +111,11 @@ def advance(
 ) -> tuple[FloatArray, FloatArray] | None:
     """Search along a given direction for a Pareto-optimal point.
 
+    The search minimizes t subject to quantities <= origin + t scale (Pascoletti and Serafini 1984).
+
     Returns:
         The point and its quantities; None if the search fails.
     """
-    # The search minimizes t subject to quantities <= origin + t scale (Pascoletti and Serafini 1984).
     count = len(trials.measures)
     rows = _cached_rows(trials, np.concatenate([scale, np.ones(len(trials.constraints))]))
     goal = origin / scale

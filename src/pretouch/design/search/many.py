@@ -28,8 +28,10 @@ Found: TypeAlias = tuple[DesignStatus, float | None, float | None]
 
 
 def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]) -> tuple[Any, Any, Any]:
-    """Return status, optimal gain and objective for every encounter of an array."""
-    # Gains and objectives are NaN unless optimal; `search_one` solves difficult encounters.
+    """Return status, optimal gain and objective for every encounter of an array.
+
+    Gains and objectives are NaN unless optimal; `search_one` solves difficult encounters.
+    """
     shape = problem.task.scenario.shape
     free = problem.within_gain_limit()
     family = find_family(free)

@@ -22,12 +22,13 @@ NODES: Final = _SMOOTH.nodes
 def minimize_polynomials(values: FloatArray, fit: float = FIT, *, steps: int = 8) -> tuple[FloatArray, BoolArray]:
     """Fit polynomials to sampled functions, and return their minima.
 
+    The functions are sampled at NODES, shape (m, 17). Newton's method solves df/dz = 0 between the neighbors of the
+    lowest node. Bisection replaces steps that leave this interval, as at minima flatter than a parabola. A polynomial
+    must fit the values to `fit` of their range.
+
     Returns:
         The minima, and which of them are certain.
     """
-    # The functions are sampled at NODES, shape (m, 17).
-    # Newton's method solves df/dz = 0 between the neighbors of the lowest node. Bisection replaces steps that leave
-    # this interval, as at minima flatter than a parabola. A polynomial must fit the values to `fit` of their range.
     lowest = np.argmin(values, axis=1)
     z, low, high = NODES[lowest], _ENDS[lowest + 2], _ENDS[lowest]
     settled: BoolArray = np.asarray(np.isfinite(values).all(axis=1))

@@ -160,10 +160,7 @@ def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT, st
 
 
 def _relative_error(predicted: FloatArray, new: FloatArray, landscape: Landscape, share: float) -> FloatArray:
-    """Return the relative error of predicted values.
-
-    It is 0 if the error is not finite.
-    """
+    """Return the relative error of predicted values. It is 0 if the error is not finite."""
     size = np.abs(new)
     if share:
         values = landscape.objective[..., landscape.reached.reshape(-1, landscape.objective.shape[-1]).all(axis=0)]

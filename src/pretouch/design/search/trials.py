@@ -85,11 +85,12 @@ class Trials:
     def differentiate(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Differentiate objectives and constraints at one search point.
 
+        They are infinite, with zero derivatives, without contact. Derivatives are exact if the result has gradients for
+        all quantities of a row, else differences are used.
+
         Returns:
             Values and derivatives; the value of a constraint is |quantity| / limit.
         """
-        # They are infinite, with zero derivatives, without contact.
-        # Derivatives are exact if the result has gradients for all quantities of a row, else differences are used.
         if not self._has_gradients:
             return self._differences(at)
         result = self.run(at[None])

@@ -8,9 +8,14 @@ and moves an ideal robot in front of the object. The whole loop is the one of th
 contact. For both it prints
 
 - the largest speed toward the object that a disturbance causes, and the largest share of the bound that the verdict
-  states (required: at most 1), and
-- the number of contacts that are harder than without mitigation, beyond those by the return of the admittance if the
-  readings are stuck (required: none; then the exit code is 0).
+  states (required: at most 1),
+- the number of contacts that are harder than without mitigation by more than this bound (required: none), and
+- the number of contacts that are harder than without mitigation at all, and the number of those that are not harder
+  with stuck readings, which only the return of the admittance to its reference moves (required: none of them).
+
+The exit code is 0 if the requirements are met. A law that returns the robot to its reference cannot make contact
+softer in every case: while it returns, the robot moves toward the object, and the object can arrive at any time. The
+page on verification has the proof.
 """
 
 from __future__ import annotations
@@ -79,7 +84,9 @@ def guarded(name: str) -> tuple[pt.Task, float, float]:
         breakage = verdict.breakage
     if breakage is None or breakage.harder or verdict.gain is None:
         raise RuntimeError(f"{name}: the recommended settings do not prevent harder contacts")
-    return task, max(breakage.bound or 0.0, breakage.speed), verdict.gain
+    if breakage.bound is None:
+        raise RuntimeError(f"{name}: the verdict states no bound")
+    return task, breakage.bound, verdict.gain
 
 
 def exported(task: pt.Task, folder: Path) -> ctypes.CDLL:
@@ -142,7 +149,7 @@ Run = Callable[[Failure, Disturbance | None], tuple[float, float]]
 
 def judge(name: str, run: Run, failures: list[Failure], bound: float) -> int:
     """Print the results of one law; return the number of failures that are faster or harder than allowed."""
-    wrong = harder = returning = 0
+    wrong = harder = beyond = caused = 0
     fastest = share = 0.0
     for failure in failures:
         distance = failure.disturbance.distance or 0.0
@@ -150,16 +157,16 @@ def judge(name: str, run: Run, failures: list[Failure], bound: float) -> int:
         places = [distance, *(part * failure.position for part in (0.9, 0.7, 0.5, 0.3, 0.1))]
         stuck = [run(failure, Disturbance(kind="stuck", distance=place)) for place in places]
         free = abs(failure.velocity)
-        allowed = bound + max(back for back, _ in stuck)
-        fastest, share = max(fastest, speed), max(share, speed / allowed if allowed else float(speed > LEAST))
-        returning += contact > (1 + HARDER) * free + LEAST
-        is_harder = contact > (1 + HARDER) * max(free, *(one for _, one in stuck)) + LEAST
-        harder += is_harder
-        wrong += is_harder or speed > allowed + LEAST
+        fastest, share = max(fastest, speed), max(share, speed / bound)
+        is_harder = contact > (1 + HARDER) * free + LEAST
+        is_beyond = contact > free + bound
+        is_caused = contact > (1 + HARDER) * max(free, *(one for _, one in stuck)) + LEAST
+        harder, beyond, caused = harder + is_harder, beyond + is_beyond, caused + is_caused
+        wrong += is_beyond or is_caused or speed > bound
     print(
         f"  {name}: {len(failures)} disturbances, at most {fastest:.3g} m/s toward the object, {share:.3g} times the "
-        f"bound; {harder} contacts are harder than without mitigation and than by the return of the admittance "
-        f"({returning} with this return)"
+        f"bound of {bound:.3g} m/s; {harder} contacts are harder than without mitigation, {beyond} by more than the "
+        f"bound, {caused} by more than the return to the reference"
     )
     return wrong
 

@@ -19,7 +19,9 @@ from page_core import built_core
 from pretouch._core.errors import InvalidInputError
 from pretouch.studio.opened_files import OpenedFiles, change_text
 from pretouch.studio.page_file import figures_text, page_text
+from pretouch.studio.page_scenario import scenario_of_page
 from studio_server import running_studio
+from wrong_reading import write_task
 
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
@@ -195,6 +197,24 @@ def test_a_simulated_run_and_a_cloud_are_those_of_python(studio, scenario):
     assert 0.5 < cloud["shares"]["relative_velocity"] < 1
     missing = studio.answer("cloud", {"text": scenario.replace("[uncertainty]", "[verify2]"), "gain": -0.8})
     assert missing["status"] == 422
+
+
+def test_the_range_of_contact_speeds_is_that_of_the_command(tmp_path):
+    file = write_task(tmp_path)
+    command = [sys.executable, "-m", "pretouch", "design", str(file), "--json", "--no-report"]
+    design = json.loads(subprocess.run(command, capture_output=True, text=True, check=False).stdout)
+    said = design["calibration"]["headline"]
+    assert said.startswith(("PT116: ", "PT201: "))
+    with running_studio(file) as server:
+        text = file.read_text(encoding="utf-8")
+        answer = server.answer("reservations", {"text": text, "gain": design["gain"]})
+        assert answer["headline"] == said
+    note = scenario_of_page(file)["note"]
+    assert said in note
+
+
+def test_a_scenario_without_a_calibration_has_no_range(studio, scenario):
+    assert studio.answer("reservations", {"text": scenario, "gain": -0.8})["headline"] is None
 
 
 def finish(studio, job, seconds=240):

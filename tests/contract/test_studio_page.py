@@ -18,7 +18,9 @@ import pretouch as pt
 from page_core import built_core
 from pretouch._core.units import to_si
 from pretouch.studio.page_file import figures_text, page_text
+from pretouch.uncertainty import reservations_of
 from studio_server import running_studio
+from wrong_reading import write_task
 
 ROOT = Path(__file__).parents[2]
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -112,6 +114,17 @@ def test_the_page_shows_the_design_of_python(open_page, static_file):
     assert "0.0791 m/s" in headline(page)
     assert page.mistakes == []
     assert [url for url in page.requests if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+def test_the_range_of_contact_speeds_stands_above_the_result(open_page, tmp_path):
+    with running_studio(write_task(tmp_path)) as running:
+        page = open_page(running.address)
+        wait(page, "!document.getElementById('reservation').hidden")
+        task = pt.load_scenario(tmp_path / "task.toml")
+        assert page.inner_text("#reservation") == reservations_of(task.calibration, pt.design_gain(task)).headline
+        page.evaluate("pretouch.change((state) => (state.chosen = -0.001))")
+        wait(page, "document.getElementById('reservation').hidden")
+        assert page.mistakes == []
 
 
 @pytest.mark.parametrize("kind", ["model", "calibration", "drag"])

@@ -193,3 +193,31 @@ def test_starts_beyond_a_curve_that_ends_before_the_detection_distance_are_refus
     task = task_of(tmp_path, cut, (FLOOR, 'floor = "1000 counts"'), ("obstacle.velocity =", known))
     with pytest.raises(pt.errors.InvalidInputError, match="outside the sensor range"):
         pt.verify_gain(task.replace(gain=-0.8), changes=False)
+
+
+def test_a_robust_design_promises_what_the_loop_can_do_for_starts_beyond_the_range(tmp_path: Path) -> None:
+    uncertain = "[uncertainty]\n"
+    beyond = (uncertain, uncertain + 'obstacle.position = { uniform = ["40 mm", "120 mm"] }\n')
+    task = task_of(tmp_path, beyond, (START, 'position = "43 mm"'))
+    task = task.replace(robust=replace(task.robust, samples=128, validation=512))
+    design = pt.robust.design_robust_gain(task)
+    verdict = pt.verify_gain(task.replace(gain=design.gain), changes=False)
+    for promised, simulated in zip(design.validation.limits, verdict.limits, strict=True):
+        assert promised.held == pytest.approx(simulated.held, abs=0.06)  # 60 runs
+    # without the loop, the law would act from 120 mm on, with less force near contact
+    alone = pt.robust.design_robust_gain(task.replace(loop=None, stability_margin=None))
+    assert alone.status is not design.status
+
+
+def test_the_worst_start_is_where_the_object_is_detected(tmp_path: Path) -> None:
+    task = task_of(tmp_path).replace(constraints=())
+    far = replace(task.scenario, obstacle=replace(task.scenario.obstacle, position=0.08))
+    for low in (0.04, 0.05):
+        inputs = {
+            "obstacle.position": pt.robust.Interval(low=low, high=0.12),
+            "obstacle.velocity": pt.robust.Interval(low=-0.4, high=-0.2),
+        }
+        robust = replace(task.robust, measure=pt.robust.WorstCase())
+        design = pt.robust.design_robust_gain(task.replace(scenario=far, uncertainty=inputs, robust=robust))
+        assert design.worst.inputs["obstacle.position"] == pytest.approx(task.farthest_start, rel=1e-4)
+        assert design.worst.bound == pytest.approx(design.worst.value, rel=1e-6)

@@ -112,7 +112,7 @@ class RobustOptions(ExplainsNames, Value):
         validation: number of fresh encounters on which the gain is validated; None for 4096, or four times the
             samples with `evaluate`.
         seed: seed of all samples; runs on a loop have the seed of the loop.
-        sampling: sampling method, as in `sample_inputs`.
+        sampling: sampling method, as in `sample_inputs`, also of the validation.
         confidence: confidence level of the intervals, between 0 and 1.
 
     Examples:

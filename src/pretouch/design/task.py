@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, Concatenate, Final, ParamSpec, Protocol, TypeVar, cast
+
+import numpy as np
 
 from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
@@ -206,6 +208,29 @@ class Task(ExplainsNames, Described, Value):
             axis.ends, self.scenario, self.sensor, self.stability_margin
         )
         return stable
+
+    @property
+    def farthest_start(self) -> float:
+        """The largest distance at which the controller of the loop detects the object [m]; infinite if unknown."""
+        detect = getattr(self.loop, "farthest_start", None)  # a custom loop may have no such method
+        return math.inf if detect is None else float(detect(self.scenario, self.sensor))
+
+    def from_detection(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Let drawn encounters that start undetected begin where the controller of the loop detects the object.
+
+        The law acts from there on. Without a loop, nothing changes.
+
+        Args:
+            values: the drawn inputs by name.
+
+        Returns:
+            The inputs, with smaller positions of the objects that start undetected.
+        """
+        name = "obstacle.position"
+        if name not in values:
+            return dict(values)
+        plant = values.get("plant.position", self.scenario.plant.position)
+        return {**values, name: np.minimum(values[name], plant + self.farthest_start)}
 
     def start_warnings(self, gain: float | None) -> tuple[str, ...]:
         """Return a warning if the controller of the loop detects the object elsewhere than the encounter starts.

@@ -21,7 +21,13 @@ from pretouch.motion.laws import continuous_law
 from pretouch.sensors import SensorModel
 
 from .chain import SensorChain, timing_of
-from .detection import DetectionRange, detection_range, start_in_words
+from .detection import (
+    DetectionRange,
+    detection_distance,
+    detection_range,
+    detects_beyond_curve,
+    start_in_words,
+)
 from .law import SampledLaw, TunableLaw
 from .native_loop import RESULT_COLUMNS, Loop, run_loop
 from .result import FOLLOW, HORIZON, SimulationResult, check_loop, result_of, runs_of, whole
@@ -140,6 +146,18 @@ class ClosedLoop:
         if not isinstance(law, Controller) or scenario.shape:
             return None
         return detection_range(scenario, sensor, self.chain, law.conditioning)
+
+    def farthest_start(self, scenario: Scenario, sensor: SensorModel) -> float:
+        """Return the largest distance at which the controller detects the object of an encounter [m].
+
+        An encounter that starts farther away runs as one that starts there. It is infinite if the distance is unknown:
+        for another law, for an object that accelerates, and if the sensor curve ends before.
+        """
+        law, o = self.law, scenario.obstacle
+        if not isinstance(law, Controller) or o.course or np.any(o.acceleration):
+            return math.inf
+        sensing = sensor, self.chain, law.conditioning
+        return math.inf if detects_beyond_curve(*sensing) else detection_distance(*sensing) or math.inf
 
     def start_warnings(
         self, scenario: Scenario, sensor: SensorModel, predict: Callable[[Scenario], ContactResult] | None

@@ -225,7 +225,7 @@ def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:
             "uncertainty: the scenario has no uncertain inputs; add a section [uncertainty] with, for example, "
             'obstacle.velocity = { normal = ["-0.3 m/s", "0.1 m/s"], between = ["-0.6 m/s", "-0.05 m/s"] }'
         )
-    values = sample_inputs(task.uncertainty, _SAMPLES, seed=task.robust.seed)
+    values = task.from_detection(sample_inputs(task.uncertainty, _SAMPLES, seed=task.robust.seed))
     ensemble = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
     result = ensemble.contacts(gain)
     reached = np.asarray(result.reached)
@@ -238,6 +238,24 @@ def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:
             shares[limit.name] = float((column <= limit.limit).mean())
     content: dict[str, Any] = plain({"speed": speeds, "excursion": excursions, "shares": shares, "count": _SAMPLES})
     return content
+
+
+def describe_reservations(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:
+    """Find out which contact speeds the readings of the calibration allow for one gain.
+
+    Returns:
+        `headline`, the same warning as in the first line of `pretouch design`; None without a warning.
+    """
+    from pretouch.config import load_scenario  # noqa: PLC0415
+
+    return {"headline": _reservation(load_scenario(files.write_scenario(text)), gain)}
+
+
+def _reservation(task: Task, gain: float | None) -> str | None:
+    """Return the warning about the calibration of a scenario; None without a warning."""
+    from pretouch.uncertainty import reservations_of  # noqa: PLC0415
+
+    return None if task.calibration is None else reservations_of(task.calibration, task.replace(gain=gain)).headline
 
 
 def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | None = None) -> dict[str, Any]:
@@ -275,7 +293,8 @@ def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | 
         "virtual_force": trace.virtual_force,
     }
     content: dict[str, Any] = plain({name: np.asarray(values)[some] for name, values in columns.items()})
-    return {**content, "headline": encounter.headline, "warnings": list(encounter.warnings)}
+    lines = [_reservation(task, encounter.gain), encounter.headline]
+    return {**content, "headline": " ".join(filter(None, lines)), "warnings": list(encounter.warnings)}
 
 
 def message_of(error: PretouchError, folder: Path) -> str:

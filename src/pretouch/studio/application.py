@@ -18,6 +18,7 @@ from pretouch._core.files import as_json
 
 from .answers import (
     change_scenario,
+    describe_reservations,
     describe_scenario,
     fit_readings,
     message_of,
@@ -71,6 +72,7 @@ class Application:
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
         self._answers: dict[str, Callable[[_Asked], dict[str, Any]]] = {
             "describe": lambda a: describe_scenario(files, a.text),
+            "reservations": lambda a: describe_reservations(files, a.text, a.of("gain", float)),
             "change": lambda a: change_scenario(a.text, a.of("changes", dict)),
             "save": lambda a: {"saved": files.save(a.text)},
             "fit": lambda a: fit_readings(files, a.of("name", str), a.window),

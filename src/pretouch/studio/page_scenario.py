@@ -52,6 +52,7 @@ def scenario_of_page(file: Path) -> dict[str, Any]:
     if "calibration" in document["sensor"]:
         fields = {**_fitted_curve(task), **_without("sensor", fields)}
         notes.append(f"The sensor curve was fitted to {document['sensor']['calibration']}.")
+        notes += _warning(task)
     if task.drag_effect is not None:
         ratio = fields.get("law.ratio") or ratio_of_drag(task)
         fields = {**_without("law", fields), "law.kind": "virtual-drag", "law.ratio": ratio}
@@ -98,6 +99,18 @@ def _fitted_curve(task: Task) -> dict[str, Any]:
     from pretouch.config.sensor import keys_of_curve  # noqa: PLC0415 - only when a file is read
 
     return {f"sensor.{name}": text for name, text in keys_of_curve(task.sensor).items()}
+
+
+def _warning(task: Task) -> Iterator[str]:
+    """Yield the warning about the calibration, for the gain of the scenario or the designed one."""
+    from pretouch.design.gain import designed_number  # noqa: PLC0415
+    from pretouch.uncertainty import reservations_of  # noqa: PLC0415
+
+    gain = designed_number(task) if task.gain is None else task.gain
+    if task.calibration is not None and gain is not None:
+        headline = reservations_of(task.calibration, task.replace(gain=gain)).headline
+        if headline is not None:
+            yield f"With {task.law.number.equals(gain)}: {headline}"
 
 
 def _without(section: str, fields: dict[str, Any]) -> dict[str, Any]:

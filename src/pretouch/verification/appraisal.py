@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
-from pretouch.control import Controller
 from pretouch.design import ElasticImpact, ImpactModel, Task
 from pretouch.design.custom_objectives import CustomObjective, appraise
 from pretouch.design.quantities import quantity_of, size_of
@@ -25,7 +24,6 @@ from pretouch.motion.layout import PEAKS
 from pretouch.motion.scenario import map_fields
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
-from pretouch.simulation.detection import detection_distance, detects_beyond_curve
 from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
 from pretouch.uncertainty.ensemble import check_nominal
 
@@ -132,8 +130,9 @@ def draw_encounters(task: Task) -> Draws:
         alike = replace(obstacle, position=np.full(task.verify.runs, obstacle.position))
         return Draws(task=task, scenarios=replace(task.scenario, obstacle=alike))
     check_nominal(task.uncertainty, task.scenario, task.sensor)
-    values = sample_inputs(task.uncertainty, task.verify.runs, seed=task.loop.seed)
-    starts = _begin_at_detection(task, values)
+    drawn = sample_inputs(task.uncertainty, task.verify.runs, seed=task.loop.seed)
+    values = task.from_detection(drawn)  # the prediction must begin where the law acts
+    starts = _undetected_starts(task, drawn, values)
     certain = [name for name in values if name.startswith("admittance.")]
     if certain:
         raise InvalidInputError(
@@ -145,25 +144,16 @@ def draw_encounters(task: Task) -> Draws:
     return Draws(task=task, scenarios=several.scenario, ensemble=several, sensors=sensors, starts=starts)
 
 
-def _begin_at_detection(task: Task, values: dict[str, FloatArray]) -> FloatArray | None:
-    """Let encounters that start undetected begin where the controller detects the object.
+def _undetected_starts(task: Task, drawn: dict[str, FloatArray], values: dict[str, FloatArray]) -> FloatArray | None:
+    """Return the drawn distances at which the runs begin [m].
 
-    The law acts from there on, so the prediction must begin there. Changes the drawn positions.
-
-    Returns:
-        The drawn distances at which the runs begin [m]; None if all encounters begin there.
+    None if all encounters begin where they are drawn.
     """
-    name, law, o = "obstacle.position", task.loop.law, task.scenario.obstacle
-    if name not in values or not isinstance(law, Controller) or o.course or o.acceleration:
+    name = "obstacle.position"
+    if name not in drawn or not np.any(drawn[name] > values[name]):
         return None
-    plant = values.get("plant.position", task.scenario.plant.position)
-    drawn = np.asarray(values[name] - plant, dtype=np.float64)
-    sensing = task.sensor, task.loop.chain, law.conditioning
-    farthest = detection_distance(*sensing)
-    if not np.any(drawn > farthest) or not farthest > 0 or detects_beyond_curve(*sensing):
-        return None
-    values[name] = plant + np.minimum(drawn, farthest)
-    return drawn if task.loop.start_distance is None else np.maximum(drawn, task.loop.start_distance)
+    distance = np.asarray(drawn[name] - drawn.get("plant.position", task.scenario.plant.position), dtype=np.float64)
+    return distance if task.loop.start_distance is None else np.maximum(distance, task.loop.start_distance)
 
 
 class Requirement(NamedTuple):

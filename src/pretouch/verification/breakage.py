@@ -15,7 +15,7 @@ from pretouch._core.progress import note_work
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
-from pretouch.control import Controller, VirtualDamper
+from pretouch.control import Controller, VirtualDamper, VirtualDrag
 from pretouch.control.laws import release_for_noise
 from pretouch.simulation import ClosedLoop, Disturbance, SimulationResult
 
@@ -28,6 +28,7 @@ _HARDER: Final = 0.02  # share of a speed; a smaller increase does not count
 _LEAST: Final = 1e-3  # m/s: a smaller increase does not count either
 _LEAST_RELEASE: Final = 0.01  # of ln xi, for readings without noise
 _FACTOR: Final = 2.0  # step of the reflectance
+_CRITICAL: Final = 1e-8  # 1 - zeta^2: the exponent differs from that of critical damping by less
 _STUCK: Final = "readings that are stuck"
 
 
@@ -67,8 +68,11 @@ class Breakage(Value):
         speed: the largest speed toward the object in all these runs [m/s].
         returning: the largest speed toward the object if the readings are stuck [m/s].
         returning_increase: the largest increase of |l'| at contact by this motion, compared with no mitigation [m/s].
-        bound: the largest speed that a single believed jump of the readings can cause [m/s], |D_p| largest_rate
-            (T_s + fade_time / 2) / M; None for a law without such a bound, or without largest_rate.
+        jump: the largest speed that a single believed jump of the readings can cause [m/s], |D_p| largest_rate
+            (T_s + fade_time / 2) / M; 0 for a law that never pulls, None for a damper without largest_rate.
+        return_rate: the largest speed of the admittance back to its reference, as a share of the excursion before
+            [1/s], see `return_rate`.
+        excursion: the largest excursion in all these runs [m].
         remedy: settings of the controller with which no contact is harder; empty if none is needed or known.
     """
 
@@ -76,8 +80,18 @@ class Breakage(Value):
     speed: float
     returning: float
     returning_increase: float
-    bound: float | None = None
+    return_rate: float
+    excursion: float
+    jump: float | None = None
     remedy: str = ""
+
+    @property
+    def bound(self) -> float | None:
+        """The largest speed toward the object after an excursion as in these runs [m/s]; None without a bound.
+
+        It is the speed that a jump of the readings can cause, and that of the return to the reference.
+        """
+        return None if self.jump is None else self.jump + self.return_rate * self.excursion
 
     @property
     def harder(self) -> int:
@@ -102,23 +116,51 @@ class Breakage(Value):
     @property
     def text(self) -> str:
         """A sentence on the motion of the robot if the sensor fails."""
-        speed, back = (format_quantity(max(v, 0.0), "m/s", 3) for v in (self.speed, self.returning))
-        text = f"If the sensor fails during an approach, the robot moves toward the object at up to {speed}"
+        speed = format_quantity(max(self.speed, 0.0), "m/s", 3)
+        text = f"If the sensor fails, the robot moves toward the object at up to {speed}"
         if self.harder:
             more = format_quantity(self.worst.increase, "m/s", 3)
             return (
                 f"{text}, and in {self.harder} of {self.runs} runs, contact is up to {more} harder than without "
                 f"mitigation, most with {self.worst.name}"
             )
-        if self.speed > (1 + _HARDER) * self.returning:
-            text += f" (the admittance alone returns it at up to {back})"
+        back = ", back to its reference" if self.returning > 0 else ""
+        limit = f"; bound {format_quantity(self.bound, 'm/s', 3)}" if self.bound else ""
+        text += f"{back} ({self.runs} runs{limit})"
         if not self.returning_increase:
-            return f"{text}, and contact is never harder than without mitigation ({self.runs} runs)"
+            return f"{text}. Contact is never harder than without mitigation"
         more = format_quantity(self.returning_increase, "m/s", 3)
-        return (
-            f"{text}, and contact is never harder than by the return of the admittance to its reference, which makes a "
-            f"slow contact up to {more} harder than without mitigation ({self.runs} runs)"
-        )
+        return f"{text}. Contact is then up to {more} harder than without mitigation"
+
+
+def return_rate(admittance: Any) -> float:
+    """Return the largest speed of an admittance back to its reference, as a share of the excursion before [1/s].
+
+    A spring of stiffness K returns the mass M from the largest excursion at a speed of at most
+    omega exp(-zeta arccos(zeta) / sqrt(1 - zeta^2)) times this excursion, with omega = sqrt(K / M) and the damping
+    ratio zeta. A force away from the object only makes the return slower.
+
+    Args:
+        admittance: mass [kg], damping [N s/m] and stiffness [N/m].
+
+    Examples:
+        >>> from pretouch.motion import Admittance
+        >>> round(return_rate(Admittance(mass=1.0, damping=10.0, stiffness=25.0)), 3)  # 5 rad/s / e
+        1.839
+    """
+    mass, damping, stiffness = (float(getattr(admittance, name)) for name in ("mass", "damping", "stiffness"))
+    if not stiffness:
+        return 0.0
+    frequency = math.sqrt(stiffness / mass)
+    ratio = damping / (2 * math.sqrt(stiffness * mass))
+    square = 1 - ratio**2
+    if abs(square) < _CRITICAL:
+        exponent = 1.0
+    elif square > 0:
+        exponent = ratio * math.acos(ratio) / math.sqrt(square)
+    else:
+        exponent = ratio * math.acosh(ratio) / math.sqrt(-square)
+    return frequency * math.exp(-exponent)
 
 
 def check_breakage(draws: Draws, gain: float, unmitigated: SimulationResult, largest_rate: float) -> Breakage | None:
@@ -164,16 +206,20 @@ def _guards(loop: ClosedLoop, largest_rate: float) -> Iterator[tuple[str, Closed
 
 def _simulated(loop: ClosedLoop, draws: Draws, gain: float, unmitigated: SimulationResult) -> Breakage:
     """Simulate each kind of disturbance from several distances on."""
+    controller: Any = loop.law
     count = min(_RUNS, draws.task.verify.runs)
     free = _contact_speeds(unmitigated)[:count]
     places = [place * float(draws.distance[:count].mean()) for place in _PLACES]
     short = replace(loop, follow_time=min(loop.follow_time, loop.law.period))
-    stuck, back = _runs(short, draws, gain, count, [Disturbance(kind="stuck", distance=place) for place in places])
+    stuck, back, farthest = _runs(
+        short, draws, gain, count, [Disturbance(kind="stuck", distance=place) for place in places]
+    )
     usual = np.maximum(stuck.max(axis=0), free)
-    results = []
+    results, excursion = [], float(farthest.max())
     for name, kind in _kinds(loop):
         ones = [Disturbance(distance=place, **kind) for place in places]
-        speeds, advances = _runs(short, draws, gain, count, ones)
+        speeds, advances, farthest = _runs(short, draws, gain, count, ones)
+        excursion = max(excursion, float(farthest.max()))
         harder = speeds > (1 + _HARDER) * usual + _LEAST
         largest = float(speeds.max())
         results.append(
@@ -192,25 +238,29 @@ def _simulated(loop: ClosedLoop, draws: Draws, gain: float, unmitigated: Simulat
         speed=max(one.speed for one in results),
         returning=float(back.max()),
         returning_increase=float((stuck - free)[stuck > (1 + _HARDER) * free + _LEAST].max(initial=0.0)),
-        bound=_bound(loop, gain),
+        return_rate=return_rate(controller.admittance),
+        excursion=excursion,
+        jump=_jump(loop, gain),
     )
 
 
 def _runs(
     loop: ClosedLoop, draws: Draws, gain: float, count: int, disturbances: list[Disturbance]
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Simulate encounters with each disturbance.
 
     Returns:
-        The speed at contact and the largest speed toward the object, with a row for each disturbance [m/s].
+        The speed at contact, the largest speed toward the object [m/s], and the largest excursion [m], with a row for
+        each disturbance.
     """
-    speeds, advances = [], []
+    speeds, advances, excursions = [], [], []
     for one in disturbances:
         chain = replace(loop.chain, disturbances=(*loop.chain.disturbances, one))
         result = draws.run(replace(loop, chain=chain), gain, count)
         speeds.append(_contact_speeds(result))
         advances.append(np.asarray(result.largest_advance))
-    return np.stack(speeds), np.stack(advances)
+        excursions.append(np.asarray(result.largest_excursion))
+    return np.stack(speeds), np.stack(advances), np.stack(excursions)
 
 
 def _contact_speeds(result: SimulationResult) -> FloatArray:
@@ -230,19 +280,19 @@ def _kinds(loop: ClosedLoop) -> Iterator[tuple[str, dict[str, Any]]]:
     yield _STUCK, {"kind": "stuck"}
 
 
-def _bound(loop: ClosedLoop, gain: float) -> float | None:
+def _jump(loop: ClosedLoop, gain: float) -> float | None:
     """Return the speed that a jump of the readings can cause if it is just plausible [m/s]."""
     controller: Any = loop.law
-    rate = controller.conditioning.largest_rate
-    if not isinstance(controller.law, VirtualDamper) or rate is None:
-        return None
-    if controller.law.approach_only:
+    law, rate = controller.law, controller.conditioning.largest_rate
+    if isinstance(law, VirtualDrag) or getattr(law, "approach_only", False):
         return 0.0
+    if rate is None or not isinstance(law, VirtualDamper):
+        return None
     period: float = controller.conditioning.numbers(controller.period).sensor_period
     # if the next reading is late or implausible, the force continues and fades
     fading = controller.period / controller.conditioning.fade_step(controller.period)
-    bound: float = abs(gain) * rate * (period + fading / 2) / controller.admittance.mass
-    return bound
+    jump: float = abs(gain) * rate * (period + fading / 2) / controller.admittance.mass
+    return jump
 
 
 def breakage_in_words(breakage: Breakage | None) -> Iterator[str]:
@@ -287,9 +337,16 @@ def breakage_section(breakage: Breakage | None) -> PageSection | None:
         "readings."
     )
     if breakage.bound:
+        note += f" The bound is {format_quantity(breakage.bound, 'm/s', 3)}."
+    if breakage.return_rate:
+        note += (
+            f" It contains the return to the reference: at most {format_quantity(breakage.return_rate, '1/s', 3)} "
+            f"times the excursion before, which is up to {format_quantity(breakage.excursion, 'm', 3)}."
+        )
+    if breakage.jump:
         note += (
             " A jump of the readings that largest_rate still allows causes at most "
-            f"{format_quantity(breakage.bound, 'm/s', 3)}: |D_p| times largest_rate times the sum of sensor period "
+            f"{format_quantity(breakage.jump, 'm/s', 3)}: |D_p| times largest_rate times the sum of sensor period "
             "and half of fade_time, divided by the virtual mass."
         )
     table = PageTable(head=head, rows=rows, note=note, brief=True)

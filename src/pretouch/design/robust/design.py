@@ -84,7 +84,8 @@ def design_robust_gain(task: Task) -> RobustDesign:
     options, evaluate = task.robust, task.evaluate
     samples, validation, seed = options.samples or 0, options.validation or 0, options.seed
     nominal = GainDesign.of(GainProblem(task=task.replace(evaluate=None), axis=axis)).gain
-    unseen = _draw(task, validation, seed + _FRESH, "random")
+    # Evenly spread encounters make no seed lucky, and the intervals for independent encounters cautious.
+    unseen = _draw(task, validation, seed + _FRESH, options.sampling)
     later = None if evaluate is None else with_noise_after(evaluate, samples)
     fresh = RobustProblem.over(task, axis, unseen, count=validation, evaluate=later)
     worst: WorstEncounter | None = None

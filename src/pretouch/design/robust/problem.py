@@ -44,7 +44,9 @@ class RobustProblem(GainProblem):
         """Make the search problem for sampled values of uncertain inputs. The options are those of `make_ensemble`."""
         names = ("method", "horizon", "law", "evaluate")
         settings = {**{name: getattr(task, name) for name in names}, **options}
-        return cls(task=task, axis=axis, ensemble=make_ensemble(task.scenario, task.sensor, values, **settings))
+        # A simulated loop finds out itself from where its controller detects the object.
+        starts = task.from_detection(values) if settings["evaluate"] is None else values
+        return cls(task=task, axis=axis, ensemble=make_ensemble(task.scenario, task.sensor, starts, **settings))
 
     @property
     def measure(self) -> Measure:

@@ -15,7 +15,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
-from pretouch.uncertainty import Distribution, Interval, Uncertainty, sample_inputs
+from pretouch.uncertainty import Distribution, Interval, sample_inputs
 
 from ..relaxation import Relaxation, relax_on_axis
 from ..search import GainAxis, Minimum, Scan, search_axis
@@ -30,6 +30,7 @@ _SAME: Final = 1e-9  # two objectives within this relative difference are equal
 _TOLERANCE: Final = 1e-7  # relative tolerance of the certified maximum
 _DECIDING: Final = 1e-7  # encounters within this relative difference of the worst one are reported as deciding
 _RAISES: Final = 6  # most searches for one relaxation
+_NARROW: Final = 1e-6  # m: smallest range of positions
 _STEP: Final = 1e-4  # step of differences that replace a gradient, as a share of an input's range
 
 
@@ -57,12 +58,15 @@ class WorstEncounter(Value):
     encounters: tuple[tuple[float, ...], ...]
 
 
-def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
+def box_of(task: Task) -> dict[str, tuple[float, float]]:
     """Return the range of each uncertain input.
+
+    Encounters that start undetected run as those that start where the controller of the loop detects the object.
 
     Raises:
         InvalidInputError: an input is unbounded, or there are too many inputs.
     """
+    uncertainty = task.uncertainty
     if len(uncertainty) > _MOST_INPUTS:
         raise InvalidInputError(
             f"uncertainty: found {len(uncertainty)} uncertain inputs for a worst case, expected at most "
@@ -77,6 +81,11 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
                 "distribution for a worst case. Use an Interval, or a TruncatedNormal with two bounds"
             )
         box[name] = support
+    name = "obstacle.position"
+    if name in box:
+        _, plant = box.get("plant.position", (float(task.scenario.plant.position),) * 2)
+        (low, high), farthest = box[name], plant + task.farthest_start
+        box[name] = min(low, farthest - _NARROW), min(high, farthest)
     return box
 
 
@@ -93,7 +102,7 @@ def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, 
     Returns:
         The problem, the scan, its minima, and the encounter in which the worst case occurs.
     """
-    box = box_of(task.uncertainty)
+    box = box_of(task)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
     points = _first_points(box)
     for _ in range(_ROUNDS):

@@ -128,6 +128,7 @@ export class Page {
             const text = sentences.map(([, words]) => ` ${words[0].toUpperCase()}${words.slice(1)}.`).join("");
             byId("headline").textContent = `${count} ${count === 1 ? "input needs" : "inputs need"} a correction.${text} The figures show the last valid inputs.`;
             document.body.classList.add("stale");
+            byId("reservation").hidden = true;
             for (const id of ["limits", "numbers"]) byId(id).replaceChildren(); // they would belong to other inputs
             this.since = null;
             return;
@@ -162,6 +163,9 @@ export class Page {
         if (free.status === 0) text += contact.status === 0 ? ` instead of ${speed(free)} without mitigation.` : `${text.endsWith(" ") ? "C" : "; c"}ontact at ${speed(free)} without mitigation.`;
         else if (!text.endsWith(" ")) text += contact.status === 0 ? "; no contact without mitigation." : ".";
         byId("headline").textContent = text;
+        const warning = this.reservation?.gain === gain ? this.reservation.headline : null; // it belongs to one gain
+        byId("reservation").textContent = warning ?? "";
+        byId("reservation").hidden = !warning;
         const items = problem.limits.map(({ name: limit, column, unit: of, limit: most }) => {
             const value = Math.abs(contact[column]), met = value <= most * (1 + 1e-9);
             const item = document.createElement("li");

@@ -110,21 +110,35 @@ class Studio {
             page.overlay = null; // it belongs to the values before
             page.request();
         }
+        page.reservation = null; // it belongs to the values before, too
         clearTimeout(this.checking);
         this.checking = setTimeout(async () => {
             try {
                 const text = await this.text();
-                if (!text || text === this.checked) return;
-                this.checked = text;
-                const { fixed, notes } = await this.ask("describe", { text });
-                page.state.fixed = fixed;
-                page.signature = null;
-                page.request();
-                this.#say(notes.join(". "));
+                if (!text) return;
+                if (text !== this.checked) {
+                    this.checked = text;
+                    const { fixed, notes } = await this.ask("describe", { text });
+                    page.state.fixed = fixed;
+                    page.signature = null;
+                    page.update();
+                    this.#say(notes.join(". "));
+                }
+                await this.#reserve(text);
             } catch (error) {
                 this.#say(error.message);
             }
         }, 300);
+    }
+
+    /** Show which contact speeds the readings of the calibration allow, for the present gain. */
+    async #reserve(text) {
+        const { page } = this, { gain } = page.solved ?? {};
+        if (!page.state.fields["sensor.calibration"] || gain === undefined || document.body.classList.contains("stale")) return;
+        const { headline } = await this.ask("reservations", { text, gain });
+        if (page.solved.gain !== gain) return; // the answer is late; another one follows
+        page.reservation = { gain, headline };
+        page.request();
     }
 
     // ---- calibration ----

@@ -116,14 +116,18 @@ def test_the_page_shows_the_design_of_python(open_page, static_file):
     assert [url for url in page.requests if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
-def test_the_range_of_contact_speeds_stands_above_the_result(open_page, tmp_path):
-    with running_studio(write_task(tmp_path)) as running:
+@pytest.mark.parametrize("error", [0.1, 0.27], ids=["a range", "not supported"])
+def test_the_range_of_contact_speeds_stands_next_to_the_result(open_page, tmp_path, error):
+    with running_studio(write_task(tmp_path, error)) as running:
         page = open_page(running.address)
-        wait(page, "!document.getElementById('reservation').hidden")
+        wait(page, "pretouch.reservation && !pretouch.frame")
         task = pt.load_scenario(tmp_path / "task.toml")
-        assert page.inner_text("#reservation") == reservations_of(task.calibration, pt.design_gain(task)).headline
+        found = reservations_of(task.calibration, pt.design_gain(task))
+        assert page.inner_text("#reservation") == (found.headline or "")
+        assert headline(page).endswith(found.spread or "without mitigation.")
         page.evaluate("pretouch.change((state) => (state.chosen = -0.001))")
-        wait(page, "document.getElementById('reservation').hidden")
+        wait(page, "!pretouch.frame && document.getElementById('reservation').hidden")
+        assert "readings also allow" not in headline(page)
         assert page.mistakes == []
 
 

@@ -22,6 +22,7 @@ from .opened_files import OpenedFiles, change_text
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, SensorFit
     from pretouch.design import Task
+    from pretouch.uncertainty import Reservations
 
 SECTIONS: Final = (
     *("sensor", "admittance", "obstacle", "plant", "reference", "objective", "gain", "law", "constraints"),
@@ -244,18 +245,20 @@ def describe_reservations(files: OpenedFiles, text: str, gain: float) -> dict[st
     """Find out which contact speeds the readings of the calibration allow for one gain.
 
     Returns:
-        `headline`, the same warning as in the first line of `pretouch design`; None without a warning.
+        `headline`, a warning that precedes the result, and `spread`, the range of speeds that follows it, both in the
+        words of `pretouch design`; each is None if there is no reason for it.
     """
     from pretouch.config import load_scenario  # noqa: PLC0415
 
-    return {"headline": _reservation(load_scenario(files.write_scenario(text)), gain)}
+    found = reservations_at(load_scenario(files.write_scenario(text)), gain)
+    return {name: None if found is None else getattr(found, name) for name in ("headline", "spread")}
 
 
-def _reservation(task: Task, gain: float | None) -> str | None:
-    """Return the warning about the calibration of a scenario; None without a warning."""
+def reservations_at(task: Task, gain: float | None) -> Reservations | None:
+    """Return the warnings about the calibration of a scenario for one gain; None without a calibration."""
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415
 
-    return None if task.calibration is None else reservations_of(task.calibration, task.replace(gain=gain)).headline
+    return None if task.calibration is None else reservations_of(task.calibration, task.replace(gain=gain))
 
 
 def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | None = None) -> dict[str, Any]:
@@ -293,8 +296,10 @@ def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | 
         "virtual_force": trace.virtual_force,
     }
     content: dict[str, Any] = plain({name: np.asarray(values)[some] for name, values in columns.items()})
-    lines = [_reservation(task, encounter.gain), encounter.headline]
-    return {**content, "headline": " ".join(filter(None, lines)), "warnings": list(encounter.warnings)}
+    found, headline = reservations_at(task, encounter.gain), encounter.headline
+    if found is not None:
+        headline = " ".join(filter(None, [found.headline, found.with_spread(headline)]))
+    return {**content, "headline": headline, "warnings": list(encounter.warnings)}
 
 
 def message_of(error: PretouchError, folder: Path) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from pretouch._core.errors import InvalidInputError
 from pretouch.motion.laws import DAMPER, DRAG
 
-from .answers import LIMITS, SECTIONS, ratio_of_drag, texts_of
+from .answers import LIMITS, SECTIONS, ratio_of_drag, reservations_at, texts_of
 from .curves import IN_THE_PAGE
 
 if TYPE_CHECKING:
@@ -102,15 +102,14 @@ def _fitted_curve(task: Task) -> dict[str, Any]:
 
 
 def _warning(task: Task) -> Iterator[str]:
-    """Yield the warning about the calibration, for the gain of the scenario or the designed one."""
+    """Yield a sentence on the contact speeds that the calibration allows, for the gain of the scenario or the best."""
     from pretouch.design.gain import designed_number  # noqa: PLC0415
-    from pretouch.uncertainty import reservations_of  # noqa: PLC0415
 
     gain = designed_number(task) if task.gain is None else task.gain
-    if task.calibration is not None and gain is not None:
-        headline = reservations_of(task.calibration, task.replace(gain=gain)).headline
-        if headline is not None:
-            yield f"With {task.law.number.equals(gain)}: {headline}"
+    found = None if gain is None else reservations_at(task, gain)
+    text = None if found is None else found.headline or found.spread
+    if gain is not None and text is not None:
+        yield f"With {task.law.number.equals(gain)}: {text}"
 
 
 def _without(section: str, fields: dict[str, Any]) -> dict[str, Any]:

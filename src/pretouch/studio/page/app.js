@@ -162,10 +162,10 @@ export class Page {
         text += contact.status === 0 ? `contact at ${speed(contact)}` : conclusion === "no-contact" ? "" : "no contact";
         if (free.status === 0) text += contact.status === 0 ? ` instead of ${speed(free)} without mitigation.` : `${text.endsWith(" ") ? "C" : "; c"}ontact at ${speed(free)} without mitigation.`;
         else if (!text.endsWith(" ")) text += contact.status === 0 ? "; no contact without mitigation." : ".";
-        byId("headline").textContent = text;
-        const warning = this.reservation?.gain === gain ? this.reservation.headline : null; // it belongs to one gain
-        byId("reservation").textContent = warning ?? "";
-        byId("reservation").hidden = !warning;
+        const { headline, spread } = this.reservation?.gain === gain ? this.reservation : {}; // they belong to one gain
+        byId("headline").textContent = spread ? `${text} ${spread}` : text;
+        byId("reservation").textContent = headline ?? "";
+        byId("reservation").hidden = !headline;
         const items = problem.limits.map(({ name: limit, column, unit: of, limit: most }) => {
             const value = Math.abs(contact[column]), met = value <= most * (1 + 1e-9);
             const item = document.createElement("li");

@@ -135,9 +135,9 @@ class Studio {
     async #reserve(text) {
         const { page } = this, { gain } = page.solved ?? {};
         if (!page.state.fields["sensor.calibration"] || gain === undefined || document.body.classList.contains("stale")) return;
-        const { headline } = await this.ask("reservations", { text, gain });
+        const { headline, spread } = await this.ask("reservations", { text, gain });
         if (page.solved.gain !== gain) return; // the answer is late; another one follows
-        page.reservation = { gain, headline };
+        page.reservation = { gain, headline, spread };
         page.request();
     }
 

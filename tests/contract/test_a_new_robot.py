@@ -88,7 +88,7 @@ def test_the_numbers_of_both_are_the_same() -> None:
 
 
 def test_encounters_are_run_with_them() -> None:
-    law = NOISY.law.with_gain(-0.6)
+    law = NOISY.law.with_value(-0.6)
     theirs, ours = (
         pt.simulate(MANY, SENSOR, law, chain=NOISY.chain, runs=2, seed=3, plant=plant, contact=contact)
         for plant, contact in (OWN, OURS)

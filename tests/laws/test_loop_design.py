@@ -68,7 +68,7 @@ def test_every_gain_meets_the_noise_of_the_same_run() -> None:
         assert np.array_equal(NOISY.after(i)(SCENARIO, SENSOR, gains).end.relative_velocity, wide[:, i])
     column = replace(SCENARIO, obstacle=pt.Obstacle(position=np.full((8, 1), 0.0422), velocity=-0.3))
     assert np.array_equal(NOISY(column, SENSOR, gains).end.relative_velocity, wide.T)
-    law = NOISY.law.with_gain(-0.7)
+    law = NOISY.law.with_value(-0.7)
     alone = pt.simulate(SCENARIO, SENSOR, law, chain=NOISY.chain, runs=8)
     assert np.array_equal(alone.relative_velocity, wide[1])
 

@@ -58,7 +58,7 @@ def test_compared_numbers_are_those_of_simulate_and_find_contact(sensor: pt.Sens
     built = loop(chain=pt.SensorChain(rate=250.0, noise=1e-3, delay=1e-3), law=law(sensor_period=4e-3), plant=ROBOT)
     rows = compared(pt.simulate_encounter(pt.Task(SCENARIO, sensor, loop=built, gain=GAIN)))
     assert list(rows) == ["time", "relative_velocity", "position", "largest_excursion", "largest_virtual_force"]
-    runs = [pt.simulate(SCENARIO, sensor, built.law.with_gain(g), chain=built.chain, plant=ROBOT) for g in (GAIN, 0.0)]
+    runs = [pt.simulate(SCENARIO, sensor, built.law.with_value(g), chain=built.chain, plant=ROBOT) for g in (GAIN, 0.0)]
     solved = [pt.find_contact(SCENARIO, sensor, g).end for g in (GAIN, 0.0)]
     for name, row in rows.items():
         assert row == (

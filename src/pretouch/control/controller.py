@@ -155,22 +155,6 @@ class Controller:
         sensing = start_sensing(self.conditioning.numbers(self.period))
         return _join_parts(ControllerState, sensing, start_drive(x, v), self.law.start())
 
-    def with_gain(self, gain: float) -> Controller:
-        """Return a copy of the controller with another gain.
-
-        The gain is D_p [N s] of the virtual damper.
-
-        Raises:
-            InvalidInputError: the control law has no gain.
-        """
-        law: Any = self.law
-        if not hasattr(law, "with_gain"):
-            raise InvalidInputError(
-                f"gain: the control law {type(law).__name__} has no gain; change its parameter with the method "
-                "with_value instead"
-            )
-        return replace(self, law=law.with_gain(gain))
-
     def with_value(self, value: float) -> Controller:
         """Return a copy of the controller with another law coefficient.
 

@@ -383,19 +383,12 @@ class VirtualDamper:
         if self.ramp_time:
             yield "ramp of the gain", Measured(self.ramp_time, "s")
 
-    def with_gain(self, gain: float) -> VirtualDamper:
-        """Return a copy of the virtual damper with another gain.
-
-        The gain is D_p [N s].
-        """
-        return replace(self, gain=gain)
-
     def with_value(self, value: float) -> VirtualDamper:
         """Return a copy of the virtual damper with another gain.
 
         The gain is D_p [N s].
         """
-        return self.with_gain(value)
+        return replace(self, gain=value)
 
     def start(self) -> DamperState:
         """Return the state of the virtual damper before the first reading."""

@@ -246,8 +246,8 @@ def test_the_sensor_of_a_fit_holds_on_the_window_only():
 
 def test_a_reservation_names_readings_taken_once():
     once, thrice = (rank_models(noisy("exponential-1", 6, repeats=n, no_object=2)) for n in (1, 3))
-    assert any("read once" in reason for reason in once.reasons)
-    assert not any("read once" in reason for reason in thrice.reasons)
+    assert any("read once" in reason for reason in once.notes)
+    assert not any("read once" in reason for reason in (*thrice.reasons, *thrice.notes))
 
 
 def test_a_model_needs_one_distance_more_than_it_has_parameters():
@@ -281,9 +281,11 @@ def test_copies_of_readings_change_no_fit_and_are_reported(repeats, times, no_ob
     assert again.offset == once.offset
     readings = 15 * repeats + no_object
     warning = f"PT115: {(times - 1) * readings} of {times * readings} readings repeat another reading exactly"
-    assert any(reason.startswith(warning) for reason in again.reasons)
-    assert not any("PT115" in reason for reason in once.reasons)
-    assert not any("PT102" in reason for reason in again.reasons)  # each distance was read several times
+    assert any(reason.startswith(warning) for reason in (*again.reasons, *again.notes))
+    assert not any("PT115" in reason for reason in (*once.reasons, *once.notes))
+    assert not any(
+        "PT102" in reason for reason in (*again.reasons, *again.notes)
+    )  # each distance was read several times
 
 
 def test_equal_repeats_of_a_coarse_sensor_are_no_more_certain_than_single_readings():
@@ -291,7 +293,7 @@ def test_equal_repeats_of_a_coarse_sensor_are_no_more_certain_than_single_readin
     coarse = np.round((PEDESTAL + SENSORS["inverse-power"].output(distance)) / 0.01) * 0.01
     once = rank_models(Calibration(distances=distance, outputs=coarse))
     repeated = rank_models(Calibration(distances=np.repeat(distance, 4), outputs=np.repeat(coarse, 4)))
-    assert any("PT115" in reason for reason in repeated.reasons)
+    assert any("PT115" in reason for reason in (*repeated.reasons, *repeated.notes))
     assert repeated.noise.output >= 0.01 / math.sqrt(12) * (1 - 1e-9)
     assert repeated.slope.uncertainty.max() == once.slope.uncertainty.max()
 

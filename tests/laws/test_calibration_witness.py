@@ -15,12 +15,12 @@ from scipy.integrate import solve_ivp
 import pretouch as pt
 from made_sensors import CEILINGS, make_sparse_sensor
 from pretouch.calibration import rank_models
+from pretouch.calibration.contact_check import check_on_readings, mount
 from pretouch.cli import main
 from pretouch.motion import DAMPER
 from pretouch.report import report_html
 from pretouch.sensors import PiecewiseCubic, check_sensor
 from pretouch.uncertainty import reservations_of
-from pretouch.uncertainty.witness_check import check_on_readings, mount
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)

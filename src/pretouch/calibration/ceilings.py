@@ -13,6 +13,7 @@ agree with the curve through the others, and small if it agrees or if the other 
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
@@ -47,6 +48,19 @@ _KNOTS: Final = 60  # points of a drawn curve
 _FEWEST: Final = 6  # distances needed to judge the nearest reading by the others
 _WRONG: Final = 0.1  # prior probability that a single nearest reading is wrong
 _WRONG_SIZE: Final = 10.0  # usual errors: median size of the error of a wrong reading
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleOptions(Value):
+    """What a user knows about the sensor curve.
+
+    Args:
+        models: names of the models that are fitted; curves from outside are possible curves only if they are named.
+        may_saturate: whether the output may saturate near the sensor.
+    """
+
+    models: tuple[str, ...]
+    may_saturate: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,23 +207,31 @@ def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray,
     return DrawnCurve(sensor=sensor, offset=offset)
 
 
-def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: OffsetEstimate | None) -> CeilingFits:
+def fit_under_ceilings(
+    curve: AveragedCurve, noise: ReadingNoise, offset: OffsetEstimate | None, *, options: SampleOptions
+) -> CeilingFits:
     """Fit sensor curves that may saturate near the sensor, or whose nearest reading may be wrong."""
     # The fit needs at least four averaged readings.
     # An offset of None is fitted together with the curve.
-    ceilings = [(above, p, np.nan) for above in _ABOVE for p in _SHARPNESS]
+    ceilings = [(above, p, np.nan) for above in _ABOVE for p in _SHARPNESS] if options.may_saturate else []
     suspects = [(np.inf, 2.0, float(curve.distance[0]))] if len(curve.distance) >= _FEWEST else []
     lanes = []
-    for family in families_of(curve):  # slow families are fitted without a ceiling only
+    for family in families_of(curve, options.models):  # slow families are fitted without a ceiling only
         above, sharpness, ignored = np.array([(np.inf, 2.0, np.nan), *(ceilings if family.quick else []), *suspects]).T
         problem = _Problem(curve=curve, noise=noise, family=family, above=above, sharpness=sharpness, ignored=ignored)
-        lanes.append(problem.lanes(offset))
+        if family.curve.__module__.startswith("pretouch."):
+            lanes.append(problem.lanes(offset))
+            continue
+        with suppress(Exception):  # an error in a user's curve must not prevent the fits of the others
+            own = problem.lanes(offset)
+            lanes += [own] if np.isfinite(own.costs).all() else []
     # integrating over the unknown scale of the errors gives a power of the sum of squares
     power = 0.5 * (min(len(curve.distance), _FULL_WEIGHT) - 3 + _ERROR_FREEDOM)
     wrong = _WRONG / float(curve.count[0])  # repeated readings confirm each other
     logs = []
     for lane in lanes:
-        prior = np.log(np.where(np.isinf(lane.ceilings), 1 - _CEILING, _CEILING / len(ceilings))) - lane.priors / 2
+        without = 1 - _CEILING if ceilings else 1.0
+        prior = np.log(np.where(np.isinf(lane.ceilings), without, _CEILING / max(len(ceilings), 1))) - lane.priors / 2
         ignores = np.isfinite(lane.ignored)
         fits = prior - (power - 0.5 * ignores) * np.log(_ERROR_FREEDOM + lane.costs)
         fits[ignores] += math.log(wrong) + _log_evidence_of_error(lane, curve, power)[ignores]

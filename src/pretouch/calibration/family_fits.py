@@ -97,15 +97,17 @@ def lowest_offset(curve: AveragedCurve) -> float:
     return lowest - reach if lowest < 0 else max(-0.1 * reach, lowest - reach)
 
 
-def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
-    """Return the curve families for estimating offset and noise.
+def families_of(curve: AveragedCurve, named: tuple[str, ...] = ()) -> tuple[Family, ...]:
+    """Return the curve families that the readings may have.
 
-    The fast families come first.
+    These are the built-in families of three parameters, the fast ones first, and the installed curves among `named`.
     """
     first, last = float(curve.distance[0]), float(curve.distance[-1])
     curves = sorted(sensor_curves().values(), key=lambda curve: curve.name, reverse=True)
     ordered = [c for c in curves if c.family.quick] + [c for c in curves if not c.family.quick]
-    return tuple(c.family.at_large(c, first, last) for c in ordered if c.family.informs)
+    built_in = tuple(c.family.at_large(c, first, last) for c in ordered if c.family.informs)
+    others = {name: c for name, c in sensor_curves(foreign=True).items() if name not in sensor_curves()}
+    return (*built_in, *(others[name].family.at_large(others[name], first, last) for name in named if name in others))
 
 
 def quick_families(curve: AveragedCurve) -> tuple[Family, ...]:

@@ -265,7 +265,7 @@ def fit_sensor(
         3.32
     """
     check_models((model,))
-    prepared = prepare(calibration, offset, saturation, near_field_peak, floor_sigmas)
+    prepared = prepare(calibration, offset, saturation, near_field_peak, floor_sigmas, models=(model,))
     fit = " ".join(prepared.no_signal) or attempt_fit(model, prepared)
     if isinstance(fit, str):
         raise ResultUnavailableError(f"{calibration.name}: {model} cannot be fitted. {fit}")

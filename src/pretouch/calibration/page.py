@@ -25,7 +25,8 @@ def calibration_page(report: CalibrationReport) -> Page:
     """Create the report on a sensor calibration."""
     usable, best = report.verdict == "usable", report.best
     fitted_from_file = best is not None and bool(report.scenario_lines)
-    first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
+    listed = (*report.reasons, *report.notes) if usable else report.notes
+    first = (Listing(items=listed, brief=True) if listed else None, _readings(report))
     if best is None:
         blocks: tuple[Any, ...] = (_ranking(report) if report.not_fitted else None,)
     else:
@@ -48,7 +49,7 @@ def calibration_page(report: CalibrationReport) -> Page:
         good=usable,
         key_figures=tuple(_key_figures(report)),
         warnings=() if usable else report.reasons,
-        findings=tuple(f"left out: {text}" for text in report.left_out),
+        findings=(*(f"left out: {text}" for text in report.left_out), *report.notes),
         next_step=_NEXT if fitted_from_file else "",
         next_lines=_lines_for_scenario(report) if fitted_from_file else (),
         lead="calibration",
@@ -111,7 +112,7 @@ def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tup
     limits = tuple(f"{line[0].upper()}{line[1:]}." for line in open_lines)
     return (
         Paragraph(text=_headline(report)),
-        Listing(items=report.reasons) if report.reasons else None,
+        Listing(items=(*report.reasons, *report.notes)) if report.reasons else None,
         Listing(items=limits) if limits else None,
         _picture(report),
         *_readings(report).blocks,

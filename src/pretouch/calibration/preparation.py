@@ -14,7 +14,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import caution
 
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, count_copies_once, reading_noise
-from .ceilings import CeilingFits, fit_under_ceilings
+from .ceilings import CeilingFits, SampleOptions, fit_under_ceilings
 from .data import Calibration
 from .family_fits import find_noise, outlier_indices
 from .headers import is_length
@@ -64,6 +64,8 @@ def prepare(
     saturation: float | str | None,
     near_field_peak: float | str | None,
     floor_sigmas: float,
+    *,
+    models: tuple[str, ...],
 ) -> Prepared:
     """Prepare a calibration for fitting sensor models."""
     # This finds the usable distances, outliers, offset and noise.
@@ -106,7 +108,10 @@ def prepare(
     end = near.index + end_of_falling(curve.part(slice(near.index, None)), noise)
     if end - near.index < needed:
         end = len(curve.distance)
-    return _prepared(calibration, curve, noise, offset_estimate, near=near, end=end, floor_sigmas=floor_sigmas)
+    options = SampleOptions(models=models, may_saturate=saturation is not None)
+    return _prepared(
+        calibration, curve, noise, offset_estimate, near=near, end=end, floor_sigmas=floor_sigmas, options=options
+    )
 
 
 def _prepared(
@@ -118,17 +123,18 @@ def _prepared(
     near: NearEnd,
     end: int,
     floor_sigmas: float,
+    options: SampleOptions,
 ) -> Prepared:
     """Prepare the readings in the range where the output falls with distance."""
     place = np.arange(len(curve.distance))
     good = (place >= near.index) & (place < end)
-    ceilings = fit_under_ceilings(curve.part(good), raw, fixed)
-    steep, flattens = _steep_end(curve, raw, fixed, near=near, good=good, ceilings=ceilings)
+    ceilings = fit_under_ceilings(curve.part(good), raw, fixed, options=options)
+    steep, flattens = _steep_end(curve, raw, fixed, near=near, good=good, ceilings=ceilings, options=options)
     bad = tuple(steep.index + i for i in outlier_indices(curve.part(slice(steep.index, end)), raw, fixed))
     good &= ~np.isin(place, bad)
     if bad and good.sum() >= _FEWEST_DISTANCES:  # without the outliers, there may be no sign of a ceiling
-        ceilings = fit_under_ceilings(curve.part(good), raw, fixed)
-        steep, flattens = _steep_end(curve, raw, fixed, near=near, good=good, ceilings=ceilings)
+        ceilings = fit_under_ceilings(curve.part(good), raw, fixed, options=options)
+        steep, flattens = _steep_end(curve, raw, fixed, near=near, good=good, ceilings=ceilings, options=options)
     near = steep
     good &= place >= near.index
     tail = curve.part(good)
@@ -196,13 +202,14 @@ def _steep_end(
     near: NearEnd,
     good: BoolArray,
     ceilings: CeilingFits,
+    options: SampleOptions,
 ) -> tuple[NearEnd, bool]:
     """Start the usable range at the first unsaturated reading."""
     # The second result is whether the start has moved.
     part, place = curve.part(good), np.flatnonzero(good)
     first = ceilings.first_steep(part.distance)
     if first and offset is not None and offset.kind == "declared":  # a wrong offset also bends a curve
-        first = min(first, fit_under_ceilings(part, noise, None).first_steep(part.distance))
+        first = min(first, fit_under_ceilings(part, noise, None, options=options).first_steep(part.distance))
     first = min(first, max(len(place) - _FEWEST_DISTANCES - (offset is None), 0))
     if not first:
         return near, False

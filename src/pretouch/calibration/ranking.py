@@ -6,15 +6,30 @@ Also judge whether the sensor is usable.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Final
 
 from pretouch._core.arguments import check_arguments
+from pretouch._core.warning_codes import split_code
 
 from .data import Calibration
 from .fit import attempt_fit, check_models, model_names
-from .preparation import OffsetChoice, prepare
+from .preparation import OffsetChoice, Prepared, prepare
 from .result import CalibrationReport, SensorFit
 from .slope_uncertainty import estimate_slope
-from .verdict_reasons import distance_reservations, find_reservations, ignored_readings, summary
+from .verdict_reasons import (
+    FEW_POINTS,
+    contact_reservations,
+    distance_reservations,
+    find_reservations,
+    find_weaknesses,
+    ignored_readings,
+    summary,
+)
+
+if TYPE_CHECKING:
+    from .contact_check import WitnessCheck
+
+_DOUBTFUL: Final = frozenset({"PT103", "PT108", "PT109"})  # the readings contradict the offset or the curve
 
 
 @check_arguments
@@ -53,7 +68,7 @@ def rank_models(
     """
     models = model_names() if models is None else tuple(dict.fromkeys(models))
     check_models(models)
-    prepared = prepare(calibration, offset, saturation, near_field_peak, floor_sigmas)
+    prepared = prepare(calibration, offset, saturation, near_field_peak, floor_sigmas, models=models)
     fits: list[SensorFit] = []
     not_fitted: dict[str, str] = {}
     if not prepared.no_signal:
@@ -61,8 +76,20 @@ def rank_models(
         not_fitted = {model: reason for model, reason in attempts.items() if isinstance(reason, str)}
         fits = _ranked([fit for fit in attempts.values() if isinstance(fit, SensorFit)])
     slope = estimate_slope(prepared)
-    reading_count = len(calibration.outputs) + len(calibration.no_object)
-    reasons = prepared.no_signal or tuple(find_reservations(prepared, fits, slope, reading_count=reading_count))
+    reasons, notes = prepared.no_signal, tuple[str, ...]()
+    contradictions = distance_reservations(calibration)
+    if not prepared.no_signal:
+        check = _check(prepared, fits)
+        weaknesses = tuple(
+            find_weaknesses(prepared, fits, slope, reading_count=len(calibration.outputs) + len(calibration.no_object))
+        )
+        found = find_reservations(prepared, fits, slope)
+        contradictions += tuple(text for text in found if split_code(text)[0] in _DOUBTFUL)
+        reasons = (*found, *contact_reservations(prepared, check))
+        if check is not None and check.is_supported and len(prepared.used.distance) >= FEW_POINTS:
+            notes = weaknesses
+        else:
+            reasons = (*weaknesses, *reasons)
     reasons += distance_reservations(calibration)
     usable = "usable with reservations" if reasons else "usable"
     return CalibrationReport(
@@ -73,11 +100,23 @@ def rank_models(
         noise=prepared.noise,
         verdict=usable if not prepared.no_signal else "too few distances" if prepared.too_few else "no usable signal",
         reasons=reasons or (summary(prepared, fits),),
+        contradictions=contradictions,
+        notes=notes,
         not_fitted=not_fitted,
         slope=slope,
         left_out=ignored_readings(prepared),
         curves=prepared.witness,
     )
+
+
+def _check(prepared: Prepared, fits: list[SensorFit]) -> WitnessCheck | None:
+    """Test the best fit with a typical encounter on all curves that the readings allow."""
+    if not fits or prepared.witness is None or prepared.offset is None:
+        return None
+    from .contact_check import reference_check  # noqa: PLC0415 - the compiled kernels, only when needed
+
+    low, high = fits[0].sensor.valid_range
+    return reference_check(prepared.witness, prepared.offset.value, fits[0].sensor, nearest=low, farthest=high)
 
 
 def _ranked(fits: list[SensorFit]) -> list[SensorFit]:

@@ -330,6 +330,9 @@ class CalibrationReport(Described, Value):
         noise: the noise of the readings; None with too few readings to determine it.
         verdict: `usable`, `usable with reservations`, `too few distances` or `no usable signal`.
         reasons: the reasons of the verdict, and what to do, in sentences.
+        contradictions: the reasons why the curve itself is doubtful, such as readings that deviate from it. Results
+            with this curve repeat them first.
+        notes: what would make the readings better, in sentences, although the verdict does not depend on it.
         not_fitted: requested models that could not be fitted, each with the reason.
         slope: the slope g and its uncertainty over all models; None with too few readings.
         left_out: groups of readings that the fits of all models ignore, in sentences.
@@ -345,6 +348,8 @@ class CalibrationReport(Described, Value):
     noise: NoiseEstimate | None
     verdict: str
     reasons: tuple[str, ...]
+    contradictions: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     not_fitted: dict[str, str] = field(default_factory=dict)
     slope: SlopeUncertainty | None = None
     left_out: tuple[str, ...] = ()
@@ -366,6 +371,7 @@ class CalibrationReport(Described, Value):
         fields = {
             "verdict": self.verdict,
             "reasons": self.reasons,
+            "notes": self.notes,
             "best": self.best.model if self.best else None,
             "window": (self.window.l_min, self.window.l_max) if self.fits else None,
             "window_reasons": (self.window.start_reason, self.window.end_reason),

@@ -1,9 +1,9 @@
 """Estimate the uncertainty of the sensor slope.
 
-A warning is given if the uncertainty is too large for a design. The slope is judged from the nearest usable distance to
-the distance at which the signal has fallen to a tenth. The virtual force gives the impulse D_p ln(xi / xi_0) until xi
-has grown from xi_0 to xi. Over the judged distances, xi grows by a factor of ten, so ln xi grows by 2.3, which gives
-most of the impulse of any motion.
+A warning is given if the readings have another slope than the best model. The slope is judged from the nearest usable
+distance to the distance at which the signal has fallen to a tenth. The virtual force gives the impulse
+D_p ln(xi / xi_0) until xi has grown from xi_0 to xi. Over the judged distances, xi grows by a factor of ten, so ln xi
+grows by 2.3, which gives most of the impulse of any motion.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .averaging import slope_weights
 from .preparation import Prepared
 from .result import Estimate, SensorFit, SlopeUncertainty
 
-_ALLOWED: Final = 0.15  # largest relative uncertainty of g with which a sensor is usable without reservation
+_ALLOWED: Final = 0.15  # relative difference of slopes from which on a reservation is made
 _DECISIVE: Final = 0.1  # share of the signal at the nearest distance down to which g is judged
 _PLACES: Final = 25  # distances at which g is evaluated where most of the force acts
 _BEYOND: Final = 15  # distances at which g is evaluated from there to the end of the usable range
@@ -73,50 +73,54 @@ def with_choice_of_family(middle: Estimate, prepared: Prepared) -> Estimate:
     )
 
 
-def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertainty | None) -> list[str]:
-    """Return warnings about an uncertain sensor slope.
-
-    Each warning says what to measure.
-    """
-    # A second warning is about readings whose slope differs from that of the best model.
-    if slope is None:
+def uncertain_slope(prepared: Prepared, best: SensorFit, slope: SlopeUncertainty | None) -> list[str]:
+    """Return what to measure if the sensor slope is uncertain at some distance."""
+    if slope is None or slope.largest <= _ALLOWED:
         return []
-    warnings = []
     worst = slope.largest
-    if worst > _ALLOWED:
-        offset = prepared.offset
-        remedy, detail = "read more distances, each several times, where the signal is strong", ""
-        if offset is not None and offset.kind == "fitted":
-            used = prepared.used.output - offset.value
-            remedy = "record the output with no object, or measure out to where it no longer changes"
-            if prepared.reaches_last:
-                remaining = f"{100 * used[-1] / used[0]:.2g} %"
-                detail = f" The signal at the farthest distance is still {remaining} of the largest signal."
-        elif offset is not None and best.slope_shift > 0.5 * _ALLOWED / _NORMAL:
-            remedy = "record the output with no object more often, because its uncertainty changes the slope"
-        size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
-        near, far = (format_quantity(float(d), "m", 3) for d in (slope.distances[0], slope.decisive))
-        warnings.append(
-            caution(
-                "PT107",
-                f"The uncertainty of the sensor slope g is {size} at the distance "
-                f"{format_quantity(slope.worst_at, 'm', 3)}, but a design needs at most {100 * _ALLOWED:.0f} %: "
-                f"{remedy}.{detail} This limit applies from {near} to {far}, where most of the virtual force acts.",
-            )
+    offset = prepared.offset
+    remedy, detail = "read more distances, each several times, where the signal is strong", ""
+    if offset is not None and offset.kind == "fitted":
+        used = prepared.used.output - offset.value
+        remedy = "record the output with no object, or measure out to where it no longer changes"
+        if prepared.reaches_last:
+            remaining = f"{100 * used[-1] / used[0]:.2g} %"
+            detail = f" The signal at the farthest distance is still {remaining} of the largest signal."
+    elif offset is not None and best.slope_shift > 0.5 * _ALLOWED / _NORMAL:
+        remedy = "record the output with no object more often, because its uncertainty changes the slope"
+    size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
+    near, far = (format_quantity(float(d), "m", 3) for d in (slope.distances[0], slope.decisive))
+    return [
+        caution(
+            "PT107",
+            f"The sensor slope g is uncertain by {size} at the distance {format_quantity(slope.worst_at, 'm', 3)}: "
+            f"{remedy}.{detail} This is the largest uncertainty (95 %) from {near} to {far}, where most of the virtual "
+            "force acts.",
         )
-    gap = _largest_gap(prepared, best, slope.decisive)
-    if gap is not None:
-        share, near, far = gap[0], *(format_quantity(d, "m", 3) for d in gap[1:])
-        difference = f"{100 * abs(share):.0f} % {'flatter' if share > 0 else 'steeper'}"
-        warnings.append(
-            caution(
-                "PT108",
-                f"Between the distances {near} and {far}, the readings are {difference} than the best model, "
-                f"{best.model}: use the table model, or check how the distances were set. The true "
-                "curve has another shape, and the table model follows this shape.",
-            )
+    ]
+
+
+def slope_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUncertainty | None) -> list[str]:
+    """Return a warning if the slope of the readings differs from that of the best model."""
+    gap = None if slope is None else _largest_gap(prepared, fits[0], slope.decisive)
+    if gap is None:
+        return []
+    share, near, far = gap[0], *(format_quantity(d, "m", 3) for d in gap[1:])
+    difference = f"{100 * abs(share):.0f} % {'flatter' if share > 0 else 'steeper'}"
+    has_table = any(fit.model == "table" for fit in fits)
+    remedy = (
+        "use the table model, or check how the distances were set"
+        if has_table
+        else ("check how the distances were set, and measure again at these distances")
+    )
+    follows = ", and the table model follows this shape" if has_table else ""
+    return [
+        caution(
+            "PT108",
+            f"Between the distances {near} and {far}, the readings are {difference} than the best model, "
+            f"{fits[0].model}: {remedy}. The true curve has another shape{follows}.",
         )
-    return warnings
+    ]
 
 
 def _largest_gap(prepared: Prepared, best: SensorFit, last: float) -> tuple[float, float, float] | None:

@@ -6,7 +6,7 @@ List its problems, their remedies, and the excluded readings.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,9 +17,14 @@ from .averaging import average
 from .data import Calibration
 from .preparation import Prepared
 from .result import SensorFit, SlopeUncertainty
-from .slope_uncertainty import slope_reservations
+from .slope_uncertainty import slope_reservations, uncertain_slope
 
-_FEW_POINTS = 6  # number of distances below which a reservation is made
+if TYPE_CHECKING:
+    from .contact_check import WitnessCheck
+
+FEW_POINTS = 6
+"""The number of distances below which a reservation is made."""
+
 _MORE_THAN_UNKNOWNS = 3  # distances needed beyond the number of unknowns, to judge a fit
 _LARGE_MISFIT = 0.1  # misfit of ln xi; over one step of distance, the virtual force has about this relative error
 _PROBABLY_WRONG = 0.5  # probability of a wrong nearest reading from which on a reservation is made
@@ -102,42 +107,18 @@ def distance_reservations(calibration: Calibration) -> tuple[str, ...]:
     )
 
 
-def find_reservations(
-    prepared: Prepared, fits: list[SensorFit], slope: SlopeUncertainty | None, *, reading_count: int
-) -> list[str]:
-    """Return warnings about a sensor with a usable signal.
+def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUncertainty | None) -> list[str]:
+    """Return warnings about readings that contradict each other, the offset or the best model.
 
-    Each warning contains a remedy. `reading_count` is the number of readings in the file, including copies of readings,
-    which the fits count once.
+    Each warning contains a remedy.
     """
     calibration, window, used = prepared.calibration, prepared.window, prepared.used
-    copies = reading_count - len(calibration.outputs) - len(calibration.no_object)
     low, high = (format_quantity(d, "m") for d in (window.l_min, window.l_max))
     signal = used.output - (fits[0].offset.value if fits else 0.0)
     fall = float(np.log(signal[0]) - np.log(signal[-1])) if fits else math.inf
     count, bad = len(used.distance), len(prepared.outlier_distances)
     dropped = calibration.source.dropped if calibration.source else 0
-    once = "Every distance was read once, so the noise is estimated from deviations from the curve"
-    unknowns = (len(fits[0].parameters) or 3) + (fits[0].offset.kind == "fitted") if fits else 0
-    few = caution(
-        "PT101",
-        f"The usable range has only {count} different distances, but the curve has {unknowns} unknown parameters: "
-        f"measure at 8 or more distances. The usable range is from {low} to {high}.",
-    )
-    lacking = count < _FEW_POINTS or count - unknowns < _MORE_THAN_UNKNOWNS
-    reasons = [few] if lacking else []
-    if copies:
-        reasons.append(
-            caution(
-                "PT115",
-                f"{copies} of {reading_count} readings repeat another reading exactly, so they do not show the noise: "
-                "remove copies, and record raw readings. Repeated readings are not counted. They may be copies, "
-                "averages or readings of a coarse sensor.",
-            )
-        )
-    elif used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
-        reasons.append(caution("PT102", f"{once}: read each distance 3 times or more."))
-    reasons += _offset_reservations(prepared)
+    reasons = _offset_contradictions(prepared)
     if bad > 1 + count // 10:
         reasons.append(
             caution(
@@ -153,9 +134,64 @@ def find_reservations(
     if dropped > 0.2 * (dropped + len(calibration.outputs)):
         reasons.append(caution("PT106", f"{dropped} rows have no output: check the recording."))
     if fits:
-        reasons += slope_reservations(prepared, fits[0], slope)
+        reasons += slope_reservations(prepared, fits, slope)
         reasons += _misfits(prepared, fits)
     return reasons
+
+
+def find_weaknesses(
+    prepared: Prepared, fits: list[SensorFit], slope: SlopeUncertainty | None, *, reading_count: int
+) -> list[str]:
+    """Return what the readings lack: distances, repeats, an offset or an accurate slope, each with a remedy.
+
+    They are reservations only if the readings do not determine the contact speed. `reading_count` is the number of
+    readings in the file, including copies of readings, which the fits count once.
+    """
+    calibration, window, used = prepared.calibration, prepared.window, prepared.used
+    copies = reading_count - len(calibration.outputs) - len(calibration.no_object)
+    low, high = (format_quantity(d, "m") for d in (window.l_min, window.l_max))
+    count, weaknesses = len(used.distance), []
+    unknowns = (len(fits[0].parameters) or 3) + (fits[0].offset.kind == "fitted") if fits else 0
+    if count < FEW_POINTS or count - unknowns < _MORE_THAN_UNKNOWNS:
+        weaknesses.append(
+            caution(
+                "PT101",
+                f"The usable range has only {count} different distances, but the curve has {unknowns} unknown "
+                f"parameters: measure at 8 or more distances. The usable range is from {low} to {high}.",
+            )
+        )
+    if copies:
+        weaknesses.append(
+            caution(
+                "PT115",
+                f"{copies} of {reading_count} readings repeat another reading exactly, so they do not show the noise: "
+                "remove copies, and record raw readings. Repeated readings are not counted. They may be copies, "
+                "averages or readings of a coarse sensor.",
+            )
+        )
+    elif used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
+        once = "Every distance was read once, so the noise is estimated from deviations from the curve"
+        weaknesses.append(caution("PT102", f"{once}: read each distance 3 times or more."))
+    weaknesses += _weak_offset(prepared)
+    return weaknesses + (uncertain_slope(prepared, fits[0], slope) if fits else [])
+
+
+def contact_reservations(prepared: Prepared, check: WitnessCheck | None) -> list[str]:
+    """Return a warning if the readings do not determine the contact speed of a typical encounter."""
+    if check is None or check.is_supported:
+        return []
+    from .contact_check import measurement_that_helps  # noqa: PLC0415 - it loads the motions
+
+    window = prepared.window
+    advice = measurement_that_helps(check, prepared.offset, window.l_min, window.l_max)
+    low, high = (f"{v / check.predicted:.2g}" for v in (check.low, check.high))
+    return [
+        caution(
+            "PT118",
+            f"The readings do not determine the contact speed: {advice}. In a typical encounter, sensor curves "
+            f"that fit the readings as well lead to {low} to {high} times the predicted contact speed.",
+        )
+    ]
 
 
 def _wrong_nearest(prepared: Prepared) -> list[str]:
@@ -177,8 +213,33 @@ def _wrong_nearest(prepared: Prepared) -> list[str]:
     ]
 
 
-def _offset_reservations(prepared: Prepared) -> list[str]:
-    """Return warnings if the sensor offset is impossible or contradicts the readings."""
+def _weak_offset(prepared: Prepared) -> list[str]:
+    """Return warnings if readings with no object would improve the fitted offset."""
+    offset, calibration, weaknesses = prepared.offset, prepared.calibration, []
+    if offset is None:
+        return []
+    lowest = float(average(calibration).output.min())
+    if offset.value < 0 and offset.high < 0 and min([lowest, *calibration.no_object]) >= 0:
+        weaknesses.append(
+            caution(
+                "PT103",
+                f"The {offset.kind} offset of {_level(calibration, offset.value)} is negative, but no reading is "
+                "negative: record the output with no object.",
+            )
+        )
+    if offset.kind == "fitted" and prepared.flattens:
+        weaknesses.append(
+            caution(
+                "PT103",
+                "The offset was fitted, and the output flattens near the sensor; both change the curve in similar "
+                "ways: record the output with no object.",
+            )
+        )
+    return weaknesses
+
+
+def _offset_contradictions(prepared: Prepared) -> list[str]:
+    """Return warnings if the readings contradict the sensor offset."""
     offset, noise, reasons = prepared.offset, prepared.noise, []
     if offset is None or noise is None:
         return []
@@ -186,14 +247,6 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
     at = int(curve.output.argmin())
     lowest = float(curve.output[at])
     kind, level = offset.kind, _level(prepared.calibration, offset.value)
-    if offset.value < 0 and offset.high < 0 and min([lowest, *prepared.calibration.no_object]) >= 0:
-        reasons.append(
-            caution(
-                "PT103",
-                f"The {kind} offset of {level} is negative, but no reading is negative: record the output with no "
-                "object.",
-            )
-        )
     if offset.kind == "declared" and offset.value > lowest + 4 * noise.output / math.sqrt(float(curve.count[at])):
         reading = _level(prepared.calibration, lowest)
         reasons.append(
@@ -201,14 +254,6 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
                 "PT103",
                 f"The {kind} offset of {level} is larger than some readings, such as {reading}: record the output with "
                 "no object. These readings contain no signal.",
-            )
-        )
-    if offset.kind == "fitted" and prepared.flattens:
-        reasons.append(
-            caution(
-                "PT103",
-                "The offset was fitted, and the output flattens near the sensor; both change the curve in similar "
-                "ways: record the output with no object.",
             )
         )
     if prepared.free is None or prepared.free.doubt(offset) <= _DOUBT[offset.kind]:

@@ -164,6 +164,8 @@ class PiecewiseCubic(SensorModel):
 
     def part(self, low: float, high: float) -> PiecewiseCubic:
         """Return the section of this sensor curve between two valid distances [m]."""
+        if low <= self.distances[0] and high >= self.distances[-1]:
+            return self
         inside = [d for d in self.distances if low < d < high]
         edges = np.array([low, *inside, high])
         _, c1, c2, c3 = (c := self.coefficients()).T

@@ -11,11 +11,10 @@ from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
+from pretouch.calibration.contact_check import WitnessCheck, check_on_readings, measurement_that_helps
 from pretouch.motion import DAMPER, ContactStatus, ContinuousLaw, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import SensorModel
 from pretouch.sensors.recessed import recess_in_words
-
-from .witness_check import WitnessCheck, check_on_readings
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
@@ -94,40 +93,35 @@ class Reservations(Value):
         """
         contradiction = None if self.witness is None else self.witness.headline
         parts = [contradiction, self._extension] if self.is_refuted else [self._extension, contradiction]
-        if not any(parts):
-            return None
         if contradiction is not None and self._extension is None:
             parts.append(self._measurement)
+        parts += self.report.contradictions
+        if not any(parts):
+            return None
         return " ".join(part for part in (self._receding, *parts) if part)
 
     @property
     def spread(self) -> str | None:
         """The range of contact speeds that the readings allow, with the measurement that narrows it.
 
-        It is None if the range agrees with the prediction within 15 %, or if the headline has a warning.
+        It is None if the range agrees with the prediction within 15 %, or if the headline says that the readings do not
+        support the prediction.
         """
-        if self.witness is None or self.witness.spread is None or self.headline is not None:
+        if self.witness is None or self.witness.spread is None:
             return None
         return f"{self.witness.spread} {self._measurement}"
 
     @property
     def _measurement(self) -> str:
         """Advice on what to measure so that the readings allow fewer contact speeds."""
-        witness, offset = self.witness, self.report.offset
-        if witness is not None and witness.suspect is not None:
-            at = format_quantity(witness.suspect, "m")
-            return (
-                f"Repeat the reading at the distance {at} of the calibration, five times or more: it disagrees with "
-                "the other readings, or no other reading confirms it."
-            )
-        if witness is not None and witness.is_offset_decisive and offset is not None:
-            again = "ten more times" if offset.kind == "measured" else "ten times"
-            return f"Record the sensor output with no object {again}, because the offset causes most of this range."
-        nearest, farthest = self._measured_span
-        return (
-            f"Measure the sensor output at more distances between {nearest} and {farthest}, several times at each "
-            "distance."
-        )
+        near, far = max(self.supported[0], 0.0), min(self.supported[1], self.start)
+        advice = measurement_that_helps(self.witness, self.report.offset, near, far)
+        because = ""
+        if self.witness is not None and self.witness.suspect is not None:
+            because = ": it disagrees with the other readings, or no other reading confirms it"
+        elif self.witness is not None and self.witness.is_offset_decisive:
+            because = ", because the offset causes most of this range"
+        return f"{advice[0].upper()}{advice[1:]}{because}."
 
     @property
     def _receding(self) -> str:
@@ -139,13 +133,6 @@ class Reservations(Value):
             return ""
         remedy = " For an approach, give the obstacle a negative velocity." if self.leaves_range else ""
         return caution("PT203", f"The object recedes at the start.{remedy}")
-
-    @property
-    def _measured_span(self) -> tuple[str, str]:
-        """The nearest and the farthest measured distance of the encounter."""
-        return format_quantity(max(self.supported[0], 0.0), "m"), format_quantity(
-            min(self.supported[1], self.start), "m"
-        )
 
     @property
     def _extension(self) -> str | None:

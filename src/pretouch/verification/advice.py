@@ -398,7 +398,11 @@ def _fresh_outcomes(task: Task, count: int) -> LoopOutcomes:
 def _is_noise_a_guess(task: Task) -> bool:
     """Return True if the noise of the loop comes from a calibration that read each distance once."""
     report, chain = task.calibration, task.loop.chain
-    if report is None or report.best is None or "PT102" not in {split_code(text)[0] for text in report.reasons}:
+    if (
+        report is None
+        or report.best is None
+        or "PT102" not in {split_code(text)[0] for text in (*report.reasons, *report.notes)}
+    ):
         return False
     fitted = chain_of_fit(report.best, rate=chain.rate)
     return bool(chain.noise == fitted.noise and chain.relative_noise == fitted.relative_noise)

@@ -16,12 +16,12 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import split_code
 from pretouch.calibration import CalibrationReport
+from pretouch.calibration.contact_check import WitnessCheck, check_on_readings, is_within, mount
 from pretouch.calibration.result import DrawnCurve
 from pretouch.design import Task
 from pretouch.design.quantities import size_of
 from pretouch.simulation import SensorChain
 from pretouch.uncertainty.reservations import recess_advice
-from pretouch.uncertainty.witness_check import WitnessCheck, check_on_readings, is_within, mount
 
 from .appraisal import simulated_quantity
 

@@ -11,13 +11,14 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
-from pretouch.calibration.result import AllowedCurves, DrawnCurve
-from pretouch.motion import DAMPER, ContactResult, ContinuousLaw, Scenario
+from pretouch.motion import DAMPER, Admittance, ContactResult, ContinuousLaw, Obstacle, Scenario, find_contact
 from pretouch.motion.many_curves import many_curves
 from pretouch.motion.request import make_request
 from pretouch.motion.scenario import map_fields
 from pretouch.motion.solution import Solution
-from pretouch.sensors import PiecewiseCubic, SensorModel
+from pretouch.sensors import PiecewiseCubic, Recessed, SensorModel
+
+from .result import AllowedCurves, DrawnCurve, OffsetEstimate
 
 CLOSE: Final = 0.15
 """Relative tolerance of the speed at contact: a curve within it agrees with the prediction."""
@@ -36,6 +37,10 @@ _MOST: Final = 500  # encounters of an array that are checked
 _HARDER: Final = 1.001  # times the speed without mitigation, beyond rounding
 _SHOWN: Final = 0.005  # relative; a smaller difference does not show in three digits
 _SAMPLES: Final = 60  # points at which a drawn curve that is not piecewise cubic is sampled
+_REFERENCE_SPEED: Final = 0.3  # m/s
+_PACE: Final = 2.0  # natural frequency of the reference encounter times its duration without mitigation
+_REDUCED: Final = 1 / 3  # contact speed of the reference encounter relative to the speed without mitigation
+_GAINS: Final = np.geomspace(0.05, 50.0, 80)  # gains among which that of the reference encounter is found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,6 +166,68 @@ def is_within(value: float, low: float, high: float) -> bool:
     The tolerance is 0.5 % at both ends.
     """
     return (1 - _SHOWN) * low <= value <= (1 + _SHOWN) * high
+
+
+def reference_check(
+    curves: AllowedCurves, offset: float, sensor: SensorModel, *, nearest: float, farthest: float
+) -> WitnessCheck | None:
+    """Test a calibration with the contact speed of a typical encounter.
+
+    The object approaches at a constant speed from the largest usable distance. The gain reduces the contact speed to a
+    third on the fitted curve, or as far as any gain can. The result is None if the fitted curve predicts no contact.
+
+    The admittance is critically damped. Its natural frequency is twice the inverse of the time to contact without
+    mitigation. So the ratios of contact speeds do not depend on the approach speed or on the mass.
+
+    Args:
+        curves: the curves that fit the readings.
+        offset: the offset that the controller subtracts, in the unit of the outputs.
+        sensor: the fitted curve, over the distance from the sensor's zero.
+        nearest: the smallest usable distance [m], at which contact is placed.
+        farthest: the largest usable distance [m].
+
+    Returns:
+        The check.
+    """
+    start = farthest - nearest
+    mounted = Recessed(sensor=sensor, recess=nearest) if nearest > 0 else sensor
+    frequency = _PACE * _REFERENCE_SPEED / start
+    scenario = Scenario(
+        admittance=Admittance(mass=1.0, damping=2 * frequency, stiffness=frequency**2),
+        obstacle=Obstacle(position=start, velocity=-_REFERENCE_SPEED),
+    )
+    fall = float(mounted.log_output(0.0) - mounted.log_output(start))
+    if not fall > 0:
+        return None
+    gains = -_REFERENCE_SPEED / fall * _GAINS  # without spring and damper, the first factor would stop the approach
+    speeds = _speed(find_contact(scenario, mounted, gains))
+    if not np.isfinite(speeds).any():
+        return None
+    strong = np.flatnonzero(speeds <= _REDUCED * _REFERENCE_SPEED)
+    gain = gains[strong[0] if len(strong) else int(np.nanargmin(speeds))]
+    return check_on_readings(curves, offset, scenario, mounted, gain=float(gain), law=DAMPER)
+
+
+def measurement_that_helps(check: WitnessCheck | None, offset: OffsetEstimate | None, near: float, far: float) -> str:
+    """Return what to measure so that the readings allow fewer contact speeds, as a clause.
+
+    Args:
+        check: the test of a gain on curves that fit the readings.
+        offset: the offset that the controller subtracts.
+        near: the nearest measured distance [m].
+        far: the farthest measured distance [m].
+
+    Returns:
+        The advice.
+    """
+    if check is not None and check.suspect is not None:
+        at = format_quantity(check.suspect, "m")
+        return f"repeat the reading at the distance {at} of the calibration, five times or more"
+    if check is not None and check.is_offset_decisive and offset is not None:
+        again = "ten more times" if offset.kind == "measured" else "ten times"
+        return f"record the sensor output with no object {again}"
+    ends = f"{format_quantity(near, 'm')} and {format_quantity(far, 'm')}"
+    return f"measure the sensor output at more distances between {ends}, several times at each distance"
 
 
 def check_on_readings(

@@ -1,0 +1,227 @@
+"""The verdict on a calibration says whether its readings determine the contact speed, and nothing else."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+import pretouch as pt
+from made_sensors import make_sparse_sensor
+from pretouch._core.warning_codes import split_code
+from pretouch.calibration import Calibration, CalibrationReport, fit_sensor, rank_models
+from pretouch.calibration.contact_check import mount, reference_check
+from pretouch.sensors import SensorModel
+from pretouch.sensors.model import parameter
+from pretouch.uncertainty import reservations_of
+
+TRUTH = pt.InversePower(scale=3150 * 0.03**2, distance_offset=0.03, exponent=2.0)
+NOISE = np.array([3.0, -6.0, 2.0, 4.0, -2.0, 1.0, -1.0, 2.0, -3.0])
+
+
+def codes(texts: tuple[str, ...]) -> list[str | None]:
+    return [split_code(text)[0] for text in texts]
+
+
+def read_once(empty: bool = True) -> Calibration:
+    """Return one reading at each of nine distances."""
+    distances = np.linspace(0.0, 0.08, 9)
+    outputs = np.round(150 + np.asarray(TRUTH.output(distances)) + NOISE)
+    return Calibration(
+        distances=distances, outputs=outputs, unit="counts", no_object=[150.0, 151.0, 149.0] if empty else []
+    )
+
+
+def test_readings_that_determine_the_contact_speed_are_usable_although_they_could_be_better() -> None:
+    report = rank_models(read_once())
+    assert report.verdict == "usable"
+    assert codes(report.notes) == ["PT102"]
+    assert not report.contradictions
+    assert report.to_dict()["notes"] == list(report.notes)
+
+
+def test_the_same_weakness_is_a_reservation_if_the_readings_do_not_determine_the_contact_speed() -> None:
+    """Eleven readings under a soft ceiling; contact on the true curve is twice as hard as predicted."""
+    made = make_sparse_sensor(np.random.default_rng([22, 68]), "soft")
+    report = rank_models(made.calibration)
+    assert report.verdict == "usable with reservations"
+    assert {"PT101", "PT102", "PT118"} <= set(codes(report.reasons))
+    assert not report.notes
+    text = next(text for text in report.reasons if text.startswith("PT118"))
+    low, high = (float(v) for v in text.partition("lead to ")[2].partition(" times")[0].split(" to "))
+    assert low < 0.85 or high > 1.15
+
+
+@cache
+def sparse_sensors() -> tuple[tuple[CalibrationReport, Any], ...]:
+    """Return reports and true sensors of 16 that were read once at 6 to 18 distances."""
+    found = []
+    for number in range(16):
+        made = make_sparse_sensor(np.random.default_rng([7, number]), ("soft", "tanh")[number % 2])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found.append((rank_models(made.calibration), made))
+    return tuple(found)
+
+
+@pytest.mark.slow
+def test_most_sensors_read_once_are_usable_and_their_reference_speed_is_true() -> None:
+    """The true curve, mounted as the drawn curves are, gives the contact speed that `usable` promises."""
+    plain, right = 0, 0
+    for report, made in sparse_sensors():
+        assert report.best is not None
+        assert report.offset is not None
+        if report.verdict != "usable":
+            continue
+        plain += 1
+        low, high = report.window.l_min, report.window.l_max
+        places = np.linspace(low, high, 400)
+        outputs = np.maximum.accumulate((made.mean(places) - report.offset.value)[::-1])[::-1]
+        outputs = outputs - 1e-9 * np.arange(len(outputs))
+        if outputs[-1] <= 0:
+            continue
+        true = pt.Table(distances=tuple(places), outputs=tuple(outputs))
+        fitted = report.best.sensor
+        speeds = []
+        for sensor in (fitted, true):
+            mounted = pt.Recessed(sensor=sensor, recess=low) if low > 0 else sensor
+            scenario = pt.Scenario(
+                admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+                obstacle=pt.Obstacle(position=high - low, velocity=-0.3),
+            )
+            fall = float(fitted.log_output(low) - fitted.log_output(high))
+            speeds.append(-float(pt.find_contact(scenario, mounted, -0.3 / fall).end.relative_velocity))
+        right += abs(speeds[1] / speeds[0] - 1) <= 0.15
+    assert plain >= 0.5 * len(sparse_sensors())
+    assert right >= 0.9 * plain
+
+
+def test_the_reference_speed_does_not_depend_on_the_length_scale() -> None:
+    """The same readings at distances ten times as large lead to the same ratios."""
+    small = rank_models(read_once())
+    large = rank_models(replace(read_once(), distances=tuple(10 * d for d in read_once().distances)))
+    checks = []
+    for report in (small, large):
+        assert report.best is not None
+        assert report.offset is not None
+        assert report.curves is not None
+        window = report.window
+        check = reference_check(
+            report.curves, report.offset.value, report.best.sensor, nearest=window.l_min, farthest=window.l_max
+        )
+        assert check is not None
+        checks.append(check)
+    assert checks[0].predicted == pytest.approx(checks[1].predicted, rel=1e-3)
+    assert checks[0].predicted <= 0.1 * 1.001
+    assert checks[0].share_outside == checks[1].share_outside
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shoulder(SensorModel):
+    """A curve that is flat near contact, 1 / (1 + (l / w)^4), unlike every built-in one."""
+
+    scale: float = parameter("A", "", 1.0, sign="positive", of_output="")
+    width: float = parameter("w", "m", sign="positive")
+
+    name: ClassVar[str] = "shoulder"
+
+    def _log_output(self, distance: Any) -> Any:
+        return np.log(self.scale) - np.log1p((distance / self.width) ** 4)
+
+    def _log_slope(self, distance: Any) -> Any:
+        return -4 * distance**3 / self.width**4 / (1 + (distance / self.width) ** 4)
+
+    @classmethod
+    def fit_start(cls, slope: float, curvature: float, middle: float) -> dict[str, float]:  # noqa: ARG003
+        return {"width": middle}
+
+
+def with_shoulder() -> Calibration:
+    distances, rng = np.linspace(0.005, 0.06, 28), np.random.default_rng(1)
+    outputs = 100 + 2000 / (1 + (distances / 0.03) ** 4) + rng.normal(0, 2, len(distances))
+    return Calibration(distances=distances, outputs=outputs, unit="counts", no_object=100 + rng.normal(0, 2, 10))
+
+
+def test_a_named_curve_from_outside_counts_among_the_possible_ones() -> None:
+    """A flat start is saturation for the built-in families, and the shape of a curve that is flat there."""
+    assert rank_models(with_shoulder()).window.l_min > 0.02
+    report = rank_models(with_shoulder(), models=("shoulder",))
+    assert report.window.l_min == 0.005
+    assert report.verdict == "usable"
+    assert fit_sensor(with_shoulder(), "shoulder").parameters["width"].value == pytest.approx(0.03, rel=0.01)
+
+
+def test_without_saturation_no_reading_is_left_out_as_flattened() -> None:
+    for models in (None, ("shoulder",)):
+        assert rank_models(with_shoulder(), models=models, saturation=None).window.l_min == 0.005
+
+
+def test_a_curve_from_outside_that_raises_does_not_stop_the_others() -> None:
+    class Broken(Shoulder):
+        name: ClassVar[str] = "broken"
+
+        def _log_output(self, distance: Any) -> Any:  # noqa: ARG002
+            raise RuntimeError
+
+    report = rank_models(read_once(), models=("inverse-power", "broken"))
+    assert report.best is not None
+    assert report.best.model == "inverse-power"
+    assert "RuntimeError" in report.not_fitted["broken"]
+
+
+def test_the_table_is_advised_only_where_it_exists() -> None:
+    """The curve of another shape, with and without an output that falls from each distance to the next."""
+    distances = np.linspace(0.005, 0.06, 56)
+    steep = 100 + 2000 / (1 + (distances / 0.03) ** 4)
+    for rise in (0.0, 3.0):
+        outputs = steep.copy()
+        outputs[40] += rise * (outputs[39] - outputs[40])
+        report = rank_models(
+            Calibration(distances=distances, outputs=outputs, unit="counts", no_object=[100.0] * 5),
+            models=("exponential-1", "table"),
+            saturation=None,
+        )
+        text = next(text for text in report.reasons if text.startswith("PT108"))
+        assert ("use the table model" in text) == (rise == 0)
+        assert ("table" in report.not_fitted) == (rise > 0)
+
+
+def test_results_repeat_first_that_the_readings_deviate_from_the_curve() -> None:
+    distances = np.linspace(0.005, 0.06, 56)
+    outputs = 100 + 2000 / (1 + (distances / 0.03) ** 4)
+    report = rank_models(
+        Calibration(distances=distances, outputs=outputs, unit="counts", no_object=[100.0] * 5),
+        models=("exponential-1",),
+        saturation=None,
+    )
+    assert {"PT108"} <= set(codes(report.contradictions))
+    assert report.best is not None
+    scenario = pt.Scenario(
+        admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        obstacle=pt.Obstacle(position=0.055, velocity=-0.3),
+    )
+    task = pt.Task(
+        scenario,
+        pt.Recessed(sensor=report.best.sensor, recess=0.005),
+        pt.excursion_objective(position_scale=0.5, velocity_scale=0.3),
+        bounds=(-20.0, -1e-3),
+    )
+    headline = reservations_of(report, pt.design_gain(task)).headline
+    assert headline is not None
+    assert all(text in headline for text in report.contradictions)
+
+
+def test_a_drawn_curve_over_the_whole_range_is_not_cut() -> None:
+    report = rank_models(read_once())
+    assert report.curves is not None
+    assert report.best is not None
+    curve = report.curves.draw(1, 1)[0]
+    low, high = curve.sensor.valid_range
+    assert mount(curve, report.best.sensor, curve.offset, high).log_outputs == pytest.approx(
+        np.asarray(curve.sensor.log_output(np.array(curve.sensor.distances))), abs=1e-12
+    )
+    assert low == 0.0

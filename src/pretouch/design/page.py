@@ -28,7 +28,7 @@ from .certificate import ACTIVE, ConstraintOutcome, DesignStatus
 from .custom_objectives import CustomObjective
 from .drag.alternative import drag_alternative
 from .evidence_page import evidence_section, sensitivity_section
-from .gain import GainDesign
+from .gain import GainDesign, designed_number
 from .impact import ImpactModel, impact_rows
 from .objectives import Objective
 from .page_sentences import limit_in_words, step_without_gain, verify_step
@@ -45,8 +45,7 @@ _STATUS: Final = {
 _ADVICE: Final = {
     DesignStatus.INFEASIBLE: (
         "No gain within the bounds meets all constraints. The value column is for the gain that exceeds the limits "
-        "least. Try a wider range of gains, a relaxed limit, earlier detection (a sensor with a longer range), or "
-        "another admittance."
+        "least. The next step names changes with which a gain exists. Another admittance can help, too."
     ),
     DesignStatus.NO_CONTACT: (
         "Without contact there is no impact to mitigate. Check the signs: an approaching obstacle has a negative "
@@ -148,7 +147,9 @@ def _next_step(design: GainDesign) -> str:
         )
     if design.result is None:
         contact = design.status is not DesignStatus.NO_CONTACT
-        return step_without_gain(design.problem.task, contact=contact, relaxations=design.relaxations)
+        return step_without_gain(
+            design.problem.task, contact=contact, relaxations=design.relaxations, design=designed_number
+        )
     return verify_step(design.problem.task)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Final
 
 from pretouch._core.units import format_quantity
@@ -11,6 +12,8 @@ from pretouch.motion.page_sections import approach_step
 from .relaxation import Relaxation, relaxations_in_words
 from .task import Task
 
+_WIDER: Final = 100.0  # factor on the ends of the bounds of a gain
+_STARTS: Final = (0.75, 0.5, 1.5, 2.0)  # factors on the start distance
 _NO_RESERVE: Final = 1e-3  # share of a limit; at a smaller distance from it, the limit is active
 
 
@@ -27,17 +30,25 @@ def limit_in_words(quantity: str, value: float | None, limit: float, unit: str, 
     return f"{quantity} {format_quantity(value, unit, 3)}, limit {allowed}: {how if met else 'exceeded'}"
 
 
-def step_without_gain(task: Task, *, contact: bool, relaxations: Sequence[Relaxation] = ()) -> str:
+def step_without_gain(
+    task: Task,
+    *,
+    contact: bool,
+    relaxations: Sequence[Relaxation] = (),
+    design: Callable[[Task], float | None] | None = None,
+) -> str:
     """Return the recommended next step after a search that found no gain.
 
     Args:
         task: the task.
         contact: whether any gain within the bounds ends in contact.
         relaxations: the limits that must be raised, and to what values.
+        design: function that returns the designed gain of a changed task, or None; other bounds and other starts are
+            recommended only if a gain exists with them.
     """
     if contact:
-        relaxed = ", or ".join(relaxations_in_words(relaxations)) or "relax a limit"
-        return f"{relaxed}, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"
+        changes = [] if design is None else list(_helpful_changes(task, design))
+        return ", or ".join([*relaxations_in_words(relaxations), *changes]) or "relax a limit"
     if step := approach_step(task.scenario):
         return step
     before = task.law.contact(task.scenario, task.sensor, 0.0, horizon=task.horizon)
@@ -45,6 +56,31 @@ def step_without_gain(task: Task, *, contact: bool, relaxations: Sequence[Relaxa
         nearest = format_quantity(float(before.closest_distance), "m", 3)
         return f"check the motion of the object: even without mitigation, it comes no nearer than {nearest}"
     return "check the motion of the object, or allow weaker gains: no gain within the bounds ends in contact"
+
+
+def _helpful_changes(task: Task, design: Callable[[Task], float | None]) -> Iterator[str]:
+    """Yield changes of the bounds and of the start with which a gain meets all limits."""
+    number, o, bounds = task.law.number, task.scenario.obstacle, task.bounds
+    if task.evaluate is not None or bounds is None:
+        return
+    low, high = bounds
+    if low * high > 0:
+        # the end near 0 moves toward it, the other one away from it
+        low, high = (end * (_WIDER if abs(end) == max(abs(low), abs(high)) else 1 / _WIDER) for end in bounds)
+        if design(task.replace(bounds=(low, high))) is not None:
+            yield f"widen the bounds of the {number.name} to {number.text(low)} to {number.text(high)}"
+    if task.scenario.shape or o.course or o.acceleration:
+        return
+    plant = float(task.scenario.plant.position)
+    for factor in _STARTS:
+        distance = float(f"{factor * float(task.scenario.distance):.3g}")
+        if not task.sensor.valid_range[0] <= distance <= task.sensor.valid_range[1]:
+            continue
+        moved = replace(task.scenario, obstacle=replace(o, position=plant + distance))
+        if design(task.replace(scenario=moved)) is not None:
+            where = format_quantity(distance, "m", 3)
+            yield f"let the law act from a distance of {where} on (start of the encounter, and floor of the controller)"
+            return
 
 
 def verify_step(task: Task, gain: float | None = None) -> str:

@@ -14,6 +14,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch._core.warning_codes import split_code
 from pretouch.design import DesignStatus
+from pretouch.design.gain import designed_number
 from pretouch.design.page_sentences import step_without_gain
 from pretouch.motion import LawNumber
 from pretouch.motion.page_sections import approach_step, inputs_section, method_section, mitigating_step
@@ -201,7 +202,9 @@ def _next_step_without_gain(v: Verdict) -> str:
     if v.needed_rate is None:
         design = v.design
         contact = design.status is not DesignStatus.NO_CONTACT
-        return step_without_gain(design.problem.task, contact=contact, relaxations=design.relaxations)
+        return step_without_gain(
+            design.problem.task, contact=contact, relaxations=design.relaxations, design=designed_number
+        )
     if math.isinf(v.needed_rate):
         return "shorten latency and filters, or relax a limit: no sensor rate results in the required gain margin"
     return (

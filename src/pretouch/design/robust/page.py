@@ -108,7 +108,7 @@ _STATUS: Final = {
 _ADVICE: Final = {
     DesignStatus.INFEASIBLE: (
         "No gain within the bounds meets all constraints with their probabilities. Try a smaller probability, a "
-        "relaxed limit, a wider range of gains, earlier detection, another admittance, or less uncertain inputs."
+        "relaxed limit, another admittance, or less uncertain inputs."
     ),
     DesignStatus.NO_CONTACT: (
         "Some encounters that the measure includes end without contact at every gain. Use a quantile, which excludes a "

@@ -1,0 +1,54 @@
+"""The next step of an infeasible design names other bounds and starts only if a gain exists with them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+import pretouch as pt
+from pretouch.report.pages import page_of
+
+SCENARIO = pt.Scenario(
+    admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+    obstacle=pt.Obstacle(position=0.0422, velocity=-0.3),
+)
+SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
+
+
+def task(speed: float, excursion: float, bounds: tuple[float, float] = (-10.0, -0.01)) -> pt.Task:
+    limits = [
+        pt.Constraint(name="relative_velocity", limit=speed),
+        pt.Constraint(name="excursion", limit=excursion),
+    ]
+    return pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=bounds, constraints=limits)
+
+
+def next_step(of: pt.Task) -> str:
+    design = pt.design_gain(of)
+    assert design.gain is None
+    return page_of(design).next_step
+
+
+@pytest.mark.parametrize(
+    ("infeasible", "helps"),
+    [
+        (task(0.02, 0.1), ()),
+        (task(0.07, 0.1), ("start",)),
+        (task(0.07, 0.2, (-0.5, -0.1)), ("bounds",)),
+        (task(0.07, 0.2, (-0.05, -0.02)), ("bounds",)),
+    ],
+)
+def test_following_the_next_step_leads_to_a_gain(infeasible: pt.Task, helps: tuple[str, ...]) -> None:
+    text = next_step(infeasible)
+    wider = re.search(r"bounds of the gain to (\S+) N s to (\S+) N s", text)
+    start = re.search(r"act from a distance of (\S+) mm", text)
+    assert ((wider is not None), (start is not None)) == ("bounds" in helps, "start" in helps)
+    if wider is not None:
+        assert pt.design_gain(infeasible.replace(bounds=(float(wider[1]), float(wider[2])))).gain is not None
+    if start is not None:
+        moved = replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, position=1e-3 * float(start[1])))
+        assert pt.design_gain(infeasible.replace(scenario=moved)).gain is not None
+    assert "earlier" not in text

@@ -66,7 +66,8 @@ for text, holds in checks.items():
     print("as found:" if holds else "CHANGED: ", text)
 sys.exit(not all(checks.values()))
 PY
-python3.11 -m venv "$work/venv"
+python3 -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "this script needs Python 3.11 or later as python3")'
+python3 -m venv "$work/venv"
 "$work/venv/bin/pip" install -qq --disable-pip-version-check control==0.10.2 numpy==2.4.6 scipy==1.17.1
 "$work/venv/bin/python" "$work/loop.py"
 "$work/venv/bin/pip" install -qq --disable-pip-version-check slycot==0.7.1 numpy==2.4.6

@@ -14,7 +14,8 @@
 set -euo pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-python3.11 -m venv "$work/venv"
+python3 -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "this script needs Python 3.11 or later as python3")'
+python3 -m venv "$work/venv"
 "$work/venv/bin/pip" install -qq --disable-pip-version-check mcap==1.6.0 rosbags==0.11.9 numpy==2.4.6
 cd "$work"
 "$work/venv/bin/python" - <<'PY'

@@ -15,7 +15,8 @@
 set -euo pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-python3.11 -m venv "$work/venv"
+python3 -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "this script needs Python 3.11 or later as python3")'
+python3 -m venv "$work/venv"
 "$work/venv/bin/pip" install -qq --disable-pip-version-check mcap-ros2-support==0.6.0 mcap==1.6.0
 "$work/venv/bin/python" - <<'PY'
 import importlib.metadata

@@ -10,6 +10,7 @@ import pytest
 
 from pretouch._core.errors import CalibrationDataError, ResultUnavailableError
 from pretouch.calibration import Calibration, fit_sensor, rank_models, read_calibration, read_calibrations
+from pretouch.config.sensor import FitRequest
 
 PLAIN = "distance [mm],output [V]\n0,2.0\n10,1.0\n42.2,0.5\n"
 
@@ -287,3 +288,9 @@ def test_a_report_reads_well_and_is_plain_json():
     assert all(len(line) == len(line.rstrip()) for line in str(report).splitlines())
     assert "1/m" in str(report.best)
     assert "<script" not in report._repr_html_()
+
+
+def test_a_scenario_file_instead_of_a_calibration_is_named(tmp_path):
+    path = write(tmp_path, "[sensor]\nscale = 1.0\n", name="approach.toml")
+    with pytest.raises(CalibrationDataError, match="this is a scenario file"):
+        FitRequest(path=path).read()

@@ -83,7 +83,7 @@ def test_noise_offset_and_resolution(resolution: float) -> None:
     true = np.hypot(27.0, resolution / np.sqrt(12))
     values = np.round(values / resolution) * resolution if resolution else values
     never = np.zeros(6000, bool)
-    noise = noise_of(values, ~never, never, never, 150.0)
+    noise = noise_of(values, ~never, never, never, 150.0, approaches=never)
     assert noise.noise == pytest.approx(true, rel=0.06)
     assert noise.wander == pytest.approx(true, rel=0.06)
     assert noise.offset == pytest.approx(150.0, abs=max(3.0, resolution / 2))
@@ -96,7 +96,7 @@ def test_a_drifting_offset_is_no_noise() -> None:
     rng = np.random.default_rng(4)
     values = np.linspace(0, 500, 4000) + 2.0 * rng.standard_normal(4000)
     never = np.zeros(4000, bool)
-    noise = noise_of(values, ~never, never, never, 0.0)
+    noise = noise_of(values, ~never, never, never, 0.0, approaches=never)
     assert noise.noise == pytest.approx(2.0, rel=0.08)
     assert noise.wander > 100
 
@@ -112,7 +112,7 @@ def test_relative_noise_of_a_moving_object() -> None:
     quiet[:4000] = True
     values[:4000] = 100 + 3.0 * rng.standard_normal(4000)
     regular = np.ones(len(time), bool)
-    noise = noise_of(values, regular, ~quiet, np.zeros(len(time), bool), 100.0)
+    noise = noise_of(values, regular, ~quiet, ~regular, 100.0, approaches=~regular)
     assert noise.noise == pytest.approx(3.0, rel=0.08)
     assert noise.relative_noise == pytest.approx(0.01, rel=0.1)
 
@@ -122,8 +122,8 @@ def test_readings_that_stay_at_their_limit_are_clipped() -> None:
     values = np.minimum(900 + 100 * rng.standard_normal(500), 1023.0)
     values[100:120] = 1023.0
     flags = np.ones(500, bool)
-    assert noise_of(values, flags, ~flags, ~flags, 0.0).clipped
-    assert not noise_of(rng.standard_normal(500), flags, ~flags, ~flags, 0.0).clipped
+    assert noise_of(values, flags, ~flags, ~flags, 0.0, approaches=~flags).clipped
+    assert not noise_of(rng.standard_normal(500), flags, ~flags, ~flags, 0.0, approaches=~flags).clipped
 
 
 def test_noise_of_distances_along_their_course() -> None:
@@ -273,6 +273,14 @@ def test_a_replay_finds_every_contact_and_nothing_else() -> None:
     # the floor of 100 counts is at 165 mm, 0.41 to 0.66 s before contact; noise may detect a little earlier
     assert 0.35 < min(leads) < max(leads) < 0.9
     assert result.counts["replaced"] == 0
+
+
+def test_an_object_below_a_high_floor_is_no_empty_scene() -> None:
+    readings, *_ = visits()
+    empty = 150.0 + 0.533 * (0.5 + 0.0419) ** -3.32  # the object waits at 0.5 m
+    for task in (low_floor(), pt.load_scenario(LOOP).replace(gain=-0.86)):
+        # standard error of the median of 2,300 readings: 1.25 * 20 / sqrt(2300) = 0.5
+        assert replay(task, readings).noise.offset == pytest.approx(empty, abs=2.5)
 
 
 def test_a_detection_that_never_ends_is_a_warning() -> None:

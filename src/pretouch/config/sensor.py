@@ -221,6 +221,11 @@ class FitRequest:
         """Read the calibration curves with the selected labels. An error is raised if no curve matches the labels."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
+        if self.path.suffix.lower() == ".toml":
+            raise CalibrationDataError(
+                f"{self.path}: this is a scenario file, expected a calibration, a table with distances and outputs; "
+                "run pretouch design with a scenario file"
+            )
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
         try:
             curves = read_calibrations(self.path, no_object=no_object, columns=self.columns, labels=self.labels)

@@ -15,6 +15,9 @@ from .timing import ROBUST
 _FEWEST: Final = 30  # readings that an estimate needs
 _OUTLIER: Final = 8.0  # robust standard deviations, beyond which a difference is no noise
 _FOURTH: Final = (1.0, -4.0, 6.0, -4.0, 1.0)  # removes a cubic course, so that only noise remains
+_SMOOTHED: Final = 51  # readings of a moving average, whose noise is 0.14 of that of a reading
+_SIGMAS: Final = 0.5  # deviation of the moving average, in standard deviations of a reading, that is no noise
+_ROUNDS: Final = 4  # the level without an object and the readings without an object follow from each other
 _BINS: Final = 8  # levels of xi at which noise is estimated
 _FEWEST_LEVELS: Final = 6  # distinct readings: with fewer, equal steps may be chance
 _CLIPPED: Final = 5  # readings in a row at the largest value, from which it counts as a limit
@@ -49,7 +52,15 @@ class Noise(Value):
     quiet: int
 
 
-def noise_of(readings: FloatArray, regular: BoolArray, detecting: BoolArray, near: BoolArray, offset: float) -> Noise:
+def noise_of(
+    readings: FloatArray,
+    regular: BoolArray,
+    detecting: BoolArray,
+    near: BoolArray,
+    offset: float,
+    *,
+    approaches: BoolArray,
+) -> Noise:
     """Estimate the noise properties of a sensor from its readings.
 
     Args:
@@ -58,16 +69,23 @@ def noise_of(readings: FloatArray, regular: BoolArray, detecting: BoolArray, nea
         detecting: whether the law detected an object when it used the reading.
         near: whether the reading is shortly before or after a detection, when an object may be near already.
         offset: offset that the controller subtracts, for xi.
+        approaches: whether the reading is a few seconds before or after a detection, when an object below the floor
+            may already change it.
 
     Returns:
         The estimates.
     """
     finite = np.isfinite(readings)
+    resolution = _resolution(readings[finite])
     quiet = finite & ~detecting & ~near
+    for _ in range(_ROUNDS):  # an object whose signal is below the floor is there, too
+        kept = quiet & ~(approaches & _around(readings, quiet, regular, detecting, resolution))
+        if kept.sum() < _FEWEST or kept.sum() == quiet.sum():
+            break
+        quiet = kept
     if quiet.sum() < _FEWEST:
         quiet = finite & ~detecting
     values = readings[quiet]
-    resolution = _resolution(readings[finite])
     noise = wander = center = None
     pairs = quiet[1:] & quiet[:-1] & regular[1:]
     if pairs.sum() >= _FEWEST:
@@ -85,6 +103,25 @@ def noise_of(readings: FloatArray, regular: BoolArray, detecting: BoolArray, nea
         clipped=_is_clipped(readings[finite]),
         quiet=int(quiet.sum()),
     )
+
+
+def _around(
+    readings: FloatArray, quiet: BoolArray, regular: BoolArray, detecting: BoolArray, resolution: float
+) -> BoolArray:
+    """Return the readings before and after each detection whose moving average differs from the quiet readings."""
+    pairs = quiet[1:] & quiet[:-1] & regular[1:]
+    if pairs.sum() < _FEWEST:
+        return np.zeros(len(readings), dtype=bool)
+    center = float(np.median(readings[quiet]))
+    noise = _spread((readings[1:][pairs] - readings[:-1][pairs]) / np.sqrt(2), resolution)
+    filled = np.pad(np.where(np.isfinite(readings), readings, center), _SMOOTHED // 2, "edge")
+    smooth = np.convolve(filled, np.full(_SMOOTHED, 1 / _SMOOTHED), "valid")
+    away = (np.abs(smooth - center) > _SIGMAS * noise) | detecting
+    edges = np.flatnonzero(np.diff(away, prepend=False, append=False))
+    around = np.zeros(len(readings), dtype=bool)
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        around[begin:end] = bool(detecting[begin:end].any())
+    return around
 
 
 def _spread(deviations: FloatArray, resolution: float) -> float:

@@ -29,6 +29,7 @@ from .timing import stretches, timing_of
 
 _REGULAR: Final = 1.5  # periods up to which a reading follows the one before
 _AROUND: Final = 0.5  # s around a detection, in which an object may be near already
+_APPROACH: Final = 3.0  # s before and after a detection: an object below the floor may be there
 _PLAUSIBLE: Final = 1.0  # s: a longer transport means that the two clocks differ
 
 
@@ -77,10 +78,12 @@ def replay(
     detecting = _detecting_at(steps, time)
     regular = np.diff(time, prepend=-np.inf) <= _REGULAR / timing.rate if timing.rate > 0 else np.zeros(len(time), bool)
     regular &= np.diff(time, prepend=0.0) > 0
-    near = np.zeros(len(time), dtype=bool)
+    near, approaches = np.zeros((2, len(time)), dtype=bool)
     for begin, finish, *_ in intervals:
         near |= (time > begin - _AROUND) & (time < finish + _AROUND)
-    noise = noise_of(used.values, regular, detecting, near, controller.conditioning.offset)
+        approaches |= (time > begin - _APPROACH) & (time < finish + _APPROACH)
+    offset = controller.conditioning.offset
+    noise = noise_of(used.values, regular, detecting, near, offset, approaches=approaches)
     distance_noise = spread_of_course(used.values, regular) if used.kind == "distance" else None
     origin = int(used.stamps[0])
     first = (origin - int(whole.stamps[0])) / 1e9

@@ -235,6 +235,11 @@ def draw_svg(figure: Figure, name: str) -> str:
     Returns:
         The element without namespaces, metadata and unused identifiers.
     """
+    engine = figure.get_layout_engine()
+    if engine is not None:  # saving would draw a figure with an engine twice, to lay it out first
+        with drawing():
+            engine.execute(figure)
+            figure.set_layout_engine(None)
     content = StringIO()
     figure.savefig(content, format="svg")
     panels = _panel_boxes(figure)

@@ -68,8 +68,9 @@ def resolution(calibration: Calibration) -> float:
     """Return the resolution of the sensor outputs.
 
     The resolution is the smallest step between outputs (one LSB). It is 0 if the outputs have no common step size.
+
+    The step is an approximate common divisor of all differences.
     """
-    # The step is an approximate common divisor of all differences.
     values = np.unique(np.concatenate([calibration.outputs, calibration.no_object]))
     if len(values) < 4:
         return 0.0
@@ -109,8 +110,13 @@ def average(calibration: Calibration) -> AveragedCurve:
 
 
 def _lost(calibration: Calibration) -> BoolArray:
-    """Find lost readings, recorded as exact zeros."""
-    # Zeros are lost readings only if all other readings are clearly above zero.
+    """Find lost readings, recorded as exact zeros.
+
+    Zeros are lost readings only if all other readings are clearly above zero.
+
+    Returns:
+        The indices of these readings.
+    """
     zero = calibration.outputs == 0
     others = np.concatenate([calibration.outputs[~zero], calibration.no_object])
     step = resolution(calibration)
@@ -120,12 +126,16 @@ def _lost(calibration: Calibration) -> BoolArray:
 
 
 def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNoise:
-    """Estimate the noise of a single sensor reading."""
-    # The estimate uses repeated readings and readings without an object.
-    # The estimate is never below the quantization.
-    # The variance of a reading is modeled as sigma^2 + (c xi)^2. Both parts are estimated by maximum likelihood over
-    # the groups of repeats, so jitter of a strong signal does not raise the noise of the far field. Estimates from
-    # fewer than three degrees of freedom are not used.
+    """Estimate the noise of a single sensor reading.
+
+    The estimate uses repeated readings and readings without an object. The estimate is never below the quantization.
+    The variance of a reading is modeled as sigma^2 + (c xi)^2. Both parts are estimated by maximum likelihood over the
+    groups of repeats, so jitter of a strong signal does not raise the noise of the far field. Estimates from fewer than
+    three degrees of freedom are not used.
+
+    Returns:
+        The noise.
+    """
     step = resolution(calibration)
     floor = step / np.sqrt(12.0)
     keep = np.ones(len(calibration.outputs), dtype=bool)
@@ -152,10 +162,14 @@ def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNois
 def two_components(
     variance: FloatArray, dof: FloatArray, signal: FloatArray, *, usual: float | None = None
 ) -> tuple[float, float]:
-    """Split the noise into constant noise and noise proportional to the signal."""
-    # Sigma and c of variance = sigma^2 + (c xi)^2 have the maximum likelihood for groups of repeats.
-    # Sigma has a closed form for each ratio c / sigma. The prior of c is flat up to `usual`; beyond, ln c has a normal
-    # prior.
+    """Split the noise into constant noise and noise proportional to the signal.
+
+    Sigma and c of variance = sigma^2 + (c xi)^2 have the maximum likelihood for groups of repeats. Sigma has a closed
+    form for each ratio c / sigma. The prior of c is flat up to `usual`; beyond, ln c has a normal prior.
+
+    Returns:
+        The constant noise, and the relative noise.
+    """
     top = float(signal.max())
     ratios = np.concatenate([[0.0], np.geomspace(1e-2, 1e4, 61) / top]) if top > 0 else np.array([0.0])
     shape = 1 + (ratios[:, None] * signal) ** 2
@@ -185,9 +199,10 @@ def count_copies_once(calibration: Calibration) -> Calibration:
 
     Copies contain no information about the noise. There are copies if repeated readings are equal at every distance
     with repeats, or if every reading occurs equally often.
+
+    Copies, averages and readings of a sensor that is coarser than its noise contain no more information than one of
+    them. Some equal readings of a sensor with integer outputs are no copies, because others differ.
     """
-    # Copies, averages and readings of a sensor that is coarser than its noise contain no more information than one of
-    # them. Some equal readings of a sensor with integer outputs are no copies, because others differ.
     pairs = calibration.distances + 1j * calibration.outputs  # np.unique compares distances first, then outputs
     pairs, place, counts = np.unique(pairs, return_inverse=True, return_counts=True)
     first = np.unique(pairs.real, return_index=True)[1]
@@ -210,8 +225,7 @@ def count_copies_once(calibration: Calibration) -> Calibration:
 
 
 def _occurrence(place: IntArray, counts: IntArray) -> IntArray:
-    """For each reading, count the earlier readings that are equal to it."""
-    # Equal readings have the same index `place`.
+    """For each reading, count the earlier readings that are equal to it. Equal readings have the same index `place`."""
     earlier = np.empty(len(place), dtype=np.int64)
     earlier[np.argsort(place, kind="stable")] = np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)
     return earlier
@@ -224,14 +238,18 @@ _ENDS: Final = 2
 
 
 def condense(calibration: Calibration) -> Calibration:
-    """Combine the readings of a long calibration into groups."""
-    # Calibrations with more than 100 distances are reduced to at most 50 groups.
-    # The range is divided into parts with equal steps of the sum of two terms: the decrease of asinh((y - y_far) /
-    # tau), which is ln xi above the noise tau, and the increase of l. So parts are narrow where the curve is steep.
-    # The first and the last distance are separate parts. Each reading is moved to the mean distance of its part, along
-    # a cubic spline through the medians of the parts; the error is of fourth order in the width of a part. Readings of
-    # exactly 0 (lost) and at a repeated largest value (clipped) are not moved, so that they are still recognized. The
-    # order of the readings does not change.
+    """Combine the readings of a long calibration into groups.
+
+    Calibrations with more than 100 distances are reduced to at most 50 groups. The range is divided into parts with
+    equal steps of the sum of two terms: the decrease of asinh((y - y_far) / tau), which is ln xi above the noise tau,
+    and the increase of l. So parts are narrow where the curve is steep. The first and the last distance are separate
+    parts. Each reading is moved to the mean distance of its part, along a cubic spline through the medians of the
+    parts; the error is of fourth order in the width of a part. Readings of exactly 0 (lost) and at a repeated largest
+    value (clipped) are not moved, so that they are still recognized. The order of the readings does not change.
+
+    Returns:
+        The calibration with these groups.
+    """
     distance = calibration.distances
     if len(calibration.distinct_distances) <= _MANY:
         return calibration
@@ -267,8 +285,13 @@ def condense(calibration: Calibration) -> Calibration:
 
 
 def _parts(distance: FloatArray, output: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Divide readings into groups of neighboring distances."""
-    # Return the group borders and the group index of each reading. The readings are sorted by distance.
+    """Divide readings into groups of neighboring distances.
+
+    Return the group borders and the group index of each reading. The readings are sorted by distance.
+
+    Returns:
+        The borders of the groups, and the group of each reading.
+    """
     blocks = np.array_split(np.arange(len(distance)), _BLOCKS)
     at = np.array([distance[b].mean() for b in blocks])
     level = np.array([np.median(output[b]) for b in blocks])

@@ -128,9 +128,10 @@ class CeilingFits(Value):
         """Return the probability of saturation at each distance.
 
         Saturation means here that the sensor slope is reduced by more than 15 %.
+
+        The slope is compared with that of the ideal curve; distances [m] and probabilities have the shape (N,). A fit
+        that ignores a reading cannot tell whether the output is flat there.
         """
-        # The slope is compared with that of the ideal curve; distances [m] and probabilities have the shape (N,). A fit
-        # that ignores a reading cannot tell whether the output is flat there.
         probability, total = np.zeros(len(distance)), 0.0
         for lanes, weight in zip(self.lanes, self.weights, strict=True):
             complete = weight * np.isnan(lanes.ignored)
@@ -154,14 +155,20 @@ class CeilingFits(Value):
         """Return the index of the first unsaturated distance.
 
         At this distance, the output is probably not saturated.
+
+        If the output is flattened at all distances, the result is the index of the last distance.
         """
-        # If the output is flattened at all distances, the result is the index of the last distance.
         steep = np.flatnonzero(self.flattened(distance) < _PROBABLY)
         return int(steep[0]) if len(steep) else len(distance) - 1
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw random sensor curves according to their posterior probabilities."""
-        # Each curve has its own offset.
+        """Draw random sensor curves according to their posterior probabilities.
+
+        Each curve has its own offset.
+
+        Returns:
+            The curves.
+        """
         rng = np.random.default_rng(seed)
         fits = [(lanes, i) for lanes in self.lanes for i in range(len(lanes.costs))]
         places = np.linspace(self.lanes[0].family.first, self.lanes[0].family.last, _KNOTS)
@@ -210,9 +217,13 @@ def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray,
 def fit_under_ceilings(
     curve: AveragedCurve, noise: ReadingNoise, offset: OffsetEstimate | None, *, options: SampleOptions
 ) -> CeilingFits:
-    """Fit sensor curves that may saturate near the sensor, or whose nearest reading may be wrong."""
-    # The fit needs at least four averaged readings.
-    # An offset of None is fitted together with the curve.
+    """Fit sensor curves that may saturate near the sensor, or whose nearest reading may be wrong.
+
+    The fit needs at least four averaged readings. An offset of None is fitted together with the curve.
+
+    Returns:
+        The fits with their probabilities.
+    """
     ceilings = [(above, p, np.nan) for above in _ABOVE for p in _SHARPNESS] if options.may_saturate else []
     suspects = [(np.inf, 2.0, float(curve.distance[0]))] if len(curve.distance) >= _FEWEST else []
     lanes = []
@@ -274,8 +285,9 @@ class _Problem:
         """Return the normalized residuals of the fit.
 
         They are computed after an asinh transformation, and divided by the usual error of a reading.
+
+        Residuals are differences of asinh(signal / tau), as in `family_fits.Problem`.
         """
-        # Residuals are differences of asinh(signal / tau), as in `family_fits.Problem`.
         curve, reach = self.curve, float(np.ptp(self.curve.output))
         sigma = self.noise.sigma or 1e-3 * reach
         sigma = max(sigma, self.noise.resolution / np.sqrt(12.0), 1e-9 * reach)
@@ -299,8 +311,13 @@ class _Problem:
         return np.append(low, lowest_offset(self.curve)), np.append(high, float(self.curve.output.max()))
 
     def fit(self) -> Fits:
-        """Fit each sensor curve from several start points."""
-        # The best coarse result is then refined.
+        """Fit each sensor curve from several start points.
+
+        The best coarse result is then refined.
+
+        Returns:
+            The fits.
+        """
         distance, output, count = self.curve.distance, self.curve.output, len(self.above)
         reach = float(np.ptp(output))
         offset = np.full(count, float(output.min()) - 0.02 * reach) if self.offsets is None else self.offsets
@@ -324,8 +341,13 @@ class _Problem:
         return minimize_many(self.residuals, start, self.bounds(), tolerance=1e-8, most=40)
 
     def lanes(self, known_offset: OffsetEstimate | None) -> _Lanes:
-        """Fit one curve family for every saturation level."""
-        # Each fit is repeated for several likely sensor offsets.
+        """Fit one curve family for every saturation level.
+
+        Each fit is repeated for several likely sensor offsets.
+
+        Returns:
+            The fits of the family.
+        """
         if known_offset is None:
             first_fits = self.fit()
             offsets, priors = self._offsets_around(first_fits)
@@ -375,9 +397,10 @@ def _log_evidence_of_error(lanes: _Lanes, curve: AveragedCurve, power: float) ->
     """Return ln of the likelihood of a wrong nearest reading, relative to that of a right one.
 
     `power` is that of the sum of squares with all readings. The error of a wrong reading has a wide distribution.
+
+    If the other readings hardly predict the reading, it also hardly contradicts them. This is the factor sqrt(1 +
+    leverage), with the variance of the predicted ln xi in units of that of a usual error.
     """
-    # If the other readings hardly predict the reading, it also hardly contradicts them. This is the factor
-    # sqrt(1 + leverage), with the variance of the predicted ln xi in units of that of a usual error.
     distance, output = curve.distance[:1], float(curve.output[0])
     predicted = lanes.family.log_output(lanes.x, distance)[:, 0]
     change = forward_change(lanes.family.log_output, lanes.x, distance)[..., 0] / _ERROR
@@ -392,8 +415,9 @@ def _under(level: FloatArray, ceiling: Any, sharpness: Any) -> tuple[FloatArray,
     """Return the logarithm of a sensor output with gradual saturation.
 
     The second result is the factor by which saturation reduces the slope.
+
+    `level` and `ceiling` are logarithms of the ideal signal and of the saturation level.
     """
-    # `level` and `ceiling` are logarithms of the ideal signal and of the saturation level.
     above = np.where(np.isinf(ceiling), -np.inf, sharpness * (level - np.where(np.isinf(ceiling), 0.0, ceiling)))
     return np.asarray(level - np.logaddexp(0.0, above) / sharpness), np.asarray(
         1 / (1 + np.exp(np.minimum(above, 700.0)))

@@ -46,8 +46,13 @@ class ColumnOption:
         return _find(table, self.number, (self.text, self.name), message)
 
     def unit_with(self, title: str) -> str | None:
-        """Return the unit of a table column."""
-        # The unit comes from this option or from the column header. Two different units are an error.
+        """Return the unit of a table column.
+
+        The unit comes from this option or from the column header. Two different units are an error.
+
+        Raises:
+            CalibrationDataError: the option and the header have different units.
+        """
         header_unit = split_title(title)[1]
         if self.unit is None or self.text == title:
             return header_unit
@@ -142,8 +147,7 @@ def columns_hint(columns: str) -> str:
 
 
 def _find(table: TextTable, number: int | None, names: tuple[str, str], message: str) -> int | None:
-    """Find a table column by its number or header."""
-    # The header may be given without its unit.
+    """Find a table column by its number or header. The header may be given without its unit."""
     if number is not None:
         if not 1 <= number <= len(table.header):
             raise CalibrationDataError(f"{message}, expected a number from 1 to {len(table.header)}")

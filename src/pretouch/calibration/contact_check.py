@@ -284,8 +284,13 @@ def check_on_readings(
 def _judge(
     through: FloatArray, under: FloatArray, predicted: float, free: float, weighted: tuple[DrawnCurve, ...]
 ) -> WitnessCheck:
-    """Compare the predicted contact speed with the speeds on other curves."""
-    # The speeds `under` are those on the `weighted` curves.
+    """Compare the predicted contact speed with the speeds on other curves.
+
+    The speeds `under` are those on the `weighted` curves.
+
+    Returns:
+        The comparison.
+    """
     allowed_low, allowed_high = np.quantile(np.where(np.isfinite(under), under, 0.0), _ALLOWED)
     groups = [group[np.isfinite(group)] for group in (through, under)]
     ends = np.concatenate([np.quantile(group, _QUANTILES) for group in groups if len(group)] or [np.array([np.nan])])
@@ -329,18 +334,17 @@ def _causes(speeds: FloatArray, deviating: BoolArray, curves: tuple[DrawnCurve, 
 
 
 def _speed(result: ContactResult) -> FloatArray:
-    """Return the contact speed of each encounter [m/s].
-
-    The speed is NaN without contact.
-    """
+    """Return the contact speed of each encounter [m/s]. The speed is NaN without contact."""
     return np.where(result.reached, np.abs(result.end.relative_velocity), np.nan)
 
 
 def _speeds(
     law: ContinuousLaw, scenario: Scenario, curves: tuple[PiecewiseCubic, ...], gains: FloatArray
 ) -> FloatArray:
-    """Return the contact speed [m/s] of each encounter with each sensor curve."""
-    # Encounters have the shape (n, 1), and the result (n, m) for m curves.
+    """Return the contact speed [m/s] of each encounter with each sensor curve.
+
+    Encounters have the shape (n, 1), and the result (n, m) for m curves.
+    """
     if law != DAMPER:
         return np.column_stack([_speed(law.contact(scenario, curve, gains))[:, 0] for curve in curves])
     several = map_fields(scenario, lambda v: np.broadcast_to(v, (len(gains), len(curves))) if np.ndim(v) else v)

@@ -36,8 +36,10 @@ class Problem:
     weights: FloatArray | BoolArray | None = None
 
     def residuals(self, u: FloatArray, which: IntArray) -> FloatArray:
-        """Return the fit residuals after an asinh transformation, scaled to unit variance."""
-        # Residuals are (h(y - o) - h(xi)) / c with h(z) = asinh(z / tau) and tau = sigma / (c sqrt n).
+        """Return the fit residuals after an asinh transformation, scaled to unit variance.
+
+        Residuals are (h(y - o) - h(xi)) / c with h(z) = asinh(z / tau) and tau = sigma / (c sqrt n).
+        """
         relative = self.noise.relative_of_means(self.curve.count)
         tau = np.maximum(self.noise.output, 1e-300) / np.sqrt(self.curve.count) / relative
         offset = u[:, -1:] if self.offsets is None else self.offsets[which][:, None]
@@ -58,8 +60,13 @@ class Problem:
         return minimize_many(self.residuals, start, self.bounds())
 
     def minimize_from_afar(self, count: int, bounds: tuple[FloatArray, FloatArray]) -> Fits:
-        """Solve the first `count` fit problems from several start points."""
-        # The best coarse results are then refined.
+        """Solve the first `count` fit problems from several start points.
+
+        The best coarse results are then refined.
+
+        Returns:
+            The fits.
+        """
         rows, problems = self._starts(), np.arange(count)
         which = np.tile(problems, len(rows))
 
@@ -71,8 +78,10 @@ class Problem:
         return minimize_many(self.residuals, rough.x.reshape(len(rows), count, -1)[best, problems], bounds)
 
     def _starts(self) -> FloatArray:
-        """Return several start points of a fit, one in each row."""
-        # The start offset is the first offset, or a value just below the lowest output.
+        """Return several start points of a fit, one in each row.
+
+        The start offset is the first offset, or a value just below the lowest output.
+        """
         d, y = self.curve.distance, self.curve.output
         guess = float(y.min() - 0.02 * np.ptp(y) if self.offsets is None else self.offsets[0])
         reach = float(np.ptp(y)) or max(abs(float(y[0])), 1.0)
@@ -128,8 +137,13 @@ def problem_at(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offse
 
 
 def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset: float | None) -> Fits:
-    """Fit one curve family from several start points."""
-    # The offset is also fitted if it is None.
+    """Fit one curve family from several start points.
+
+    The offset is also fitted if it is None.
+
+    Returns:
+        The fit.
+    """
     problem = problem_at(curve, family, noise, offset)
     return problem.minimize_from_afar(1, problem.bounds())
 
@@ -137,9 +151,13 @@ def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset:
 def forward_change(
     function: Callable[[FloatArray, FloatArray], FloatArray], u: FloatArray, distance: FloatArray
 ) -> FloatArray:
-    """Differentiate a function with respect to each fit parameter."""
-    # The derivatives are forward finite differences.
-    # Parameters of shape (..., p) give derivatives of shape (p, ...).
+    """Differentiate a function with respect to each fit parameter.
+
+    The derivatives are forward finite differences. Parameters of shape (..., p) give derivatives of shape (p, ...).
+
+    Returns:
+        The derivatives.
+    """
     size = u.shape[-1]
     moved = u + _STEP * np.eye(size).reshape(size, *[1] * (u.ndim - 1), size)
     return (function(moved, distance) - function(u, distance)) / _STEP
@@ -158,9 +176,14 @@ _ROUNDS: Final = 4
 def find_noise(
     curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...] = ()
 ) -> NoiseEstimate:
-    """Estimate the noise of the readings."""
-    # Also estimate the fixed error (misfit) of the best-fitting sensor curve.
-    # The offset is None if it is fitted. By default, all families of three parameters are fitted.
+    """Estimate the noise of the readings.
+
+    Also estimate the fixed error (misfit) of the best-fitting sensor curve. The offset is None if it is fitted. By
+    default, all families of three parameters are fitted.
+
+    Returns:
+        The noise and the misfit.
+    """
     value = None if offset is None else offset.value
     freedom = max(len(curve.distance) - 3 - (value is None), 1)
     reach = max(float(np.ptp(curve.output)), 1e-12 * float(np.abs(curve.output).max()), 1e-300)
@@ -210,8 +233,13 @@ def find_noise(
 def _separate_noise_from_misfit(
     curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, residuals: FloatArray
 ) -> NoiseEstimate:
-    """Separate random noise from the systematic error of the fitted curve."""
-    # For this, the residuals at neighboring distances are compared.
+    """Separate random noise from the systematic error of the fitted curve.
+
+    For this, the residuals at neighboring distances are compared.
+
+    Returns:
+        The noise with both parts.
+    """
     row, share = residuals / noise.of_means(curve.count, signal), 1.0
     if len(row) >= 5 and noise.misfit > 0:
         rough = float(np.mean(np.diff(row) ** 2) / 2 / max(float(np.mean(row**2)), 1e-300))
@@ -225,8 +253,9 @@ def _misfit(
     """Return the systematic error of the fitted sensor curve.
 
     This misfit is 0 if noise explains the residuals.
+
+    With this misfit, chi squared equals its degrees of freedom.
     """
-    # With this misfit, chi squared equals its degrees of freedom.
     from scipy.special import gammaincinv  # noqa: PLC0415 - SciPy is loaded only for fits
 
     def excess(misfit: float) -> float:
@@ -252,10 +281,11 @@ def outlier_indices(curve: AveragedCurve, raw_noise: ReadingNoise, offset: Offse
     """Return the indices of distances with outliers.
 
     At these distances, the mean reading deviates significantly from all fitted curves.
+
+    The test is Student's t with Bonferroni's correction. A mean is compared with the residuals of the other means,
+    whatever their numbers of readings. If fifty readings deviate as much as others, their deviation is misfit, so they
+    are not outliers. The nearest distance is never tested, because no nearer reading confirms the curve.
     """
-    # The test is Student's t with Bonferroni's correction. A mean is compared with the residuals of the other means,
-    # whatever their numbers of readings. If fifty readings deviate as much as others, their deviation is misfit, so
-    # they are not outliers. The nearest distance is never tested, because no nearer reading confirms the curve.
     outliers: list[int] = []
     remaining = np.arange(len(curve.distance))
     while len(remaining) >= _FEWEST and len(outliers) < max(1, len(curve.distance) // 8):

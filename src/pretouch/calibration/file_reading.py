@@ -162,8 +162,9 @@ class _Readings(NamedTuple):
         """Return the readings of selected table rows.
 
         The no-object readings that all curves share are included.
+
+        A row without any label belongs to all curves if it has no object.
         """
-        # A row without any label belongs to all curves if it has no object.
         row_indices, shared_indices = (np.array(indices, dtype=np.int64) for indices in (rows, shared))
         without_object = np.isinf(self.distances[shared_indices])
         own = ~np.isin(row_indices, shared_indices)[:, None] | ~np.isinf(self.distances[row_indices])
@@ -178,8 +179,7 @@ class _Readings(NamedTuple):
 def _rows_by_label(
     table: TextTable, columns: Sequence[int], distances: FloatArray
 ) -> tuple[dict[tuple[str, ...], Sequence[int]], Sequence[int]]:
-    """Group the rows of a table by their labels."""
-    # Also return the rows that belong to all groups.
+    """Group the rows of a table by their labels. Also return the rows that belong to all groups."""
     if not columns:
         return ({(): range(len(distances))} if len(distances) else {}), ()
     groups: dict[tuple[str, ...], list[int]] = {}
@@ -223,8 +223,7 @@ def _readings(table: TextTable, layout: Layout) -> _Readings:
 
 
 def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> FloatArray | int:
-    """Read the numbers of a table column."""
-    # If a cell is invalid, return the index of the first such row.
+    """Read the numbers of a table column. If a cell is invalid, return the index of the first such row."""
     cells = table.columns[column.index]
     values = np.empty(len(cells))
     cache: dict[str, float] = {}
@@ -242,8 +241,7 @@ def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> Fl
 
 
 def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read a distance from a table cell."""
-    # The distance is infinite if no object was in range.
+    """Read a distance from a table cell. The distance is infinite if no object was in range."""
     value = math.inf if is_no_object(cell) else number(table, line, cell, column)
     if value < 0:
         raise CalibrationDataError(
@@ -254,8 +252,7 @@ def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
 
 
 def _output(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read a sensor output from a table cell."""
-    # A missing output is NaN.
+    """Read a sensor output from a table cell. A missing output is NaN."""
     return math.nan if is_missing(cell) else number(table, line, cell, column)
 
 
@@ -298,8 +295,7 @@ def _curve(
 
 
 def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
-    """Raise an error for a distance far beyond all others."""
-    # Such a distance is a typing error or means "no object".
+    """Raise an error for a distance far beyond all others. Such a distance is a typing error or means "no object"."""
     distinct = np.unique(distances)
     if len(distinct) < _FEW or distinct[-1] <= _STRAY * distinct[-2]:
         return
@@ -312,8 +308,13 @@ def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
 
 
 def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
-    """Return the no-object readings from outside the calibration file."""
-    # The readings are in the unit of the calibration.
+    """Return the no-object readings from outside the calibration file.
+
+    The readings are in the unit of the calibration.
+
+    Raises:
+        CalibrationDataError: the readings have another unit.
+    """
     if no_object is None:
         return []
     if not isinstance(no_object, (str, os.PathLike)):

@@ -60,8 +60,9 @@ def corrected_akaike(deviance: float, points: int, parameters: int) -> float | N
     """Return the corrected Akaike information criterion AICc.
 
     It is None if there are too few points.
+
+    AICc = -2 ln L + 2 k + 2 k (k + 1) / (N - k - 1).
     """
-    # AICc = -2 ln L + 2 k + 2 k (k + 1) / (N - k - 1).
     free = points - parameters - 1
     return None if free <= 0 else deviance + 2 * parameters + 2 * parameters * (parameters + 1) / free
 
@@ -91,9 +92,10 @@ def estimates(
     """Return the estimated parameters of a curve fit.
 
     The dictionary has the parameters, their covariance and the mid-range slope, as arguments of `SensorFit`.
+
+    If the offset is uncertain, the curve is also fitted with the offsets at both ends of the interval of the offset.
+    The changes of the parameters widen their intervals. The noise was estimated from `informed_by` points.
     """
-    # If the offset is uncertain, the curve is also fitted with the offsets at both ends of the interval of the offset.
-    # The changes of the parameters widen their intervals. The noise was estimated from `informed_by` points.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
     family, x = problem.family, best.x[0]
@@ -154,8 +156,7 @@ def estimates(
 
 
 def _check_identifiable(best: Fits, names: list[str]) -> None:
-    """Raise an error if fit parameters are not identifiable."""
-    # Such parameters have the same effect on the curve.
+    """Raise an error if fit parameters are not identifiable. Such parameters have the same effect on the curve."""
     norms = np.linalg.norm(best.jacobian[0], axis=0)
     free = np.flatnonzero(norms)  # a parameter at its bound has no derivatives
     if not len(free):
@@ -172,10 +173,7 @@ def _check_identifiable(best: Fits, names: list[str]) -> None:
 def _covariance(
     x: FloatArray, own: FloatArray, family: Family, moved: list[FloatArray], *, share: float, inflation: float
 ) -> FloatArray:
-    """Return the covariance of the sensor curve's parameters.
-
-    It includes the effect of the offset uncertainty.
-    """
+    """Return the covariance of the sensor curve's parameters. It includes the effect of the offset uncertainty."""
     with np.errstate(over="ignore", invalid="ignore"):  # an unbounded scale has no finite variance
         jacobian = gradient(lambda u: family.parameters(family.coordinates(u)), x)
         covariance = inflation * jacobian @ own @ jacobian.T
@@ -195,8 +193,13 @@ def _parameters(
     unit: str,
     runaway: bool,
 ) -> dict[str, Estimate]:
-    """Compute confidence intervals of the sensor curve's parameters."""
-    # The intervals are converted from intervals of the transformed fit parameters.
+    """Compute confidence intervals of the sensor curve's parameters.
+
+    The intervals are converted from intervals of the transformed fit parameters.
+
+    Returns:
+        The estimate of each parameter by name.
+    """
     parameters = {}
     for i, declared in enumerate(sensor._declared()):
         name, meta, mapped = declared.name, declared.metadata, []
@@ -273,8 +276,13 @@ def fit_sensor(
 
 
 def check_models(models: tuple[str, ...]) -> None:
-    """Raise an error for unknown names of sensor models."""
-    # An empty list of models is also an error.
+    """Raise an error for unknown names of sensor models.
+
+    An empty list of models is also an error.
+
+    Raises:
+        InvalidInputError: a name is unknown, or there is none.
+    """
     for model in models:
         if find_curve(model) is None or model not in (*sensor_curves(fitted=True, foreign=True), _TABLE):
             others = [name for name in CURVE_KINDS.names() if name not in model_names()]
@@ -286,8 +294,13 @@ def check_models(models: tuple[str, ...]) -> None:
 
 
 def why_not(model: str, prepared: Prepared) -> str:
-    """Explain why a sensor model cannot be fitted."""
-    # The text is empty if the model can be fitted to the readings.
+    """Explain why a sensor model cannot be fitted.
+
+    The text is empty if the model can be fitted to the readings.
+
+    Returns:
+        The reason.
+    """
     used = prepared.used
     if model != _TABLE:
         count, size = len(used.distance), _family(model, used).size
@@ -321,8 +334,13 @@ def _family(model: str, used: AveragedCurve) -> Family:
 
 
 def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
-    """Fit one sensor model to a prepared calibration."""
-    # Return the reason as text if the model cannot be fitted.
+    """Fit one sensor model to a prepared calibration.
+
+    Return the reason as text if the model cannot be fitted.
+
+    Returns:
+        The fit, or the reason as text.
+    """
     reason = why_not(model, prepared)
     if reason:
         return reason
@@ -363,8 +381,7 @@ def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
 def _fit_curve(
     model: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Fit the parameters of a sensor curve."""
-    # Return its log outputs and keyword arguments for `SensorFit`.
+    """Fit the parameters of a sensor curve. Return its log outputs and keyword arguments for `SensorFit`."""
     used, family = prepared.used, _family(model, prepared.used)
     best = fit_free(used, family, noise, offset.value)
     problem = problem_at(used, family, noise, offset.value)
@@ -398,8 +415,7 @@ def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | No
 def _fit_table(
     _: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Create a sensor table from averaged readings."""
-    # Return its log outputs and keyword arguments for `SensorFit`.
+    """Create a sensor table from averaged readings. Return its log outputs and keyword arguments for `SensorFit`."""
     distance, xi = prepared.used.distance, prepared.used.output - offset.value
     sensor, inner = _table(distance, xi), range(1, len(xi) - 1)
     without = [_table(np.delete(distance, i), np.delete(xi, i)).log_output(float(distance[i])) for i in inner]
@@ -422,9 +438,11 @@ def _fit_table(
 
 
 def _table_slope_error(distance: FloatArray, xi: FloatArray, errors: FloatArray, at: float) -> float:
-    """Return the standard error of the slope of a sensor table."""
-    # The interpolant's slope is not the difference of two neighbors: its error is about 1.4 times as large midway
-    # between two points, and 0.7 times as large at a point.
+    """Return the standard error of the slope of a sensor table.
+
+    The interpolant's slope is not the difference of two neighbors: its error is about 1.4 times as large midway between
+    two points, and 0.7 times as large at a point.
+    """
     k = int(np.searchsorted(distance, at))
     step = 1e-3 * float(np.diff(-np.log(xi)).min())  # so small that the outputs still fall
     variance = 0.0

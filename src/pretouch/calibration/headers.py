@@ -144,15 +144,28 @@ def quoted(text: str) -> str:
 
 
 def join_first(items: Sequence[str], most: int) -> str:
-    """Join the first items of a list for an error message."""
-    # Dots replace the other items.
+    """Join the first items of a list for an error message.
+
+    Dots replace the other items.
+
+    Returns:
+        The text.
+    """
     return ", ".join([*items[:most], *(["..."] if len(items) > most else [])])
 
 
 def number(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Parse the number in a table cell."""
-    # The locale is ignored. Decimal arithmetic makes 42.2 mm the float nearest to 0.0422, which 42.2 * 0.001 is not.
-    # Numbers that are not finite, or whose products with others could overflow, are refused.
+    """Parse the number in a table cell.
+
+    The locale is ignored. Decimal arithmetic makes 42.2 mm the float nearest to 0.0422, which 42.2 * 0.001 is not.
+    Numbers that are not finite, or whose products with others could overflow, are refused.
+
+    Returns:
+        The number.
+
+    Raises:
+        CalibrationDataError: the cell has no such number.
+    """
     pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
     plain = _ascii(cell)
     value = math.nan
@@ -230,9 +243,13 @@ class DistanceMark(NamedTuple):
 
 
 def split_title(title: str) -> tuple[str, str | None]:
-    """Split a column header such as `output [V]` into name and unit."""
-    # Other notations are `output (V)` and `output_V`.
-    # A form such as `output_V` is split only for usual names.
+    """Split a column header such as `output [V]` into name and unit.
+
+    Other notations are `output (V)` and `output_V`. A form such as `output_V` is split only for usual names.
+
+    Returns:
+        Name and unit.
+    """
     if len(title) > _LONGEST:
         return title, None
     match = _TITLE.fullmatch(title)
@@ -258,10 +275,11 @@ def is_named(title: str, kind: str) -> bool:
     """Return True if a column header is a usual name.
 
     The name must be usual for this kind of column, such as distances or outputs.
+
+    A `setting` is a property of the sensor or its surroundings, such as `gain` or `temperature`. A `setting or output`,
+    such as a photocurrent, may be the output if no other column is. A `count` numbers the rows, such as `trial`, `#` or
+    an empty header. A `repeat` has the number of a repeat, such as `trial 3`, `run2 [V]` or `3`.
     """
-    # A `setting` is a property of the sensor or its surroundings, such as `gain` or `temperature`. A `setting or
-    # output`, such as a photocurrent, may be the output if no other column is. A `count` numbers the rows, such as
-    # `trial`, `#` or an empty header. A `repeat` has the number of a repeat, such as `trial 3`, `run2 [V]` or `3`.
     names, name = _NAMES[kind], _plain(split_title(title)[0])
     return name in names if isinstance(names, set) else bool(names.fullmatch(name))
 
@@ -289,8 +307,13 @@ def is_output_unit(unit: str | None) -> bool:
 
 
 def distance_mark(title: str) -> DistanceMark | None:
-    """Parse a column header such as `5 mm` as a distance."""
-    # Other notations are `d=5mm` and `inf`. The result is None for other headers.
+    """Parse a column header such as `5 mm` as a distance.
+
+    Other notations are `d=5mm` and `inf`. The result is None for other headers.
+
+    Returns:
+        The distance.
+    """
     if title and (is_no_object(title) or _NO_OBJECT_MARK.fullmatch(title[:_LONGEST])):
         return DistanceMark(None, None)
     match = _DISTANCE_MARK.fullmatch(title) if len(title) <= _LONGEST else None
@@ -303,9 +326,11 @@ def distance_mark(title: str) -> DistanceMark | None:
 
 
 def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
-    """Return True if column headers are distances such as `5 mm`."""
-    # `declared` means that an option gives the unit of the distances.
-    # Headers are distances if two of them have units of length, or if they are numbers that cannot mean anything else.
+    """Return True if column headers are distances such as `5 mm`.
+
+    `declared` means that an option gives the unit of the distances. Headers are distances if two of them have units of
+    length, or if they are numbers that cannot mean anything else.
+    """
     marks = [mark for title in header if (mark := distance_mark(title))]
     if any(mark.unit for mark in marks):
         return len(marks) > 1
@@ -321,10 +346,11 @@ def names_a_distance(header: Sequence[str], *, declared: bool, in_words: bool = 
     """Return True if a line looks like a table header.
 
     The header of a calibration table names a distance.
+
+    A header has a cell with a name of a distance or a unit of length, and no cell that is a number. A header whose
+    cells are distances (see `looks_wide`) also counts. With `in_words`, the cells are words of a line that may be
+    prose: "Sensor X" does not name a distance.
     """
-    # A header has a cell with a name of a distance or a unit of length, and no cell that is a number. A header whose
-    # cells are distances (see `looks_wide`) also counts. With `in_words`, the cells are words of a line that may be
-    # prose: "Sensor X" does not name a distance.
     if looks_wide(header, declared=declared):
         return True
     for title in header:
@@ -347,8 +373,13 @@ def _exponents(unit: str | None) -> tuple[int, ...]:
 
 
 def output_column(table: TextTable, index: int, layout: Layout) -> Column:
-    """Return the output column of a file with no-object readings."""
-    # Readings in another unit than that of the calibration are an error.
+    """Return the output column of a file with no-object readings.
+
+    Readings in another unit than that of the calibration are an error.
+
+    Raises:
+        CalibrationDataError: the unit is another one.
+    """
     title = table.header[index]
     header_unit = split_title(title)[1]
     symbol, factor = output_unit(header_unit) if header_unit else (layout.unit, layout.pairs[0][1].factor)

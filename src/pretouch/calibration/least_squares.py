@@ -62,11 +62,15 @@ def minimize_many(
     tolerance: float = 1e-10,
     most: int = 60,
 ) -> Fits:
-    """Solve many least-squares problems at once."""
-    # Each problem has parameter bounds and its own start point.
-    # Bounds have the shape (p,) or (b, p); each row of `start` is one problem.
-    # A problem has converged when its cost changes by a smaller share than `tolerance`, or its parameters by less than
-    # that. All problems end after `most` steps. Starts are clipped to the bounds.
+    """Solve many least-squares problems at once.
+
+    Each problem has parameter bounds and its own start point. Bounds have the shape (p,) or (b, p); each row of `start`
+    is one problem. A problem has converged when its cost changes by a smaller share than `tolerance`, or its parameters
+    by less than that. All problems end after `most` steps. Starts are clipped to the bounds.
+
+    Returns:
+        The solutions.
+    """
     low, high = (np.broadcast_to(b, start.shape) for b in bounds)
     x = np.clip(start, low, high)
     if not len(x):
@@ -103,18 +107,14 @@ def _finite(values: FloatArray) -> FloatArray:
 
 
 def _at_bound(x: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Return which fit parameters stay at a bound.
-
-    For these, the cost would decrease only beyond the bound.
-    """
+    """Return which fit parameters stay at a bound. For these, the cost would decrease only beyond the bound."""
     return np.asarray(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
 
 
 def _derivative(
     residuals: Residuals, x: FloatArray, value: FloatArray, which: IntArray, high: FloatArray
 ) -> FloatArray:
-    """Differentiate residuals by finite differences."""
-    # The steps respect the upper bounds of the parameters.
+    """Differentiate residuals by finite differences. The steps respect the upper bounds of the parameters."""
     count, size = x.shape
     moved = np.repeat(x[:, None, :], size, axis=1)
     step = _STEP * np.maximum(1.0, np.abs(x))
@@ -131,8 +131,9 @@ def _step(
     """Return a Levenberg-Marquardt step of the fit parameters.
 
     Parameters that stay at a bound do not change.
+
+    The step is zero if the damped normal equations overflow.
     """
-    # The step is zero if the damped normal equations overflow.
     with np.errstate(all="ignore"):
         step = _newton_step(x, slope, value, damping, bounds)
     return np.where(np.isfinite(step), step, 0.0)
@@ -155,8 +156,13 @@ def _newton_step(
 
 
 def gradient(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """Differentiate a vector function by central differences."""
-    # Parameters of shape (p,) give derivatives of shape (outputs, p).
+    """Differentiate a vector function by central differences.
+
+    Parameters of shape (p,) give derivatives of shape (outputs, p).
+
+    Returns:
+        The derivatives.
+    """
     columns = []
     for i, value in enumerate(x):
         step = 1e-6 * max(1.0, abs(float(value)))
@@ -176,14 +182,15 @@ def intervals(
     """Return confidence intervals from the profile likelihood.
 
     They are intervals of functions of the fit parameters.
+
+    An interval ends where the profile has risen by `rise` above the minimum. A stiff spring pulls a coordinate to a
+    target: the sum of squares plus the spring's energy is minimized over all parameters. The minimum lies exactly on
+    the profile, at the value of the coordinate in this minimum. So the coordinate need not be a parameter of the model.
+    Steps are doubled until the profile has risen enough; then secants are used. All ends are searched at once. The
+    residuals are those of one problem with the index 0, `best` is its minimum, and `coordinates` maps (b, p) to (b, c).
+    The result has, for each coordinate, the lower and the upper end, and whether each end was reached. An end that was
+    not reached is the last value that the bounds allow.
     """
-    # An interval ends where the profile has risen by `rise` above the minimum.
-    # A stiff spring pulls a coordinate to a target: the sum of squares plus the spring's energy is minimized over all
-    # parameters. The minimum lies exactly on the profile, at the value of the coordinate in this minimum. So the
-    # coordinate need not be a parameter of the model. Steps are doubled until the profile has risen enough; then
-    # secants are used. All ends are searched at once. The residuals are those of one problem with the index 0, `best`
-    # is its minimum, and `coordinates` maps (b, p) to (b, c). The result has, for each coordinate, the lower and the
-    # upper end, and whether each end was reached. An end that was not reached is the last value that the bounds allow.
     center = coordinates(best.x)[0]
     slope = gradient(lambda u: coordinates(u[None])[0], best.x[0])
     scale = np.sqrt(np.maximum(rise * np.einsum("cp,pq,cq->c", slope, best.covariances[0], slope), 1e-300))
@@ -228,9 +235,14 @@ class _End:
         self._inner, self._outer, self._attempt = (center, 0.0), (center, 0.0), 0
 
     def take(self, value: float, height: float) -> bool:
-        """Record a point of the likelihood profile."""
-        # Return True if the search continues from this point.
-        # `height` is the square root of the profile's rise at a value, relative to the rise at the end.
+        """Record a point of the likelihood profile.
+
+        Return True if the search continues from this point. `height` is the square root of the profile's rise at a
+        value, relative to the rise at the end.
+
+        Returns:
+            Whether the search continues from this point.
+        """
         further = height < 1
         if further and abs(value - self._inner[0]) < 0.05 * abs(self.target - self._inner[0]):
             self.end = value  # a bound of the parameters ends the search
@@ -255,8 +267,9 @@ class _End:
         """Return the end of the confidence interval.
 
         The second result is True if the search has reached this end.
+
+        After the last attempt, the end is the best value so far.
         """
-        # After the last attempt, the end is the best value so far.
         if self.end is not None:
             return self.end, self.reached
         return (self._outer[0], True) if self._outer[1] > 0 else (self._inner[0], False)

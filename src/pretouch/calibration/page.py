@@ -106,9 +106,14 @@ def fit_page(fit: SensorFit) -> Page:
 
 
 def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tuple[Any, ...]:
-    """Create the report section on the sensor calibration."""
-    # The reports of designs and verifications contain this section.
-    # `open_lines` has the limits of the calibration for the answer.
+    """Create the report section on the sensor calibration.
+
+    The reports of designs and verifications contain this section. `open_lines` has the limits of the calibration for
+    the answer.
+
+    Returns:
+        The blocks of the section.
+    """
     limits = tuple(f"{line[0].upper()}{line[1:]}." for line in open_lines)
     return (
         Paragraph(text=_headline(report)),

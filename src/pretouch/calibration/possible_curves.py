@@ -106,8 +106,13 @@ class PossibleCurves(Value):
         return OffsetEstimate(value=value, standard_error=error, low=low, high=high, kind=kind)
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw random sensor curves according to their weights."""
-        # Each curve has its own offset.
+        """Draw random sensor curves according to their weights.
+
+        Each curve has its own offset.
+
+        Returns:
+            The curves.
+        """
         rng = np.random.default_rng(seed)
         fits, curves = [(part, i) for part in self.parts for i in range(len(part.offsets))], []
         for number in rng.choice(len(fits), count, p=np.concatenate(self.weights())):
@@ -151,8 +156,9 @@ class PossibleCurves(Value):
         """Return mean and standard deviation of the log slope.
 
         The log slope is ln |g| with the sensor slope g. All curves that fit the readings contribute.
+
+        The value is ln |g|; the deviation includes both the scatter between fits and the error of each.
         """
-        # The value is ln |g|; the deviation includes both the scatter between fits and the error of each.
         rows, spreads, weights = [], [], []
         for part, weight in zip(self.parts, self.weights(), strict=True):
             relevant = weight > 1e-6
@@ -182,9 +188,14 @@ def fit_possible_curves(
     informed_by: int | None = None,
     also: float | None = None,
 ) -> PossibleCurves:
-    """Fit every family of sensor curves for every plausible sensor offset."""
-    # A fit needs five points or more, or four with a known offset.
-    # The noise was estimated from `informed_by` points, by default those of the curve. `also` is an additional offset.
+    """Fit every family of sensor curves for every plausible sensor offset.
+
+    A fit needs five points or more, or four with a known offset. The noise was estimated from `informed_by` points, by
+    default those of the curve. `also` is an additional offset.
+
+    Returns:
+        The fits with their weights.
+    """
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
     parts = []

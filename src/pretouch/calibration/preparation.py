@@ -67,9 +67,13 @@ def prepare(
     *,
     models: tuple[str, ...],
 ) -> Prepared:
-    """Prepare a calibration for fitting sensor models."""
-    # This finds the usable distances, outliers, offset and noise.
-    # The arguments are those of `fit_sensor`.
+    """Prepare a calibration for fitting sensor models.
+
+    This finds the usable distances, outliers, offset and noise. The arguments are those of `fit_sensor`.
+
+    Returns:
+        The prepared calibration.
+    """
     positive(floor_sigmas, "floor_sigmas")
     calibration = condense(count_copies_once(calibration))
     curve = average(calibration)
@@ -204,8 +208,7 @@ def _steep_end(
     ceilings: CeilingFits,
     options: SampleOptions,
 ) -> tuple[NearEnd, bool]:
-    """Start the usable range at the first unsaturated reading."""
-    # The second result is whether the start has moved.
+    """Start the usable range at the first unsaturated reading. The second result is whether the start has moved."""
     part, place = curve.part(good), np.flatnonzero(good)
     first = ceilings.first_steep(part.distance)
     if first and offset is not None and offset.kind == "declared":  # a wrong offset also bends a curve
@@ -242,8 +245,7 @@ def _rising(calibration: Calibration) -> str:
 
 
 def _user_offset(calibration: Calibration, offset: OffsetChoice, noise: ReadingNoise) -> OffsetEstimate | None:
-    """Return the sensor offset measured or declared by the user."""
-    # The offset is None if it must be fitted.
+    """Return the sensor offset measured or declared by the user. The offset is None if it must be fitted."""
     if offset == "fit" or (offset == "auto" and not len(calibration.no_object)):
         return None
     if offset == "auto":
@@ -257,9 +259,13 @@ def _user_offset(calibration: Calibration, offset: OffsetChoice, noise: ReadingN
 
 
 def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimate:
-    """Compute the sensor offset from no-object readings."""
-    # The offset is the mean of these readings without outliers.
-    # The standard error is -1 if the noise is not known yet.
+    """Compute the sensor offset from no-object readings.
+
+    The offset is the mean of these readings without outliers. The standard error is -1 if the noise is not known yet.
+
+    Returns:
+        The offset.
+    """
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
     inliers = readings
@@ -278,10 +284,7 @@ def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimat
 def _without_signal(
     calibration: Calibration, curve: AveragedCurve, near: NearEnd, offset: OffsetEstimate | None, reason: str
 ) -> Prepared:
-    """Return the preparation of a calibration without usable signal.
-
-    It contains the reason.
-    """
+    """Return the preparation of a calibration without usable signal. It contains the reason."""
     window = UsableWindow(
         distances=(),
         start_reason=near.reason,
@@ -301,8 +304,7 @@ def _without_signal(
 def _why_no_signal(
     tail: AveragedCurve, window: UsableWindow, offset: OffsetEstimate, noise: NoiseEstimate, unit: str
 ) -> tuple[str, ...]:
-    """Explain why the readings contain no usable signal."""
-    # The result is empty if there is a usable signal.
+    """Explain why the readings contain no usable signal. The result is empty if there is a usable signal."""
     reasons = []
     count = len(window.distances)
     chance = chance_of_falling(tail.output[: 2 * count])  # a long plateau does not inform about the window
@@ -335,8 +337,9 @@ def chance_of_falling(output: FloatArray) -> float:
     """Return the p-value of Kendall's trend test.
 
     The test checks whether the outputs fall with distance.
+
+    The p-value is the probability that a random order falls as much; ties count half.
     """
-    # The p-value is the probability that a random order falls as much; ties count half.
     n = len(output)
     pairs = [float(output[j] - output[i]) for i in range(n) for j in range(i + 1, n)]
     rising = sum(p > 0 for p in pairs) + (sum(p == 0 for p in pairs) + 1) // 2

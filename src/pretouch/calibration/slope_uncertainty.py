@@ -55,8 +55,10 @@ def estimate_slope(prepared: Prepared) -> SlopeUncertainty | None:
 
 
 def with_choice_of_family(middle: Estimate, prepared: Prepared) -> Estimate:
-    """Return the slope in the middle of the usable range with errors that include the choice of the curve family."""
-    # `middle` has the errors within one family. Other families that fit the readings as well have other slopes.
+    """Return the slope in the middle of the usable range with errors that include the choice of the curve family.
+
+    `middle` has the errors within one family. Other families that fit the readings as well have other slopes.
+    """
     curves = prepared.possible_curves
     if curves is None or not middle.value < 0:
         return middle

@@ -38,9 +38,14 @@ _FEW = 3  # fewest distances of a curve: a setting with fewer is not a label
 
 
 def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
-    """Find the columns of a table with one reading per row."""
-    # The layout has the columns of distances, outputs and labels.
-    # Options take precedence over names and units of the columns.
+    """Find the columns of a table with one reading per row.
+
+    The layout has the columns of distances, outputs and labels. Options take precedence over names and units of the
+    columns.
+
+    Returns:
+        The layout.
+    """
     _refuse_no_header(table)
     distance_index, output_indices = _columns(table, options)
     distance_column = _distance_column(table, distance_index, options.distance)
@@ -59,8 +64,7 @@ def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
 
 
 def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
-    """Find the distance column and output columns of a table."""
-    # Several output columns count as repeats.
+    """Find the distance column and output columns of a table. Several output columns count as repeats."""
     selected = options.output.index(table)
     distance = _distance(table, options.distance, selected)
     repeats = _repeats(table, distance)
@@ -90,10 +94,7 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
 
 
 def _repeats(table: TextTable, distance: int | None) -> list[int]:
-    """Return the columns of repeated readings.
-
-    Their units must agree, and no other column may be the output.
-    """
+    """Return the columns of repeated readings. Their units must agree, and no other column may be the output."""
     numbered = [i for i, title in enumerate(table.header) if is_named(title, "repeat") and i != distance]
     units = {split_title(table.header[i])[1] for i in numbered}
     named = [i for i, title in enumerate(table.header) if is_named(title, "output") and i not in {*numbered, distance}]
@@ -118,8 +119,13 @@ def _refuse_no_header(table: TextTable) -> None:
 
 
 def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int | None:
-    """Find the distance column of a table."""
-    # The column is identified by the user's option, by its name, or by its unit of length.
+    """Find the distance column of a table.
+
+    The column is identified by the user's option, by its name, or by its unit of length.
+
+    Returns:
+        The column.
+    """
     if option.names_a_column:
         return option.index(table)
     units = [split_title(title)[1] for title in table.header]
@@ -135,8 +141,13 @@ def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int
 
 
 def _output(table: TextTable, distance: int | None) -> int | None:
-    """Find the output column of a table."""
-    # The column is identified by its name or unit, or is the only remaining column.
+    """Find the output column of a table.
+
+    The column is identified by its name or unit, or is the only remaining column.
+
+    Returns:
+        The column.
+    """
     free = [i for i in range(len(table.header)) if i != distance]
     others = [i for i in free if not is_named(table.header[i], "setting")]
     named = [i for i in others if is_named(table.header[i], "output")]
@@ -150,17 +161,19 @@ def _output(table: TextTable, distance: int | None) -> int | None:
 
 
 def _may_be_label(table: TextTable, index: int) -> bool:
-    """Return True if a column may contain labels.
-
-    Such a column holds text or repeated values.
-    """
+    """Return True if a column may contain labels. Such a column holds text or repeated values."""
     counts = {cell: count for cell, count in Counter(table.columns[index]).items() if not is_missing(cell)}
     return not all(map(is_number, counts)) or len(counts) < max(_FEW, sum(counts.values()) / 2)
 
 
 def _single_match(table: TextTable, matches: Sequence[int], what: str) -> int | None:
-    """Return the only matching column of a table."""
-    # Return None if no column matches. Two matching columns are an error.
+    """Return the only matching column of a table.
+
+    Return None if no column matches. Two matching columns are an error.
+
+    Raises:
+        CalibrationDataError: two columns match.
+    """
     if len(matches) < 2:
         return matches[0] if matches else None
     first, second = (f"{i + 1}: {quoted(table.header[i])}" for i in matches[:2])
@@ -213,10 +226,7 @@ def default_output_unit(cells: Collection[str]) -> tuple[str, str]:
 
 
 def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tuple[int, ...], list[str]]:
-    """Return the label columns of a table.
-
-    Also return notes on ignored columns.
-    """
+    """Return the label columns of a table. Also return notes on ignored columns."""
     labels, notes = [], []
     for i, title in enumerate(table.header):
         if i in {distance, *outputs}:
@@ -236,10 +246,7 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
 
 
 def _drifts(table: TextTable, index: int, distance: int) -> bool:
-    """Return True if a column cannot be a label.
-
-    Most values of such a column occur at too few distances.
-    """
+    """Return True if a column cannot be a label. Most values of such a column occur at too few distances."""
     distances_of: dict[str, set[str]] = {}
     for cell, distance_cell in zip(table.columns[index], table.columns[distance], strict=True):
         distances_of.setdefault(cell, set()).add(distance_cell)
@@ -251,8 +258,13 @@ _BRACKETS = re.compile(r"([^\[\]()]*)[\[(]\s*([^\[\]()]*)\s*[\])]")
 
 
 def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
-    """Find the columns of a table whose column headers are distances."""
-    # The result is None for a long table. An option that selects a column implies a long table.
+    """Find the columns of a table whose column headers are distances.
+
+    The result is None for a long table. An option that selects a column implies a long table.
+
+    Returns:
+        The layout.
+    """
     if options.names_a_column or not looks_wide(table.header, declared=options.declares_distances):
         return None
     marks = {i: mark for i, title in enumerate(table.header) if (mark := distance_mark(title))}
@@ -284,8 +296,7 @@ def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
 
 
 def _refuse_ambiguity(table: TextTable, marks: dict[int, DistanceMark], others: list[int]) -> None:
-    """Raise an error if column headers are ambiguous."""
-    # Such headers may be distances as well as repeat numbers.
+    """Raise an error if column headers are ambiguous. Such headers may be distances as well as repeat numbers."""
     corner = next((i for i in others if is_length(split_title(table.header[i])[1])), None)
     if corner is None or any(mark.unit or mark.number is None for mark in marks.values()):
         return
@@ -300,8 +311,16 @@ def _refuse_ambiguity(table: TextTable, marks: dict[int, DistanceMark], others: 
 
 
 def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, DistanceMark], others: list[int]) -> str:
-    """Find the unit of the distances in column headers."""
-    # The unit is in these headers, in an option, or in another header.
+    """Find the unit of the distances in column headers.
+
+    The unit is in these headers, in an option, or in another header.
+
+    Returns:
+        The unit.
+
+    Raises:
+        CalibrationDataError: there is no unit.
+    """
     header_units = list(dict.fromkeys(mark.unit for mark in marks.values() if mark.unit))
     bare = [i for i, mark in marks.items() if mark.unit is None and mark.number is not None and float(mark.number)]
     option_unit = options.distance.unit
@@ -332,10 +351,7 @@ def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, Di
 
 
 def _units(title: str) -> list[tuple[str, str]]:
-    """Return all names and units in a column header.
-
-    The header in the corner may contain two pairs.
-    """
+    """Return all names and units in a column header. The header in the corner may contain two pairs."""
     units = [(name, unit.strip()) for name, unit in _BRACKETS.findall(title)]
     name, unit = split_title(title)
     return units or ([(name, unit)] if unit else [("", title)])
@@ -349,8 +365,10 @@ def _is_distance_name(name: str) -> bool:
 def _output_unit(
     table: TextTable, options: ColumnOptions, marks: dict[int, DistanceMark], others: list[int]
 ) -> tuple[str, float, list[str]]:
-    """Return the output unit of a table with distance headers."""
-    # The unit comes from the option or from the corner cell; otherwise, integers are counts.
+    """Return the output unit of a table with distance headers.
+
+    The unit comes from the option or from the corner cell; otherwise, integers are counts.
+    """
     unit_text = options.output.unit
     for i in others:
         for name, unit in _units(table.header[i]):
@@ -367,10 +385,7 @@ def _output_unit(
 
 
 def _counts_rows(table: TextTable, index: int) -> bool:
-    """Return True if a column contains only repeat numbers or times.
-
-    The column may also be empty.
-    """
+    """Return True if a column contains only repeat numbers or times. The column may also be empty."""
     title = table.header[index]
     cells = table.columns[index]
     distinct = len(set(cells)) == len(cells)
@@ -384,10 +399,7 @@ def _counts_rows(table: TextTable, index: int) -> bool:
 
 
 def _numbers_a_repeat(cell: str) -> bool:
-    """Return True if a cell contains a repeat number.
-
-    Examples are `3` and `trial 3`.
-    """
+    """Return True if a cell contains a repeat number. Examples are `3` and `trial 3`."""
     return is_number(cell) or is_missing(cell) or is_named(re.sub(r"\d+$", "", cell), "count")
 
 

@@ -39,9 +39,14 @@ _NO_OBJECT = re.compile("no object", re.IGNORECASE)  # two words, one cell
 
 
 def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = None) -> TextTable:
-    """Read a text table such as a CSV file."""
-    # Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. An error is raised for
-    # unreadable or too large files, for files without a table, and for rows with another number of cells.
+    """Read a text table such as a CSV file.
+
+    Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. An error is raised for
+    unreadable or too large files, for files without a table, and for rows with another number of cells.
+
+    Returns:
+        The table.
+    """
     path, options = Path(path), options or ColumnOptions()
     try:
         content = read_regular_file(path, most=_MOST_BYTES, refuse=_refusal)
@@ -83,8 +88,7 @@ def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = Non
 
 
 def _split(rows: list[Any], delimiter: str, *, plain: bool) -> None:
-    """Replace each line of a list by its table cells."""
-    # Lines of `plain` text have no quotes and are split faster.
+    """Replace each line of a list by its table cells. Lines of `plain` text have no quotes and are split faster."""
     mark = None if delimiter == _BLANK else delimiter
     for i, line in enumerate(rows):
         if plain and not (mark is None and _NO_OBJECT.search(line)):
@@ -94,9 +98,13 @@ def _split(rows: list[Any], delimiter: str, *, plain: bool) -> None:
 
 
 def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimiter: str) -> tuple[tuple[str, ...], int]:
-    """Split the header line of a table into column headers."""
-    # Without a header, the columns are numbered.
-    # The second result is the number of rows with units below the header.
+    """Split the header line of a table into column headers.
+
+    Without a header, the columns are numbered. The second result is the number of rows with units below the header.
+
+    Returns:
+        The headers, and the number of rows with units.
+    """
     widths = Counter(len(row) for row in rows[:_COUNTED] if is_row(row))
     width = max(widths, key=lambda cells: (widths[cells], cells)) if widths else None
     header = tuple(f"column {i + 1}" for i in range(width or 1))
@@ -132,8 +140,7 @@ def _refuse_other_widths(
 
 
 def _decode(content: bytes, file: str) -> tuple[str, str]:
-    """Decode the bytes of a text file."""
-    # Also return the name of the encoding.
+    """Decode the bytes of a text file. Also return the name of the encoding."""
     marked = content.startswith((b"\xff\xfe", b"\xfe\xff"))
     if b"\0" in content and not marked:
         raise _refusal(f"{file}: the file contains binary data, but a calibration must be a text table such as CSV")
@@ -147,8 +154,9 @@ def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
     """Return the lines of a text file with line numbers.
 
     Blank lines and comments are omitted.
+
+    The last comment may be the header.
     """
-    # The last comment may be the header.
     numbers = array("q")
     texts: list[str] = []
     remark: Lines = []
@@ -174,9 +182,16 @@ def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
 
 
 def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -> tuple[int, Lines, tuple[str, ...]]:
-    """Find the header line in a calibration file."""
-    # The index is -1 if the file has no header and needs none. Lines and notes are returned as well.
-    # Numbers above the header are refused.
+    """Find the header line in a calibration file.
+
+    The index is -1 if the file has no header and needs none. Numbers above the header are refused.
+
+    Returns:
+        The index of this line, the lines, and notes.
+
+    Raises:
+        CalibrationDataError: numbers stand above the header.
+    """
     index = _certain_header(lines, options)
     if index is None and _certain_header([*remark, *lines[:1]], options) == 0:
         return 0, [*remark, *lines], (f"The header is the comment in line {remark[0][0]}.",)
@@ -198,8 +213,13 @@ def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -
 
 
 def _certain_header(lines: Lines, options: ColumnOptions) -> int | None:
-    """Find a header line with known column names."""
-    # The header names a distance or a selected column, and rows with as many cells follow it.
+    """Find a header line with known column names.
+
+    The header names a distance or a selected column, and rows with as many cells follow it.
+
+    Returns:
+        The index of this line.
+    """
     width: int | None = None
     wanted: list[int] = []
     for i in range(min(len(lines), _SEARCHED)):
@@ -230,8 +250,7 @@ def _is_header(line: str, width: int, options: ColumnOptions) -> bool:
 
 
 def _uncertain_header(file: str, lines: Lines, options: ColumnOptions) -> tuple[int, Lines]:
-    """Find a table header without known column names."""
-    # Raise an error if the header is doubtful.
+    """Find a table header without known column names. Raise an error if the header is doubtful."""
     data = next((i for i, (_, t) in enumerate(lines[:_SEARCHED]) if is_row(_cells(t, _any_delimiter(t)))), None)
     if data is None:
         return 0, lines
@@ -251,15 +270,13 @@ def _uncertain_header(file: str, lines: Lines, options: ColumnOptions) -> tuple[
 
 
 def _delimiter(line: str) -> str:
-    """Find the column delimiter in a header line."""
-    # Text in brackets and quotes is ignored.
+    """Find the column delimiter in a header line. Text in brackets and quotes is ignored."""
     bare = re.sub(rf'"[^"]*"|{_BRACKETED}', "", line)
     return next((mark for mark in ("\t", ";", ",") if mark in bare.strip()), _BLANK)
 
 
 def _any_delimiter(line: str) -> str:
-    """Find the column delimiter in a row of numbers."""
-    # The numbers may have decimal commas.
+    """Find the column delimiter in a row of numbers. The numbers may have decimal commas."""
     delimiter = _delimiter(line)
     if delimiter != ",":
         return delimiter
@@ -279,8 +296,7 @@ def _cells(line: str, delimiter: str) -> tuple[str, ...]:
 
 
 def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str, ...]:
-    """Split a header line into column headers."""
-    # Units in brackets stay together with their names.
+    """Split a header line into column headers. Units in brackets stay together with their names."""
     if delimiter != _BLANK:
         return _cells(line, delimiter)
     words: list[str] = []
@@ -297,10 +313,7 @@ def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str,
 
 
 def _cells_in_words(cells: Sequence[str]) -> str:
-    """Return the number of table cells as text.
-
-    Examples are `1 cell` and `3 cells`.
-    """
+    """Return the number of table cells as text. Examples are `1 cell` and `3 cells`."""
     return f"{len(cells)} cell{'s' * (len(cells) != 1)}"
 
 

@@ -195,8 +195,10 @@ def contact_reservations(prepared: Prepared, check: WitnessCheck | None) -> list
 
 
 def _wrong_nearest(prepared: Prepared) -> list[str]:
-    """Return a warning if the nearest reading is probably wrong."""
-    # If its output is left out of the usable range, it changes no curve.
+    """Return a warning if the nearest reading is probably wrong.
+
+    If its output is left out of the usable range, it changes no curve.
+    """
     witness, used = prepared.witness, prepared.used
     if witness is None or not len(used.distance) or used.distance[0] > witness.ceilings.nearest:
         return []
@@ -275,10 +277,7 @@ def _offset_contradictions(prepared: Prepared) -> list[str]:
 
 
 def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
-    """Return a warning about readings far from the best model.
-
-    Noise does not explain these deviations.
-    """
+    """Return a warning about readings far from the best model. Noise does not explain these deviations."""
     if prepared.noise is None or prepared.noise.misfit <= _LARGE_MISFIT:
         return []
     table = " The table model follows the readings." if any(f.model == "table" for f in fits) else ""

@@ -32,8 +32,10 @@ _SHARE: Final = 0.2  # share of the rise: outputs less far above the lowest outp
 
 
 def is_rising(curve: AveragedCurve, noise: ReadingNoise) -> bool:
-    """Return True if the sensor output rises with distance instead of falling."""
-    # Toward a near-field peak the output rises, too, but then it falls farther.
+    """Return True if the sensor output rises with distance instead of falling.
+
+    Toward a near-field peak the output rises, too, but then it falls farther.
+    """
     steady = curve.steady
     peak = int(np.argmax(steady))
     risen, fallen = float(steady[peak] - steady[0]), float(steady[peak] - steady[-1])
@@ -62,10 +64,7 @@ def end_of_falling(curve: AveragedCurve, noise: ReadingNoise) -> int:
 
 
 def _error(curve: AveragedCurve, noise: ReadingNoise) -> float:
-    """Return the standard deviation of the averaged readings.
-
-    It is estimated where the output is flat.
-    """
+    """Return the standard deviation of the averaged readings. It is estimated where the output is flat."""
     if noise.sigma is not None:
         error = noise.sigma / np.sqrt(float(np.median(curve.count)))
         return float(np.hypot(error, noise.resolution / np.sqrt(12.0)))
@@ -152,8 +151,13 @@ def find_window(
 
 
 def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
-    """Convert a declared sensor offset to an `OffsetEstimate`."""
-    # The user may declare the offset with or without its standard error.
+    """Convert a declared sensor offset to an `OffsetEstimate`.
+
+    The user may declare the offset with or without its standard error.
+
+    Returns:
+        The offset.
+    """
     value, error = offset if isinstance(offset, (tuple, list)) else (offset, 0.0)
     value, error = float(finite(value, "offset")), float(nonnegative(error, "standard error of the offset"))
     reach = 1.959964 * error
@@ -163,8 +167,13 @@ def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
 def find_near_end(
     calibration: Calibration, curve: AveragedCurve, saturation: float | str | None, near_field_peak: float | str | None
 ) -> NearEnd:
-    """Find the smallest usable distance of a sensor."""
-    # If all readings are clipped, the index is the number of distances.
+    """Find the smallest usable distance of a sensor.
+
+    If all readings are clipped, the index is the number of distances.
+
+    Returns:
+        The near end of the window.
+    """
     level, source = _saturation(calibration, curve, saturation)
     saturated = calibration.outputs >= (np.inf if level is None else level)
     index = _end_of_clipping(np.isin(curve.distance, calibration.distances[saturated]))
@@ -194,8 +203,7 @@ def _end_of_clipping(clipped: BoolArray) -> int:
 
 
 def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | str | None) -> tuple[float | None, str]:
-    """Return the output at which a sensor clips."""
-    # Also return how this level was found.
+    """Return the output at which a sensor clips. Also return how this level was found."""
     if option is None:
         return None, ""
     if not isinstance(option, str):
@@ -218,8 +226,7 @@ def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | 
 
 
 def _peak(curve: AveragedCurve, start: int, option: float | str | None) -> tuple[int, str]:
-    """Find the distance with the maximum sensor output."""
-    # Return its index, and how the maximum was found.
+    """Find the distance with the maximum sensor output. Return its index, and how the maximum was found."""
     if option is None:
         return start, ""
     if option != "auto":
@@ -247,8 +254,13 @@ def window_of(
     left_out: tuple[int, ...] = (),
     last: tuple[int, str] | None = None,
 ) -> UsableWindow:
-    """Find the usable range of a sensor."""
-    # Points `left_out` are skipped; `last` is the index after the last point that may be used, and the reason.
+    """Find the usable range of a sensor.
+
+    Points `left_out` are skipped; `last` is the index after the last point that may be used, and the reason.
+
+    Returns:
+        The window.
+    """
     stop, reason = last or (len(curve.distance), "last measured distance")
     indices = [i for i in range(near.index, stop) if i not in left_out]
     error = np.hypot(sigma / np.sqrt(curve.count), offset.standard_error)

@@ -105,8 +105,13 @@ def witness_of(
 
 
 def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
-    """Remove rises due to noise from the logarithm of the output."""
-    # The log outputs are unchanged if noise cannot explain all rises.
+    """Remove rises due to noise from the logarithm of the output.
+
+    The log outputs are unchanged if noise cannot explain all rises.
+
+    Returns:
+        The logarithm of the output.
+    """
     if (np.diff(level) <= 0).all():
         return level
     from scipy.optimize import isotonic_regression  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -116,10 +121,7 @@ def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
 
 
 def _smooth_slopes(distance: FloatArray, level: FloatArray, secants: FloatArray) -> FloatArray:
-    """Return the slopes of a monotone curve through the readings.
-
-    The curve is a piecewise cubic (PCHIP).
-    """
+    """Return the slopes of a monotone curve through the readings. The curve is a piecewise cubic (PCHIP)."""
     if len(distance) == 2:
         return np.repeat(secants, 2)
     from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - SciPy is loaded only for fits

@@ -74,10 +74,11 @@ class CorrelatedNormal(JointDistribution):
 
         It maps independent standard normal samples to correlated inputs.
 
+        R R^T = covariance
+
         Raises:
             InvalidInputError: the covariance has a negative eigenvalue.
         """
-        # R R^T = covariance
         covariance = np.asarray(self.covariance)
         deviation = np.sqrt(np.diag(covariance).clip(0))
         unit = np.where(deviation > 0, deviation, 1.0)
@@ -183,8 +184,13 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
 
 
 def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance: FloatArray) -> None:
-    """Reject fits with impossible sensor curves within four standard errors."""
-    # For each parameter at its limits, the other parameters have their conditional means.
+    """Reject fits with impossible sensor curves within four standard errors.
+
+    For each parameter at its limits, the other parameters have their conditional means.
+
+    Raises:
+        InvalidInputError: a curve is impossible.
+    """
     for i, name in enumerate(names):
         error = float(np.sqrt(max(covariance[i, i], 0.0)))
         if error == 0:

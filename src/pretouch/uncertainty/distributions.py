@@ -34,8 +34,10 @@ class JointDistribution(ABC):
 
     @abstractmethod
     def inputs(self, name: str) -> tuple[str, ...]:
-        """Return the names of the inputs that have this distribution."""
-        # `name` is the key of the distribution in the uncertainty.
+        """Return the names of the inputs that have this distribution.
+
+        `name` is the key of the distribution in the uncertainty.
+        """
 
     @abstractmethod
     def means(self) -> tuple[float, ...]:
@@ -45,9 +47,8 @@ class JointDistribution(ABC):
     def draw(self, points: FloatArray) -> FloatArray:
         """Convert points of the unit cube to samples of the inputs.
 
-        The cube is open, and each point gives one sample.
+        The cube is open, and each point gives one sample. Points and samples have the shape (n, k).
         """
-        # Points and samples have the shape (n, k).
 
     @abstractmethod
     def variance_along(self, slopes: FloatArray) -> float:
@@ -68,8 +69,10 @@ class JointDistribution(ABC):
         """
 
     def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-        """Yield the name and a description of the distribution of each input."""
-        # `units` has the SI units of inputs.
+        """Yield the name and a description of the distribution of each input.
+
+        `units` has the SI units of inputs.
+        """
         members = self.inputs(name)
         others = f", jointly with the other inputs of {name}" if len(members) > 1 else ""
         for i, member in enumerate(members):
@@ -125,8 +128,9 @@ class Distribution(JointDistribution):
         """Return a description of the distribution as text.
 
         An example is `uniform, 38 mm to 46 mm`.
+
+        `unit` is the SI unit of the input.
         """
-        # `unit` is the SI unit of the input.
         return f"{type(self).__name__}, {format_range(self.support, unit)}"
 
     @final

@@ -123,10 +123,7 @@ def check_draw(count: int, *, seed: int, sampling: str) -> None:
 
 
 def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray:
-    """Return random sample points in a unit cube.
-
-    Each uncertain input is one dimension.
-    """
+    """Return random sample points in a unit cube. Each uncertain input is one dimension."""
     rng = np.random.default_rng(seed)
     doublings = max(count - 1, 0).bit_length()  # the Sobol sequence is balanced for powers of two
     if sampling == "random":
@@ -248,10 +245,11 @@ class Ensemble(Value):
     def contacts(self, gain: Any) -> ContactResult:
         """Find time and state of contact in all encounters.
 
+        The last axis of the gains is 1 or n.
+
         Returns:
             The contacts, for one gain or an array of gains.
         """
-        # The last axis of the gains is 1 or n.
         gains = np.asarray(gain, dtype=np.float64)
         gains = np.broadcast_to(gains, (*gains.shape[:-1], len(self)))
         if self.evaluator is not None:
@@ -275,8 +273,13 @@ class Ensemble(Value):
         return _stacked([self.law.contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
 
     def _evaluated(self, evaluator: Evaluator, gains: FloatArray) -> ContactResult:
-        """Solve all encounters by a custom solver."""
-        # A solver that accepts only one sensor gets one encounter at a time.
+        """Solve all encounters by a custom solver.
+
+        A solver that accepts only one sensor gets one encounter at a time.
+
+        Returns:
+            The contacts.
+        """
         if not any(map(_of_sensor, self.values)):
             return evaluator(self.scenario, self.sensor, gains)
         if isinstance(evaluator, ManySensorEvaluator):
@@ -288,8 +291,10 @@ class Ensemble(Value):
         return tuple(self._sensor(i) for i in range(len(self)))
 
     def slope(self, result: ContactResult, quantity: str, name: str) -> Any:
-        """Return the derivative of a contact quantity with respect to an input."""
-        # If the natural frequency is an input, a change of the mass keeps the frequency.
+        """Return the derivative of a contact quantity with respect to an input.
+
+        If the natural frequency is an input, a change of the mass keeps the frequency.
+        """
         of, frequency = result.gradients.of, "admittance.natural_frequency"
         if name not in {frequency, "admittance.damping_ratio", "admittance.mass"}:
             return of(quantity, name)

@@ -125,10 +125,7 @@ class Reservations(Value):
 
     @property
     def _receding(self) -> str:
-        """A warning that the object moves away at the start.
-
-        The text is empty if the object approaches.
-        """
+        """A warning that the object moves away at the start. The text is empty if the object approaches."""
         if not self.recedes:
             return ""
         remedy = " For an approach, give the obstacle a negative velocity." if self.leaves_range else ""
@@ -215,8 +212,10 @@ class Reservations(Value):
 
     @property
     def _reasons(self) -> tuple[str, str]:
-        """The reasons why the calibration excludes smaller and larger distances."""
-        # The distances in these reasons count from the sensor's zero.
+        """The reasons why the calibration excludes smaller and larger distances.
+
+        The distances in these reasons count from the sensor's zero.
+        """
         window, near = self.report.window, self.supported[0]
         return f" ({window.start_reason})" if near >= -_NO_DISTANCE else "", f" ({window.end_reason})"
 
@@ -247,8 +246,9 @@ class Reservations(Value):
         """Return the warnings about the calibration as a JSON dictionary.
 
         The offset has the unit of the sensor output. All other numbers are in SI units.
+
+        The offset is not in SI but in the unit of the outputs.
         """
-        # The offset is not in SI but in the unit of the outputs.
         window, offset = self.report.window, self.report.offset
         names = ("recess", "supported", "is_contact_supported", "share_nearer", "share_beyond", "leaves_range")
         offset_names = ("value", "standard_error", "low", "high", "kind")
@@ -421,9 +421,10 @@ def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> 
     """Return a measure of the control law's effect down to a distance.
 
     It is the log output or, for a drag, the integral of the squared slope.
+
+    Degree 1: ln xi at the distance. Degree 2: the integral of g^2 from the distance to the start. Both within the valid
+    range.
     """
-    # Degree 1: ln xi at the distance. Degree 2: the integral of g^2 from the distance to the start. Both within the
-    # valid range.
     low, high = sensor.valid_range
     if degree == 1:
         return float(sensor.log_output(np.clip(distance, low, high)))

@@ -1,10 +1,10 @@
-"""Measure encounters that are solved by numerical integration: custom laws, and obstacles with a course.
+"""Measure custom laws, which SciPy's LSODA integrates one encounter at a time, and obstacles with a course.
 
-Custom laws are compared with SciPy's LSODA. The compiled solver of the virtual damper is compared with the numerical
-integration of the same force, for an obstacle that stops and comes again.
+Encounters with a course are solved by the compiled solver under the virtual damper and the virtual drag. They are
+compared with custom laws of the same forces. Designs and fronts of a custom law are timed.
 
-Run with `python -m benchmarks.custom_laws`; `--encounters` is the number that is compared. `--quick` computes
-one Pareto front instead of two.
+Run with `python -m benchmarks.custom_laws`; `--encounters` is the number of encounters. `--quick` computes neither a
+robust design nor a Pareto front.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 import pretouch as pt
 from pretouch.motion import CustomLaw, LawNumber
@@ -46,45 +45,35 @@ LAWS = {
 }
 
 
-def contact_by_lsoda(gain: float) -> float:
-    """Return the relative velocity at contact [m/s] by SciPy's LSODA, for one encounter."""
-
-    def distance(time: float, state: Any) -> float:
-        return float(START + SPEED * time - state[0])
-
-    def rates(time: float, state: Any) -> tuple[float, float]:
-        at = max(distance(time, state), 0.0)
-        force = by_numbers(gain, 0.0, SENSOR.log_slope(at) * (SPEED - state[1]))
-        return state[1], force - 10.0 * state[1] - 25.0 * state[0]
-
-    distance.terminal = True  # type: ignore[attr-defined]
-    run = solve_ivp(rates, (0.0, 600.0), (0.0, 0.0), method="LSODA", events=distance, rtol=1e-13, atol=1e-15)
-    return SPEED - float(run.y[1, -1])
-
-
 COURSE = (
     pt.motion.Stretch(until=0.05),
     pt.motion.Stretch(until=0.09, acceleration=5.0),
     pt.motion.Stretch(until=0.3),
     pt.motion.Stretch(until=0.4, acceleration=-3.0),
 )
-DAMPER = CustomLaw(
-    kind="custom damper", number=LawNumber("gain", "D_p", "N*s", -1), force=lambda d, _, rate: d * rate, vectorized=True
-)
+AGAIN = {
+    "virtual-damper": CustomLaw(kind="damper", number=NUMBER, force=lambda gain, _, rate: gain * rate),
+    "virtual-drag": CustomLaw(
+        kind="drag",
+        number=LawNumber("drag", "phi", "N*s^2", 1),
+        force=lambda drag, _, rate: -drag * rate * max(rate, 0.0),
+        suspends_admittance=True,
+    ),
+}
 
 
-def compare_course(gains: Any) -> None:
+def compare_course(law: str, numbers: Any) -> None:
     """Print the time of encounters with a course by the compiled solver and by numerical integration."""
     obstacle = pt.Obstacle(position=START, velocity=-0.2, course=COURSE)
     scenario = pt.Scenario(admittance=SCENARIO.admittance, obstacle=obstacle)
-    laws: tuple[Any, ...] = ("virtual-damper", DAMPER)
-    runs = [processor_time(lambda law=law: pt.find_contact(scenario, SENSOR, gains, law=law)) for law in laws]  # type: ignore[misc]
+    each: tuple[Any, ...] = (law, AGAIN[law])
+    runs = [processor_time(lambda law=law: pt.find_contact(scenario, SENSOR, numbers, law=law)) for law in each]  # type: ignore[misc]
     (compiled, result), (integrated, expected) = runs
     error = np.abs(result.contact.relative_velocity / expected.contact.relative_velocity - 1).max()
-    print(f"processor time of {len(gains)} encounters of the damper with an obstacle that stops and comes again")
-    print(f"  numerical integration {1e3 * integrated / len(gains):8.3f} ms per encounter")
+    print(f"processor time of {len(numbers)} encounters of the {law} with an obstacle that stops and comes again")
+    print(f"  custom law       {1e3 * integrated / len(numbers):8.3f} ms per encounter")
     print(
-        f"  compiled solver       {1e3 * compiled / len(gains):8.3f} ms per encounter,"
+        f"  compiled solver  {1e3 * compiled / len(numbers):8.3f} ms per encounter,"
         f" {integrated / compiled:6.1f} times as fast, largest difference of l' {error:.0e}"
     )
 
@@ -99,25 +88,35 @@ def processor_time(work: Callable[[], Any]) -> tuple[float, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--encounters", type=int, default=300)
-    parser.add_argument("--quick", action="store_true", help="no Pareto front by single numbers")
+    parser.add_argument("--quick", action="store_true", help="neither a robust design nor a Pareto front")
+    parser.add_argument("--samples", type=int, default=4, help="samples of the robust design")
     options = parser.parse_args()
     gains = -np.geomspace(0.05, 5.0, options.encounters)
-    peer, expected = processor_time(lambda: np.array([contact_by_lsoda(gain) for gain in gains.tolist()]))
-    print(f"processor time of {len(gains)} encounters of a custom law, each relative to LSODA one after the other")
-    print(f"  LSODA of SciPy      {1e3 * peer / len(gains):8.2f} ms per encounter")
+    pt.find_contact(SCENARIO, SENSOR, gains[:1], law=LAWS["arrays"])  # SciPy is loaded only now
+    print(f"processor time of {len(gains)} encounters of a custom law")
     for name, law in LAWS.items():
         spent, result = processor_time(lambda law=law: pt.find_contact(SCENARIO, SENSOR, gains, law=law))  # type: ignore[misc]
-        error = np.abs(result.contact.relative_velocity / expected - 1).max()
         print(
             f"  force of {name:14s} {1e3 * spent / len(gains):6.2f} ms per encounter,"
-            f" {peer / spent:6.1f} times as fast, largest difference of l' {error:.0e}"
+            f" largest residual of the impulse balance {result.impulse_residual.max():.0e}"
         )
-    compare_course(gains)
-    print("processor time of a Pareto front of excursion and contact speed")
-    for name, law in list(LAWS.items())[1 if options.quick else 0 :]:
-        task = pt.Task(SCENARIO, SENSOR, law=law, bounds=(-5.0, -0.01))
-        spent, front = processor_time(lambda task=task: pt.pareto_front(task))  # type: ignore[misc]
-        print(f"  force of {name:14s} {spent:6.2f} s, {len(front.gain)} points")
+    compare_course("virtual-damper", gains)
+    compare_course("virtual-drag", np.geomspace(1e-4, 0.02, options.encounters))
+    objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
+    uniform = pt.robust.Uniform(low=-0.4, high=-0.2)
+    for name, law in LAWS.items():
+        task = pt.Task(SCENARIO, SENSOR, objective, law=law, bounds=(-5.0, -0.01))
+        several = task.replace(
+            uncertainty={"obstacle.velocity": uniform}, robust=pt.robust.RobustOptions(samples=options.samples)
+        )
+        work: dict[str, Callable[[], Any]] = {"design": lambda task=task: pt.design_gain(task)}  # type: ignore[misc]
+        if not options.quick:
+            work[f"robust design of {options.samples} samples"] = lambda task=several: pt.robust.design_robust_gain(
+                task
+            )  # type: ignore[misc]
+            work["Pareto front"] = lambda task=task: pt.pareto_front(task.replace(objective=None))  # type: ignore[misc]
+        for what, function in work.items():
+            print(f"processor time of a {what}, force of {name}: {processor_time(function)[0]:.2f} s")
 
 
 if __name__ == "__main__":

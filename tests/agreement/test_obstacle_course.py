@@ -333,8 +333,7 @@ def test_the_compiled_solver_agrees_with_the_numerical_integration(sensor: pt.Se
     assert results[0].impulse_residual.max() < 1e-11
     for name in ("time", "distance", "position", "velocity", "relative_velocity", "virtual_force", *PEAKS):
         found, expected = (getattr(result.end, name) for result in results)
-        within = 1e-5 if law == "virtual-drag" and name in PEAKS else TIGHT
-        np.testing.assert_allclose(found, expected, rtol=within, atol=1e-10, err_msg=name)
+        np.testing.assert_allclose(found, expected, rtol=TIGHT, atol=2e-9, err_msg=name)
     np.testing.assert_allclose(*(result.closest_distance for result in results), rtol=TIGHT, atol=1e-11)
     motions = [
         pt.solve_motion(scenario, sensor, number, law=each, horizon=5.0, samples=40) for each in (law, CUSTOM[law])

@@ -171,7 +171,7 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
         (
             "custom_laws",
             ["--encounters", "8", "--quick"],
-            [r"times as fast, largest difference of l' \de-1\d", r"s, \d+ points"],
+            [r"times as fast, largest difference of l' \de-[01]\d", r"design, force of arrays: [\d.]+ s"],
         ),
         (
             "policies",

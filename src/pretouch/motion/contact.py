@@ -16,8 +16,8 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 
 from .gradients import ContactGradients, gradients_of
-from .integrated_path import obstacle_path
 from .layout import TRACE_COLUMNS, ContactStatus
+from .obstacle_path import obstacle_path
 from .request import Request
 
 

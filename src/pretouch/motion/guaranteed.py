@@ -19,10 +19,10 @@ from pretouch._core.progress import note_solved
 from pretouch.sensors import SensorModel
 
 from .curve import LARGEST_START, curve_pieces, curve_tops
-from .integrated_path import path_sections
 from .kernels import DragBalance, respond_many, solve_drag_courses, solve_linear, solve_series
 from .layout import COLUMNS, DRAG_NODES, RELATIVE_INPUTS, ContactStatus, by_name
 from .many_curves import ManyCurves
+from .obstacle_path import path_sections
 from .parallel import run_in_chunks
 from .request import Request, Which
 

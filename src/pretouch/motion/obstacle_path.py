@@ -1,7 +1,4 @@
-"""Convert encounters to arrays for the numerical integration.
-
-The arrays contain the parameters and the obstacle's path.
-"""
+"""Convert encounters to arrays of parameters and sections of the obstacle's path."""
 
 from __future__ import annotations
 
@@ -97,7 +94,7 @@ class Encounters(Value):
 
 
 def encounters_of(request: Request, which: Which = slice(None)) -> Encounters:
-    """Convert encounters to arrays for the numerical integration."""
+    """Convert encounters to arrays."""
     columns, value = request.part(which)
     mass, damping, stiffness, x0, u0, p, v, _, r_v, r_a = columns.T.copy()
     sections: tuple[list[FloatArray], ...] = [np.zeros_like(p)], [p], [v], []

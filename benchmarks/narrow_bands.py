@@ -45,7 +45,7 @@ from pretouch.design.search import GainAxis, Landscape
 from pretouch.motion import DAMPER, DRAG
 from pretouch.uncertainty import Interval, TruncatedNormal, Uniform, sample_inputs
 from pretouch.verification.appraisal import make_problem
-from pretouch.verification.improvement import GainSearch
+from pretouch.verification.gain_search import GainSearch
 
 BOUNDS = {DAMPER: (-10.0, -0.001), DRAG: (0.0001, 1.0)}
 QUANTITIES = (

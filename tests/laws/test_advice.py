@@ -240,3 +240,21 @@ def test_a_verdict_on_a_noise_that_is_a_guess_first_asks_for_repeated_readings(t
         assert not found.advice.settings
     known = found.design.problem.task
     assert known.calibration is task.calibration
+
+
+@pytest.mark.slow(keep=1)
+@pytest.mark.parametrize("floor", ["100 counts", "1000 counts"])
+def test_a_start_that_differs_from_the_detection_distance_is_advised_first_and_the_chain_goes_on(
+    floor: str, tmp_path: Path
+) -> None:
+    document: Document = tomllib.loads(FILE.replace('"2500 counts"', f'"{floor}"').replace("runs = 300", "runs = 60"))
+    verdict = pt.verify_gain(load(document, tmp_path))
+    assert verdict.approach is not None
+    assert not verdict.approach.is_met
+    advice = verdict.advice
+    assert advice is not None
+    assert (advice.kind, advice.status) == ("start", None)
+    assert set(advice.settings) <= {"obstacle.position", "obstacle.velocity", "controller.floor"}
+    after = pt.verify_gain(load(follow(document, dict(advice.settings)), tmp_path), changes=False)
+    assert after.approach is None
+    assert after.gain is not None

@@ -9,7 +9,8 @@ from .calibration_check import CalibrationCheck
 from .candidates import Candidate, CandidateComparison, compare_candidates
 from .effect import Effect, SensorSpeed, VerdictStatus
 from .encounter import SimulatedEncounter
-from .improvement import LoopChange, LoopCurve, Loss
+from .gain_search import LoopCurve
+from .improvement import LoopChange, Loss
 from .result import Comparison, LimitCheck, Reached, RunSpread, Verdict
 from .stability import StabilityCheck
 from .verify import simulate_encounter, verify_gain

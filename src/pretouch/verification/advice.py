@@ -19,6 +19,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch._core.warning_codes import split_code
 from pretouch.design import Task
+from pretouch.design.gain import designed_number
 from pretouch.design.robust import Required
 from pretouch.design.robust.required import limits_of
 from pretouch.design.search import RUNS, Effort, GainAxis, Landscape, search_axis
@@ -27,7 +28,8 @@ from pretouch.simulation import ClosedLoop, chain_of_fit
 from .advised import Advice
 from .appraisal import USUAL_MARGIN, LoopOutcomes, LoopProblem, draw_encounters
 from .effect import VerdictStatus
-from .improvement import GainSearch, Improvements, redesign, runs_of_search, stable_axis
+from .gain_search import GainSearch, runs_of_search, stable_axis
+from .improvement import Improvements, redesign
 from .reasons import lacks_only_runs, likely_runs, runs_advised
 from .result import Verdict
 from .settings import settings_between
@@ -87,6 +89,9 @@ def find_advice(task: Task, verdict: Verdict, found: Improvements, passed: Passe
         motion of the object, its detection, the calibration, or noise that no floor keeps away.
     """
     check, reached = verdict.calibration_check, verdict.reached
+    start = _start_at_detection(task, verdict)
+    if start is not None:
+        return start
     if reached is not None and reached.late:
         horizon = rounded_up(_LATER * max(reached.latest, verdict.loop.horizon))
         longer = task.replace(loop=replace(task.loop, horizon=horizon))
@@ -108,6 +113,28 @@ def find_advice(task: Task, verdict: Verdict, found: Improvements, passed: Passe
         more = task.replace(verify=replace(task.verify, runs=runs))
         return Advice(kind="runs", sentence=f"simulate {runs} runs", settings=settings_between(task, more))
     return _Seeker(task, verdict, found, passed, judge).advice()
+
+
+def _start_at_detection(task: Task, verdict: Verdict) -> Advice | None:
+    """Return the advice to start where the controller detects the object; None if this is no reason.
+
+    The gain must be designed again for this start, so that no gain for the present start is searched.
+    """
+    detection = task.loop.detection(task.scenario, task.sensor)
+    uncertain = {"obstacle.position", "obstacle.velocity"} & set(task.uncertainty)
+    if verdict.approach is None or verdict.approach.is_met or detection is None or detection.moved is None:
+        return None
+    if detection.is_beyond_curve or uncertain - {"obstacle.velocity"}:
+        return None  # the distance is unknown, or the distribution would have to change, too
+    changed = task.replace(scenario=detection.moved)
+    if designed_number(changed.replace(gain=None)) is None and detection.floor_at_start is not None:
+        law: Any = task.loop.law
+        conditioning = replace(law.conditioning, floor=float(f"{detection.floor_at_start:.3g}"))
+        changed = task.replace(loop=replace(task.loop, law=replace(law, conditioning=conditioning)))
+    settings = settings_between(task, changed)
+    if uncertain & set(settings):
+        return None
+    return Advice(kind="start", sentence=f"{verdict.approach.cures}, and design again", settings=settings)
 
 
 @dataclass(frozen=True, eq=False)

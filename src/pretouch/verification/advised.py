@@ -16,7 +16,8 @@ class Advice(Value):
     """What to do next, and the verdict that results from it.
 
     Args:
-        kind: `change` (another gain or loop), `limit` (no change within reach keeps the limits, so one is relaxed),
+        kind: `start` (the encounter starts elsewhere than the controller detects the object), `change` (another gain or
+            loop), `limit` (no change within reach keeps the limits, so one is relaxed),
             `runs` (more runs, whose result is open), `horizon` (a longer one), `readings` (repeated readings, because
             the noise of the sensor is a guess) or `none` (no change within reach helps).
         sentence: what to do, with numbers and with the verdict that results from it.

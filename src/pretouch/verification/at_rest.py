@@ -21,6 +21,7 @@ from pretouch.control import Controller
 from pretouch.design import Task
 from pretouch.motion import Obstacle, Scenario
 from pretouch.simulation import ClosedLoop, IdealPlant
+from pretouch.simulation.detection import detection_distance
 
 from .stability import rounded_up
 
@@ -38,7 +39,6 @@ _TRIES: Final = 4  # number of higher floors that are tried
 _LEAST: Final = 1e-9  # m: a smaller motion counts as this motion in a power law
 _FARTHEST: Final = 2.0  # m
 _ROUNDING: Final = 1e-6  # relative error of a motion that ends at the object
-_PLACES: Final = 2001  # number of distances from contact to _FARTHEST
 
 
 class _Scan(NamedTuple):
@@ -221,19 +221,7 @@ def _largest(task: Task, gain: float, loop: ClosedLoop, places: FloatArray, coun
 
 
 def _places(task: Task, law: Controller, floor: float, deviations: FloatArray) -> FloatArray:
-    """Return the detection distance [m] for each noise margin.
-
-    At this distance, the mean reading just exceeds the floor plus the margin.
-    """
-    # A noise margin is a number of standard deviations of the noise.
-    sensor, chain = task.sensor, task.loop.chain
-    low, high = sensor.valid_range
-    places = np.linspace(max(low, 0.0), min(high, _FARTHEST), _PLACES)
-    xi = np.exp(np.asarray(sensor.log_output(places)))
-    level = xi + chain.crosstalk + chain.offset - law.conditioning.offset
-    by_distance = np.abs(np.asarray(sensor.log_slope(places))) * chain.distance_noise
-    noise = np.hypot(
-        np.hypot(chain.noise, chain.resolution * 12**-0.5), xi * np.hypot(chain.relative_noise, by_distance)
-    )
-    detected = level >= floor + deviations[:, None] * noise
-    return np.asarray(np.where(detected, places, 0.0).max(axis=1))
+    """Return the detection distance [m] for each margin, in standard deviations of the noise."""
+    conditioning = replace(law.conditioning, floor=floor)
+    found = [detection_distance(task.sensor, task.loop.chain, conditioning, deviations=d) for d in deviations.tolist()]
+    return np.minimum(found, _FARTHEST)

@@ -18,6 +18,7 @@ from pretouch.motion import DAMPER, DRAG
 Setting: TypeAlias = str | float | int | bool | None
 """New value of a key as in a scenario file; None if the key must be removed."""
 
+_OBSTACLE: Final = {"position": "m", "velocity": "m/s"}
 _BARE: Final = frozenset({"", OUTPUT, OUTPUT_RATE})  # units of values that are written as bare numbers
 _NOISES: Final = frozenset({"chain.noise"})  # the default floor depends on it
 _OTHER_DRAGS: Final = ("ratio", "excursion", "acceleration", "contact_speed", "impact_force", "largest_speed")
@@ -26,7 +27,7 @@ _OTHER_DRAGS: Final = ("ratio", "excursion", "acceleration", "contact_speed", "i
 def settings_between(before: Task, after: Task) -> dict[str, Setting]:
     """Return the keys of a scenario file that turn one task into another.
 
-    Tasks may differ in gain, loop, limits and number of runs.
+    Tasks may differ in the start of the object, gain, loop, limits and number of runs.
 
     Args:
         before: the task that the file describes.
@@ -36,6 +37,10 @@ def settings_between(before: Task, after: Task) -> dict[str, Setting]:
         New values by key, such as `{"controller.gain": "-0.86 N*s"}`; None removes a key.
     """
     settings: dict[str, Setting] = {}
+    for name, unit in _OBSTACLE.items():
+        start, moved = (float(getattr(task.scenario.obstacle, name)) for task in (before, after))
+        if not math.isclose(start, moved, rel_tol=1e-9):
+            settings[f"obstacle.{name}"] = setting(moved, unit)
     if after.gain != before.gain and after.gain is not None:
         settings |= _gain(after)
     for old, new in zip(limits_of(before.constraints), limits_of(after.constraints), strict=True):

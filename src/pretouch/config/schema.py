@@ -5,8 +5,8 @@ Messages and the test of docs/reference/scenario-file.md use this schema.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Final
 
@@ -14,9 +14,10 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.extensions import Extensions
 from pretouch._core.units import written_unit
 from pretouch.design.custom_objectives import OBJECTIVE_KINDS
-from pretouch.design.impact import HertzImpact, SpringImpact
+from pretouch.design.impact import HertzImpact, ImpactModel, SpringImpact
 from pretouch.design.options import ParetoOptions, VerifyOptions
 from pretouch.design.quantities import CONSTRAINT_NAMES, QUANTITY_KINDS, QUANTITY_UNITS, find_quantity
+from pretouch.design.task import Task
 from pretouch.motion.bodies import Obstacle, Plant, Reference, Stretch
 from pretouch.motion.laws import DAMPER, LAW_KINDS, ContinuousLaw
 from pretouch.motion.scenario import Admittance
@@ -145,21 +146,12 @@ def _check_order(*keys: str, unit: str = "", what: str = "the lower first") -> C
     return check
 
 
-_MASSES: Final = {
-    "robot_mass": Key(Quantity("kg", '"4 kg"', "positive")),
-    "obstacle_mass": Key(Quantity("kg", '"inf"', "positive", infinite=True), math.inf),
-}
-"""The colliding masses; that of the robot is its physical reflected mass, not the mass of the admittance.
+def _impact(model: type[ImpactModel]) -> Section:
+    """Describe the keys of an impact model. The mass of the robot is required unless [robot] names a model."""
+    keys = declared_keys(model)
+    return Section({**keys, "robot_mass": replace(keys["robot_mass"], default=None)}, make=model)
 
-The mass of the robot is required unless [robot] names a model.
-"""
 
-_SPRING: Final = {**_MASSES, "stiffness": Key(Quantity("N/m", '"10 kN/m"', "positive"), REQUIRED)}
-_HERTZ: Final = {
-    **_MASSES,
-    "effective_modulus": Key(Quantity("Pa", '"10 MPa"', "positive"), REQUIRED),
-    "radius": Key(Quantity("m", '"10 mm"', "positive"), REQUIRED),
-}
 _BY_FREQUENCY: Final = {
     **FREE,
     "mass": Key(_MASS, REQUIRED),
@@ -195,10 +187,7 @@ def _limits(law: ContinuousLaw) -> Section:
     return Section(keys, more=(QUANTITY_KINDS, _added_limit))
 
 
-_MOTION: Final = {
-    "method": Key(name_of("auto", "closed-form", "integration", "uniform-motion"), "auto"),
-    "horizon": Key(Quantity("s", '"1 h"', "positive"), 600.0),
-}
+_METHOD: Final = Key(name_of("auto", "closed-form", "integration", "uniform-motion"), "auto")
 _TRADED: Final = 'a list of two or three quantities such as "displacement", "relative_velocity"'
 _QUANTITIES: Final = Key(list_of(_quantity_name, 2, 3, _TRADED))
 
@@ -241,8 +230,8 @@ _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
     "objective": OBJECTIVE_VARIANTS,
     "gain": ByLaw(_gain),
     "constraints": ByLaw(_limits),
-    "impact": {"stiffness": Section(_SPRING, make=SpringImpact), "radius": Section(_HERTZ, make=HertzImpact)},
-    "motion": {"": Section(_MOTION)},
+    "impact": {"stiffness": _impact(SpringImpact), "radius": _impact(HertzImpact)},
+    "motion": {"": Section({"method": _METHOD, **declared_keys(Task)})},
     "pareto": ByLaw(_pareto),
     "robust": {"": ROBUST},
     "verify": {

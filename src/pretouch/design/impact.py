@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.fields import check_types
+from pretouch._core.fields import check_declared, quantity
 from pretouch._core.numbers import float_or_array, positive
 
 _STEP = 0.02  # step of the difference, relative to the velocity
@@ -33,14 +33,11 @@ class ImpactModel(ABC):
         obstacle_mass: mass of the obstacle [kg]; infinite for a wall.
     """
 
-    robot_mass: float
-    obstacle_mass: float = math.inf
+    robot_mass: float = quantity("kg", sign="positive", example='"4 kg"')
+    obstacle_mass: float = quantity("kg", math.inf, sign="positive", infinite=True, example='"inf"')
 
     def __post_init__(self) -> None:
-        check_types(self)
-        positive(self.robot_mass, "robot_mass", "kg")
-        if not math.isinf(self.obstacle_mass):
-            positive(self.obstacle_mass, "obstacle_mass", "kg")
+        check_declared(self)
 
     @property
     def reduced_mass(self) -> float:
@@ -141,6 +138,7 @@ class SpringImpact(ElasticImpact):
         10.0
     """
 
+    stiffness: float = quantity("N/m", sign="positive", example='"10 kN/m"')
     exponent: float = field(default=1.0, init=False, repr=False)
 
 
@@ -166,15 +164,14 @@ class HertzImpact(ElasticImpact):
         20.329
     """
 
-    effective_modulus: float
-    radius: float
+    effective_modulus: float = quantity("Pa", sign="positive", example='"10 MPa"')
+    radius: float = quantity("m", sign="positive", example='"10 mm"')
     stiffness: float = field(init=False, repr=False)
     exponent: float = field(default=1.5, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        check_types(self)
-        modulus = positive(self.effective_modulus, "effective_modulus", "Pa")
-        object.__setattr__(self, "stiffness", 4 / 3 * modulus * math.sqrt(positive(self.radius, "radius", "m")))
+        check_declared(self)
+        object.__setattr__(self, "stiffness", 4 / 3 * self.effective_modulus * math.sqrt(self.radius))
         ElasticImpact.__post_init__(self)
 
 

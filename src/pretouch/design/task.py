@@ -13,7 +13,7 @@ import numpy as np
 
 from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.fields import check_types
+from pretouch._core.fields import check_declared, quantity
 from pretouch._core.values import Value
 from pretouch.motion import DAMPER, ContactResult, ContinuousLaw, Scenario
 from pretouch.motion.evaluator import Evaluator
@@ -133,7 +133,7 @@ class Task(ExplainsNames, Described, Value):
     constraints: Sequence[Constraint | Required] = ()
     impact: ImpactModel | None = None
     method: str = "auto"
-    horizon: float = 600.0
+    horizon: float = quantity("s", 600.0, sign="positive", example='"1 h"')
     law: ContinuousLaw = field(default=_OF_LOOP, metadata={"checked": False})
     drag_effect: DragEffect | None = None
     evaluate: Evaluator | None = None
@@ -154,7 +154,7 @@ class Task(ExplainsNames, Described, Value):
     __str__ = object.__str__  # its fields, not its page
 
     def __post_init__(self) -> None:
-        check_types(self)
+        check_declared(self)
         objective = None if self.objective is None else as_objective(self.objective)
         law = continuous_law(_law_of(self.loop) if self.law is _OF_LOOP else self.law)
         for name, value in (("objective", objective), ("law", law), ("constraints", tuple(self.constraints))):

@@ -17,10 +17,12 @@ from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch.design.objectives import excursion_objective
 from pretouch.motion import ContactStatus, Stretch
 from pretouch.motion.guaranteed import drag_impulses
+from pretouch.motion.laws import continuous_law
 from pretouch.motion.layout import PEAKS
 from pretouch.motion.page_sections import scenario_rows
 from pretouch.motion.solution import Solution
 from pretouch.report.pages import page_of
+from pretouch.uncertainty.ensemble import make_ensemble
 
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
@@ -354,6 +356,22 @@ def test_the_impulse_balance_of_a_drag_sees_another_curve() -> None:
     changed = Solution(request)
     changed.request = other
     assert changed.column("impulse_residual") > 1e-3
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_many_curves_take_a_course(law: str) -> None:
+    """Curves that no scaling turns into each other: each encounter is that of its own curve alone."""
+    sensor = pt.MittagLeffler(scale=1.0, rate=-40.0, order=0.8)
+    values = {"sensor.order": np.array([0.78, 0.8, 0.82]), "obstacle.velocity": np.array([-0.3, -0.25, -0.2])}
+    drawn = make_ensemble(scene(THROWN), sensor, values, law=continuous_law(law), horizon=3.0)
+    number = LAWS[law][0]
+    found = drawn.contacts(number)
+    for i in range(3):
+        alone = pt.find_contact(*drawn.at(i), number, law=law, horizon=3.0)
+        assert found.status[i] == alone.status
+        assert found.end.time[i] == pytest.approx(alone.end.time, rel=TIGHT)
+        assert found.end.relative_velocity[i] == pytest.approx(alone.end.relative_velocity, rel=TIGHT)
+        assert found.impulse_residual[i] < 1e-11
 
 
 def test_an_obstacle_that_stops_before_contact_has_no_contact() -> None:

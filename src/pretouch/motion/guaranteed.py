@@ -166,6 +166,11 @@ def drag_impulses(request: Request) -> tuple[FloatArray, FloatArray]:
     """
     size = request.size
     drag, admittance = np.zeros(size), np.zeros(size)
+    if request.many is not None:
+        curve_of = np.arange(size) % len(request.many)
+        for index in range(len(request.many)):
+            drag[curve_of == index], admittance[curve_of == index] = drag_impulses(request.with_curve(index))
+        return drag, admittance
     which = np.flatnonzero(_is_integrable(_inputs(request, slice(None))[0]))
     for top, pieces, limits in _stages(request):
         again: list[IntArray] = []

@@ -22,6 +22,7 @@ from pretouch.sensors import SensorModel
 from .contact import ContactResult, Motion, motion_from_trace
 from .guaranteed import trace_guaranteed
 from .layout import TRACE_COLUMNS
+from .many_curves import ManyCurves
 from .request import COURSE, Request, check_integration, make_request
 from .scenario import Scenario
 from .solution import Solution
@@ -185,9 +186,11 @@ class Damper:
         *,
         method: str = "auto",
         horizon: float = 600.0,
+        many: ManyCurves | None = None,
     ) -> ContactResult:
         """Solve encounters under the virtual damper, and return their states at contact."""
-        return _result(_request(scenario, sensor, value, method, horizon))
+        # With `many`, each encounter along the last axis has its own sensor curve.
+        return _result(_request(scenario, sensor, value, method, horizon, many=many))
 
     def motion(
         self,
@@ -264,14 +267,17 @@ class Drag:
         *,
         method: str = "auto",
         horizon: float = 600.0,
+        many: ManyCurves | None = None,
     ) -> ContactResult:
         """Solve encounters under the virtual drag, and return their states at contact."""
+        # With `many`, each encounter along the last axis has its own sensor curve.
         from .drag import solve_drag  # noqa: PLC0415 - only drags need it
 
         if scenario.obstacle.course:
-            return _result(_request(scenario, sensor, nonnegative(value, "drag", "N*s^2"), method, horizon, degree=2))
+            drag = nonnegative(value, "drag", "N*s^2")
+            return _result(_request(scenario, sensor, drag, method, horizon, many=many, degree=2))
         _check_quadrature(method)
-        return solve_drag(scenario, sensor, value, horizon=horizon)
+        return solve_drag(scenario, sensor, value, horizon=horizon, many=many)
 
     def motion(
         self,
@@ -302,13 +308,20 @@ class Drag:
 
 
 def _request(
-    scenario: Scenario, sensor: SensorModel, number: ArrayLike, method: str, horizon: float, *, degree: int = 1
+    scenario: Scenario,
+    sensor: SensorModel,
+    number: ArrayLike,
+    method: str,
+    horizon: float,
+    *,
+    many: ManyCurves | None = None,
+    degree: int = 1,
 ) -> Request:
     """Check the inputs of an encounter with a built-in law."""
     if not scenario.obstacle.course:
-        return make_request(scenario, sensor, number, method, horizon)
+        return make_request(scenario, sensor, number, method, horizon, many=many)
     method = check_integration(method, COURSE)
-    return make_request(scenario, sensor, number, method, horizon, with_course=True, degree=degree)
+    return make_request(scenario, sensor, number, method, horizon, many=many, with_course=True, degree=degree)
 
 
 def _result(request: Request) -> ContactResult:

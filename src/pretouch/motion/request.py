@@ -85,8 +85,9 @@ class Request(Value):
         if self.many is None:
             return self
         scenario = map_fields(self.scenario, lambda v: v[..., min(index, v.shape[-1] - 1)] if np.ndim(v) else v)
-        gain = self.gain.reshape(self.shape)[..., index]
-        return make_request(scenario, self.many.sensors[index], gain, self.method, self.horizon)
+        gain, sensor = self.gain.reshape(self.shape)[..., index], self.many.sensors[index]
+        options: dict[str, Any] = {"with_course": bool(scenario.obstacle.course), "degree": self.degree}
+        return make_request(scenario, sensor, gain, self.method, self.horizon, **options)
 
     @property
     def slope(self) -> float:

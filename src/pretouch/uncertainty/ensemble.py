@@ -18,10 +18,8 @@ from pretouch._core.values import Value
 from pretouch.motion import DAMPER, DRAG, ContactResult, ContinuousLaw, Scenario
 from pretouch.motion.evaluator import Evaluator, ManySensorEvaluator, with_noise_after
 from pretouch.motion.many_curves import ManyCurves, many_curves
-from pretouch.motion.request import make_request
 from pretouch.motion.scenario import input_units, map_fields, scenario_with, sensor_with
 from pretouch.motion.similarity import EncounterSimilarity, find_similarity
-from pretouch.motion.solution import Solution
 from pretouch.sensors import SensorModel
 
 from .distributions import Interval, JointDistribution
@@ -264,12 +262,8 @@ class Ensemble(Value):
             )
             return likeness.result(result, self.scenario)
         if self.many is not None:
-            if self.law == DRAG:
-                from pretouch.motion.drag import solve_drag  # noqa: PLC0415 - only drags need it
-
-                return solve_drag(self.scenario, self.sensor, gains, horizon=self.horizon, many=self.many)
-            request = make_request(self.scenario, self.sensor, gains, self.method, self.horizon, many=self.many)
-            return ContactResult(Solution(request), request.method)
+            options["many"] = self.many
+            return self.law.contact(self.scenario, self.sensor, gains, **options)
         return _stacked([self.law.contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
 
     def _evaluated(self, evaluator: Evaluator, gains: FloatArray) -> ContactResult:

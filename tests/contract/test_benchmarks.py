@@ -270,8 +270,9 @@ def test_a_sensor_that_fails_without_a_check_of_jumps_is_noticed() -> None:
     failures = [disturbances.Failure(event, 0.0422, -0.3, 0)]
     task = disturbances.pt.load_scenario(disturbances.EXAMPLES / "loop.toml")
     law = task.loop.law
-    loop = dataclasses.replace(
-        task.loop, law=dataclasses.replace(law, conditioning=dataclasses.replace(law.conditioning, largest_rate=None))
+    conditioning = dataclasses.replace(law.conditioning, largest_rate=None)
+    damper = dataclasses.replace(law.law, approach_only=False)
+    bare = task.replace(
+        loop=dataclasses.replace(task.loop, law=dataclasses.replace(law, conditioning=conditioning, law=damper))
     )
-    bare = task.replace(loop=loop)
     assert disturbances.judge("loop", lambda f, e: disturbances.run_loop(bare, -0.86, f, e), failures, 0.05) > 0

@@ -108,9 +108,9 @@ class RobustOptions(ExplainsNames, Value):
     Args:
         measure: the measure that a robust gain minimizes, of the objective over all encounters: Quantile,
             ConditionalValueAtRisk, WorstCase or Expected() (the default, None).
-        samples: number of encounters of the measure; None for 4096, or 256 with `evaluate`.
-        validation: number of fresh encounters on which the gain is validated; None for 4096, or four times the
-            samples with `evaluate`.
+        samples: number of encounters of the measure; None for 4096, or 256 with `evaluate` or a CustomLaw.
+        validation: number of fresh encounters on which the gain is validated; None for 4096, for four times the samples
+            with `evaluate`, or for four times the samples, and at least 1024, with a CustomLaw.
         seed: seed of all samples; runs on a loop have the seed of the loop.
         sampling: sampling method, as in `sample_inputs`, also of the validation.
         confidence: confidence level of the intervals, between 0 and 1.

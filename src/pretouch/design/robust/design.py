@@ -11,6 +11,7 @@ from typing import Final
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
+from pretouch.motion import CustomLaw
 from pretouch.motion.evaluator import with_noise_after
 from pretouch.uncertainty import Interval, sample_inputs
 from pretouch.uncertainty.ensemble import check_draw, check_nominal
@@ -34,7 +35,7 @@ NOTHING_UNCERTAIN: Final = (
 )
 _FRESH: Final = 1  # added to the seed for the samples of the validation
 _SAMPLES: Final = 4096
-_SAMPLES_OF_EVALUATOR: Final = 256  # with `evaluate`: a sampled loop needs a hundred times the computing time
+_FEW_SAMPLES: Final = 256  # a sampled loop or a custom law needs a hundred times the computing time or more
 
 
 @check_arguments
@@ -118,9 +119,10 @@ def _with_defaults(task: Task) -> Task:
     measure = checked_measure(Expected() if options.measure is None else options.measure)
     limits = limits_of(task.constraints)
     _check(task, measure, limits)
-    default = _SAMPLES if task.evaluate is None else _SAMPLES_OF_EVALUATOR
+    custom = isinstance(task.law, CustomLaw) and task.evaluate is None
+    default = _FEW_SAMPLES if custom or task.evaluate is not None else _SAMPLES
     samples = default if options.samples is None else options.samples
-    fresh = _SAMPLES if task.evaluate is None else 4 * samples
+    fresh = 4 * max(samples, _FEW_SAMPLES) if custom else _SAMPLES if task.evaluate is None else 4 * samples
     validation = fresh if options.validation is None else options.validation
     options = replace(options, measure=measure, samples=samples, validation=validation)
     return task.replace(constraints=limits, robust=options)

@@ -225,3 +225,28 @@ def test_a_drawn_curve_over_the_whole_range_is_not_cut() -> None:
         np.asarray(curve.sensor.log_output(np.array(curve.sensor.distances))), abs=1e-12
     )
     assert low == 0.0
+
+
+def with_low_nearest(*, repeats: int) -> Calibration:
+    """Return nine readings, the nearest 20 % too low, and right repeats of it."""
+    calibration = read_once()
+    outputs = np.array(calibration.outputs)
+    right = outputs[0]
+    outputs[0] -= 0.2 * (right - 150)
+    again = right + np.array([4.0, -3.0, 1.0, -5.0, 2.0])[:repeats]
+    return replace(
+        calibration,
+        distances=np.append(calibration.distances, np.zeros(repeats)),
+        outputs=np.append(outputs, again),
+    )
+
+
+def test_a_low_nearest_reading_may_be_wrong_and_five_repeats_show_it() -> None:
+    """One low reading looks like a ceiling; next to five others it is an outlier."""
+    once = rank_models(with_low_nearest(repeats=0))
+    assert once.window.l_min > 0
+    assert "PT117" in codes((*once.reasons, *once.notes))
+    repeated = rank_models(with_low_nearest(repeats=5))
+    assert repeated.window.l_min == 0
+    assert any("differs from other readings at the same distance" in text for text in repeated.left_out)
+    assert "PT117" not in codes((*repeated.reasons, *repeated.notes))

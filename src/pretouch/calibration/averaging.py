@@ -13,6 +13,7 @@ from pretouch._core.units import format_quantity
 from .data import Calibration
 
 MAD_TO_SIGMA = 1.4826  # median absolute deviation to standard deviation, for a normal distribution
+_FEWEST_COMPARED = 5  # repeats beyond the first of each distance, to find an outlier among repeats
 _BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; lost or doubled readings deviate much more
 _CLEAR_OF_ZERO = 5  # a zero counts as lost if the smallest other reading is at least so many converter steps above it
 _USUAL_SPREAD = 0.5  # standard deviation of the prior of ln c above its usual value
@@ -93,7 +94,7 @@ def average(calibration: Calibration) -> AveragedCurve:
     groups = [np.flatnonzero(keep)[place == i] for i in range(len(distance))]
     medians = np.array([np.median(calibration.outputs[g]) for g in groups])
     repeated = [i for i, g in enumerate(groups) if len(g) >= 3]
-    if sum(len(groups[i]) - 1 for i in repeated) >= 6:
+    if sum(len(groups[i]) - 1 for i in repeated) >= _FEWEST_COMPARED:
         deviations = [np.abs(calibration.outputs[groups[i]] - medians[i]) for i in repeated]
         spread = np.array([(MAD_TO_SIGMA * np.median(d)) ** 2 for d in deviations])
         dof = np.array([len(groups[i]) - 1 for i in repeated], dtype=np.float64)

@@ -90,7 +90,15 @@ class WitnessCheck(Value):
     @property
     def is_supported(self) -> bool:
         """Whether the readings support the predicted contact speed."""
-        return not (self.is_contradicted or self.harder_count or self.share_outside > _DISAGREE)
+        return self.is_determined and not (self.is_contradicted or self.harder_count)
+
+    @property
+    def is_determined(self) -> bool:
+        """Whether three of four weighted curves agree with the predicted contact speed.
+
+        Unlike `is_supported`, it does not depend on curves through readings that the fit leaves out as outliers.
+        """
+        return self.share_outside <= _DISAGREE
 
     @property
     def is_precise(self) -> bool:

@@ -65,7 +65,7 @@ def _lines_for_scenario(report: CalibrationReport) -> tuple[str, ...]:
     if report.window.l_min <= 0:
         return report.scenario_lines
     recess = recess_in_words(report.window.l_min)
-    return (*report.scenario_lines, f'recess = "{recess}"  # the sensor is mounted {recess} behind the contact surface')
+    return (*report.scenario_lines, f'recess = "{recess}"  # mount the sensor {recess} behind the contact surface')
 
 
 def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
@@ -281,7 +281,7 @@ def _scenario_text(fit: SensorFit) -> str:
     lines += [f"{name} = {float(value)!r}" for name, value in fit.sensor.parameters.items()]
     start, end = fit.window.l_min, fit.window.l_max
     if start > 0:
-        lines.append(f"recess = {start!r}  # distance by which the sensor is mounted behind the contact surface [m]")
+        lines.append(f"recess = {start!r}  # mount the sensor this far behind the contact surface [m]")
     lines.append(f"maximum_distance = {end - start:.6g}  # largest usable distance from the contact surface [m]")
     return "\n".join(lines)
 

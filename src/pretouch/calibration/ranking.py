@@ -85,11 +85,11 @@ def rank_models(
         )
         found = find_reservations(prepared, fits, slope)
         contradictions += tuple(text for text in found if split_code(text)[0] in _DOUBTFUL)
-        reasons = (*found, *contact_reservations(prepared, check))
-        if check is not None and check.is_supported and len(prepared.used.distance) >= FEW_POINTS:
+        reasons = (*contact_reservations(prepared, check), *found)
+        if check is not None and check.is_determined and len(prepared.used.distance) >= FEW_POINTS:
             notes = weaknesses
         else:
-            reasons = (*weaknesses, *reasons)
+            reasons = (*reasons, *weaknesses)
     reasons += distance_reservations(calibration)
     usable = "usable with reservations" if reasons else "usable"
     return CalibrationReport(

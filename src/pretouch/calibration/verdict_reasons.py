@@ -28,6 +28,7 @@ FEW_POINTS = 6
 _MORE_THAN_UNKNOWNS = 3  # distances needed beyond the number of unknowns, to judge a fit
 _LARGE_MISFIT = 0.1  # misfit of ln xi; over one step of distance, the virtual force has about this relative error
 _PROBABLY_WRONG = 0.5  # probability of a wrong nearest reading from which on a reservation is made
+_FEW_FLATTENED = 2  # flattened distances that one wrong reading explains as well
 _FEW_EMPTY = 4  # readings without an object from which the noise can be estimated, as from repeats
 _DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # allowed `PossibleCurves.doubt` of each kind of offset
 _MOST_NAMED = 5  # readings that a sentence lists
@@ -172,24 +173,43 @@ def find_weaknesses(
     elif used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
         once = "Every distance was read once, so the noise is estimated from deviations from the curve"
         weaknesses.append(caution("PT102", f"{once}: read each distance 3 times or more."))
-    weaknesses += _weak_offset(prepared)
+    weaknesses += [*_weak_offset(prepared), *_few_flattened(prepared)]
     return weaknesses + (uncertain_slope(prepared, fits[0], slope) if fits else [])
 
 
 def contact_reservations(prepared: Prepared, check: WitnessCheck | None) -> list[str]:
     """Return a warning if the readings do not determine the contact speed of a typical encounter."""
-    if check is None or check.is_supported:
+    if check is None or check.is_determined:
         return []
     from .contact_check import measurement_that_helps  # noqa: PLC0415 - it loads the motions
 
     window = prepared.window
     advice = measurement_that_helps(check, prepared.offset, window.l_min, window.l_max)
-    low, high = (f"{v / check.predicted:.2g}" for v in (check.low, check.high))
+    low, high = (f"{v / check.predicted:.2g}" for v in (check.allowed_low, check.allowed_high))
     return [
         caution(
             "PT118",
             f"The readings do not determine the contact speed: {advice}. In a typical encounter, sensor curves "
             f"that fit the readings as well lead to {low} to {high} times the predicted contact speed.",
+        )
+    ]
+
+
+def _few_flattened(prepared: Prepared) -> list[str]:
+    """Return a warning if only one or two single readings show that the output flattens or falls near the sensor."""
+    first = prepared.window.distances[0] if prepared.window.distances else 0.0
+    places, counts = np.unique(prepared.calibration.distances, return_counts=True)
+    cut = places < first
+    few = 0 < cut.sum() <= _FEW_FLATTENED and counts[cut].max() == 1
+    if not few or prepared.window.saturation is not None:
+        return []
+    at = format_quantity(float(places[0]), "m")
+    return [
+        caution(
+            "PT117",
+            f"The output flattens or falls near the sensor, or the reading at the smallest distance {at} is too low: "
+            "repeat it five times or more. Readings at distances below "
+            f"{format_quantity(float(first), 'm')} are not used.",
         )
     ]
 

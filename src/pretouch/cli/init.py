@@ -18,7 +18,7 @@ import typer
 
 from pretouch._core.errors import InvalidInputError, PretouchError, ScenarioFileError, UnitError
 from pretouch._core.files import as_json, refuse_input, write_text
-from pretouch._core.units import missing_unit, read_quantity
+from pretouch._core.units import format_quantity, missing_unit, read_quantity
 from pretouch._core.warning_codes import split_code
 
 from .columns import Columns, Labels, Select, read_columns, read_labels, read_selection, selection_of
@@ -159,6 +159,11 @@ def _init(
     content = "this first scenario file uses a typical sensor curve; replace it by your calibration"
     if request is not None:
         content = "this first scenario file uses your calibration"
+        if scenario.recess > 0:
+            recess = format_quantity(scenario.recess, "m")
+            content += f".\nMount the sensor {recess} behind the contact surface, as recess says in this file"
+            if answers["recess"] is None:
+                content += f": the readings nearer than {recess} are not usable"
     elif scenario.part is not None and scenario.part.chain.measures_distance:
         content = (
             f"this first scenario file uses the sensor part {scenario.part.name}. This part needs no calibration, "

@@ -317,10 +317,10 @@ class Presentation:
         """Return the terminal's summary of a result. The verdict on the sensor calibration is included."""
         from pretouch.report.pages import page_of  # noqa: PLC0415 - `pretouch --help` stays fast
 
-        from .summary import summary_of  # noqa: PLC0415
+        from .summary import summary_of, wrapped  # noqa: PLC0415
 
         opening = () if reservations is None or reservations.headline is None else (reservations.headline,)
-        calibration = () if reservations is None else (reservations.verdict,)
+        calibration = () if reservations is None else tuple(wrapped(reservations.verdict, indent="  "))
         ending = (*calibration, "All numbers: --verbose")
         page = page_of(result)
         if reservations is not None:

@@ -221,7 +221,7 @@ class FirstScenario(Value):
         )
 
     def _recess(self) -> str:
-        line = f'recess = "{_as_text(self.recess, "m")}"  # the sensor is this far behind the contact surface\n'
+        line = f'recess = "{_as_text(self.recess, "m")}"  # mount the sensor this far behind the contact surface\n'
         return line if self.recess else ""
 
     def _acceleration(self) -> str:

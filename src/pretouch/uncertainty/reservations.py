@@ -288,6 +288,8 @@ class Reservations(Value):
         text = f"Calibration {self.report.calibration.name}: {self.report.verdict}"
         if self.witness is not None and self.witness.headline is not None:
             text += ", but not accurate enough for this contact speed"
+        if self.recess > 0:
+            text += f", for a sensor that is mounted {format_quantity(self.recess, 'm')} behind the contact surface"
         if offset is None:
             return text
         level = f"{offset.value:.4g} {unit}".rstrip()

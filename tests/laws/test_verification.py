@@ -474,12 +474,12 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     task = pt.load_scenario(EXAMPLES / "loop.toml").replace(
         verify=replace(pt.load_scenario(EXAMPLES / "loop.toml").verify, runs=2)
     )
-    low = replace(task.loop.law, conditioning=replace(task.loop.law.conditioning, floor=100.0))
-    task = task.replace(loop=replace(task.loop, law=low, seed=seed))
+    low: Any = replace(task.loop.law, conditioning=replace(task.loop.law.conditioning, floor=100.0))
+    task = task.replace(loop=replace(task.loop, law=replace(low, law=replace(low.law, approach_only=False)), seed=seed))
     (said,) = (text for text in pt.verify_gain(task, changes=False).warnings if "robot at rest" in text)
     found = re.search(
         r"by up to ([\d.]+) mm within 30 s: a controller floor of ([\d.]+) instead of 100 limits this to 1 mm, "
-        r"but detects objects only from ([\d.]+) mm on\. ",
+        r"but detects objects only at ([\d.]+) mm, where the encounter must then start\. ",
         said,
     )
     assert found is not None

@@ -55,6 +55,10 @@ _THOROUGH: Final = Effort(first=17, largest=17, most=1, nodes=5, finest=2e-3, sm
 _AROUND: Final = 4.0  # a changed loop is searched from the nearest gain divided by this factor to it times the factor
 _FIRST_LIMIT: Final = 2  # place of the first limit among the shortfalls, after contact and contact speed
 _MOST: Final = 1e6  # larger shortfalls are not distinguished
+_FILTERS: Final = ("median_window", "low_pass_order", "cutoff", "largest_rate", "floor")
+_AGAINST_NOISE: Final = frozenset({"chain.noise", "chain.relative_noise", *(f"controller.{key}" for key in _FILTERS)})
+"""Settings that help only against noise. If the noise is a guess, it must be measured first."""
+
 _SERIOUS: Final = frozenset({VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY})
 
 
@@ -100,19 +104,23 @@ def find_advice(task: Task, verdict: Verdict, found: Improvements, passed: Passe
     avoided = reached is None or not (reached.predicted or reached.simulated)
     unseen = verdict.mitigated is None or bool(np.isnan(verdict.mitigated.detection_time).all())
     rest = verdict.at_rest
-    restless = rest is not None and rest.reaches_object and rest.quiet_floor is None
+    # with an unstable gain, the motion at rest says nothing about the noise
+    stable = verdict.stability is None or verdict.stability.margin > 1
+    restless = stable and rest is not None and rest.reaches_object and rest.quiet_floor is None
     if avoided or unseen or restless or (check is not None and not check.is_good_enough):
         return None  # every change is compared by the contacts that it leads to
-    if verdict.reasons and _is_noise_a_guess(task):
-        text = (
-            "read each distance three times or more, and calibrate again: without repeats, the noise of the sensor is a"
-        )
-        return Advice(kind="readings", sentence=f"{text} guess, and so is every change that reduces noise")
     runs = runs_advised(verdict)
     if runs is not None:
         more = task.replace(verify=replace(task.verify, runs=runs))
         return Advice(kind="runs", sentence=f"simulate {runs} runs", settings=settings_between(task, more))
-    return _Seeker(task, verdict, found, passed, judge).advice()
+    advice = _Seeker(task, verdict, found, passed, judge).advice()
+    against_noise = advice is None or advice.kind == "none" or bool(_AGAINST_NOISE & set(advice.settings))
+    if verdict.reasons and against_noise and _is_noise_a_guess(task):
+        text = (
+            "read each distance three times or more, and calibrate again: without repeats, the noise of the sensor is a"
+        )
+        return Advice(kind="readings", sentence=f"{text} guess, and so is every change that reduces noise")
+    return advice
 
 
 def _start_at_detection(task: Task, verdict: Verdict) -> Advice | None:

@@ -141,8 +141,8 @@ def rest_in_words(rest: RestMotion | None, law: Any) -> Iterator[str]:
     yield caution(
         "PT406",
         f"{rest.text}: a controller floor of {rest.quiet_floor:g} instead of {law.conditioning.floor:g} limits this to "
-        f"{still}, but detects objects only from {format_quantity(rest.detected_from, 'm', 3)} on. The floor is the "
-        f"detection threshold above the offset. {place}",
+        f"{still}, but detects objects only at {format_quantity(rest.detected_from, 'm', 3)}, where the encounter must "
+        f"then start. The floor is the detection threshold above the offset. {place}",
     )
 
 

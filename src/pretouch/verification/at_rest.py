@@ -154,9 +154,11 @@ def _duration(law: Controller) -> float:
 def _quiet_floor(task: Task, gain: float, law: Controller, scan: _Scan, moved: float) -> float | None:
     """Find a detection threshold that limits the motion at rest."""
     # With the present floor, the robot moves by `moved` [m].
-    below = law.conditioning.floor
+    below, full = law.conditioning.floor, law.conditioning.saturation
     for _ in range(_TRIES):
         floor = float(f"{1.1 * below * moved / _STILL:.2g}")
+        if full is not None and law.conditioning.offset + floor >= full:  # nothing would ever be detected
+            return None
         higher = _scan(task, gain, law, floor)
         if higher is None:
             return None

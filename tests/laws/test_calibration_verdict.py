@@ -227,6 +227,22 @@ def test_a_drawn_curve_over_the_whole_range_is_not_cut() -> None:
     assert low == 0.0
 
 
+def test_a_prediction_outside_of_the_allowed_range_is_opposed_to_it() -> None:
+    report = rank_models(read_once())
+    assert report.best is not None
+    assert report.offset is not None
+    assert report.curves is not None
+    check = reference_check(report.curves, report.offset.value, report.best.sensor, nearest=0.0, farthest=0.08)
+    assert check is not None
+    assert check.spread is None
+    around = replace(check, allowed_low=0.5 * check.predicted, allowed_high=1.1 * check.predicted)
+    above = replace(check, allowed_low=1.05 * check.predicted, allowed_high=1.3 * check.predicted)
+    assert around.spread is not None
+    assert above.spread is not None
+    assert around.spread.startswith("The readings also allow")
+    assert above.spread.startswith("But nearly all other sensor curves")
+
+
 def with_low_nearest(*, repeats: int) -> Calibration:
     """Return nine readings, the nearest 20 % too low, and right repeats of it."""
     calibration = read_once()

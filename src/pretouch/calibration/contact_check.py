@@ -144,7 +144,9 @@ class WitnessCheck(Value):
         unit = low.rpartition(" ")[2]
         ends = f"{low.removesuffix(f' {unit}')} to {high}" if high.endswith(f" {unit}") else f"{low} to {high}"
         of = f" in the worst of {self.encounters} encounters" if self.encounters > 1 else ""
-        return f"The readings also allow sensor curves with which contact occurs at {ends}{of}."
+        if is_within(self.predicted, self.allowed_low, self.allowed_high):
+            return f"The readings also allow sensor curves with which contact occurs at {ends}{of}."
+        return f"But nearly all other sensor curves that fit the readings lead to contact at {ends}{of}."
 
     @property
     def text(self) -> str:

@@ -105,7 +105,7 @@ _LONGEST: Final = 20.0  # times the time to contact without mitigation, until wh
 _SHORTEST: Final = 5.0  # s: runs wait at least so long
 _WAITING: Final = 5.0  # sensor periods: with a longer latency, the controller needs a longer timeout
 _DAMPER: Final = """\
-approach_only = true                 # a sensor that fails, or an object that leaves, pulls the robot nowhere
+approach_only = true                 # the force ends if a sensor fails, or if an object leaves
 """
 _SIGMAS: Final = 3.0  # smallest floor, in standard deviations of the noise
 _PROVISIONAL: Final = 1.0  # floor with which the output of a sensor without noise is computed

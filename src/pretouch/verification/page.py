@@ -218,6 +218,8 @@ def _strongest(check: StabilityCheck, number: LawNumber) -> str:
 
 
 def _rate(rate: float) -> Cell:
+    if rate == 0:
+        return "any"
     return "none is enough" if math.isinf(rate) else Measured(rate, "Hz", 3)
 
 

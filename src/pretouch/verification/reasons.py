@@ -144,7 +144,7 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
     if stability is None:
         yield "the stability of the loop is not known"
     elif 1 <= stability.margin < USUAL_MARGIN:
-        yield f"the gain margin is {stability.margin:.3g} (2 is usual)"
+        yield f"the gain margin is only {stability.margin:.3g}, and 2 or more is usual"
     for check in (check for check in v.limits if check.is_met):
         p = check.required.probability
         if _is_unshown(check):

@@ -225,6 +225,12 @@ def loop_task() -> pt.Task:
     return pt.load_scenario(EXAMPLES / "loop.toml")
 
 
+def two_sided(task: pt.Task) -> pt.Task:
+    """Return a task whose law also follows an object that recedes."""
+    law = replace(task.loop.law, law=replace(task.loop.law.law, approach_only=False))
+    return task.replace(loop=replace(task.loop, law=law))
+
+
 def with_floor(task: pt.Task, floor: float) -> pt.Task:
     conditioning = replace(task.loop.law.conditioning, floor=floor, largest_rate=None)
     law = replace(task.loop.law, conditioning=conditioning)
@@ -238,16 +244,18 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
         (
             lambda: (
                 pt.verify_gain(
-                    with_floor(loop_task(), 100.0).replace(verify=pt.VerifyOptions(runs=2), gain=-0.7), changes=False
+                    two_sided(with_floor(loop_task(), 100.0)).replace(verify=pt.VerifyOptions(runs=2), gain=-0.7),
+                    changes=False,
                 ).warnings
             ),
             "moves a robot at rest by up to",
-            "but detects objects only from",
+            "but detects objects only at",
         ),
         (
             lambda: (
                 pt.verify_gain(
-                    with_floor(loop_task(), 100.0).replace(verify=pt.VerifyOptions(runs=2), gain=-0.7), changes=False
+                    two_sided(with_floor(loop_task(), 100.0)).replace(verify=pt.VerifyOptions(runs=2), gain=-0.7),
+                    changes=False,
                 ).warnings
             ),
             "makes the robot jump toward the object",

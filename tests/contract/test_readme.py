@@ -194,6 +194,6 @@ def test_the_demonstration_writes_its_reports(
         "tradeoff-pareto.html",
         "index.html",
     }
-    assert len(printed.splitlines()) <= 80
+    assert len(printed.splitlines()) <= 82
     index = (tmp_path / "demo-output" / "index.html").read_text(encoding="utf-8")
     assert all(f'href="{p.name}"' in index for p in (tmp_path / "demo-output").iterdir() if p.name != "index.html")

@@ -130,7 +130,7 @@ class Breakage(Value):
         if not self.returning_increase:
             return f"{text}. Contact is never harder than without mitigation"
         more = format_quantity(self.returning_increase, "m/s", 3)
-        return f"{text}. Contact in this motion is up to {more} harder than without mitigation"
+        return f"{text}. Contact is then up to {more} harder than without mitigation"
 
 
 def return_rate(admittance: Any) -> float:

@@ -266,3 +266,18 @@ def test_a_start_that_differs_from_the_detection_distance_is_advised_first_and_t
     after = pt.verify_gain(load(follow(document, dict(advice.settings)), tmp_path), changes=False)
     assert after.approach is None
     assert after.gain is not None
+
+
+@pytest.mark.slow
+def test_with_an_uncertain_start_the_floor_is_advised_that_detects_there(tmp_path: Path) -> None:
+    """Another start would need another distribution, so only the floor can change."""
+    text = FILE.replace('"2500 counts"', '"100 counts"').replace("runs = 300", "runs = 60")
+    document: Document = tomllib.loads(text)
+    document["uncertainty"]["obstacle"]["position"] = {"uniform": ["40 mm", "44.4 mm"]}
+    advice = pt.verify_gain(load(document, tmp_path)).advice
+    assert advice is not None
+    assert advice.kind == "start"
+    assert set(advice.settings) == {"controller.floor"}
+    assert "position" not in advice.sentence
+    after = pt.verify_gain(load(follow(document, dict(advice.settings)), tmp_path), changes=False)
+    assert after.approach is None

@@ -132,17 +132,24 @@ def _start_at_detection(task: Task, verdict: Verdict) -> Advice | None:
     uncertain = {"obstacle.position", "obstacle.velocity"} & set(task.uncertainty)
     if verdict.approach is None or verdict.approach.is_met or detection is None or detection.moved is None:
         return None
-    if detection.is_beyond_curve or uncertain - {"obstacle.velocity"}:
-        return None  # the distance is unknown, or the distribution would have to change, too
-    changed = task.replace(scenario=detection.moved)
-    if designed_number(changed.replace(gain=None)) is None and detection.floor_at_start is not None:
+    if detection.is_beyond_curve:
+        return None  # the distance is unknown
+    changed, sentence = task.replace(scenario=detection.moved), f"{verdict.approach.cures}, and design again"
+    fixed = "obstacle.position" in uncertain  # another position would need another distribution, too
+    if fixed and detection.floor_at_start is None:
+        return None
+    if detection.floor_at_start is not None and (fixed or designed_number(changed.replace(gain=None)) is None):
         law: Any = task.loop.law
-        conditioning = replace(law.conditioning, floor=float(f"{detection.floor_at_start:.3g}"))
-        changed = task.replace(loop=replace(task.loop, law=replace(law, conditioning=conditioning)))
+        floor = float(f"{detection.floor_at_start:.3g}")
+        changed = task.replace(
+            loop=replace(task.loop, law=replace(law, conditioning=replace(law.conditioning, floor=floor)))
+        )
+        if fixed:
+            sentence = f"set floor = {floor:g} in [controller], and design again"
     settings = settings_between(task, changed)
     if uncertain & set(settings):
         return None
-    return Advice(kind="start", sentence=f"{verdict.approach.cures}, and design again", settings=settings)
+    return Advice(kind="start", sentence=sentence, settings=settings)
 
 
 @dataclass(frozen=True, eq=False)

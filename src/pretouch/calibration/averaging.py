@@ -116,7 +116,7 @@ def _lost(calibration: Calibration) -> BoolArray:
     Zeros are lost readings only if all other readings are clearly above zero.
 
     Returns:
-        The indices of these readings.
+        Whether each reading is lost.
     """
     zero = calibration.outputs == 0
     others = np.concatenate([calibration.outputs[~zero], calibration.no_object])
@@ -288,7 +288,7 @@ def condense(calibration: Calibration) -> Calibration:
 def _parts(distance: FloatArray, output: FloatArray) -> tuple[FloatArray, IntArray]:
     """Divide readings into groups of neighboring distances.
 
-    Return the group borders and the group index of each reading. The readings are sorted by distance.
+    The readings are sorted by distance.
 
     Returns:
         The borders of the groups, and the group of each reading.

@@ -22,7 +22,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
-from pretouch.sensors import Family, PiecewiseCubic
+from pretouch.sensors import Family, PiecewiseCubic, sensor_curves
 
 from .averaging import AveragedCurve, ReadingNoise
 from .family_fits import families_of, forward_change, lowest_offset
@@ -230,7 +230,7 @@ def fit_under_ceilings(
     for family in families_of(curve, options.models):  # slow families are fitted without a ceiling only
         above, sharpness, ignored = np.array([(np.inf, 2.0, np.nan), *(ceilings if family.quick else []), *suspects]).T
         problem = _Problem(curve=curve, noise=noise, family=family, above=above, sharpness=sharpness, ignored=ignored)
-        if family.curve.__module__.startswith("pretouch."):
+        if family.name in sensor_curves():
             lanes.append(problem.lanes(offset))
             continue
         with suppress(Exception):  # an error in a user's curve must not prevent the fits of the others

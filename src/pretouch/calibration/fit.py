@@ -336,10 +336,8 @@ def _family(model: str, used: AveragedCurve) -> Family:
 def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
     """Fit one sensor model to a prepared calibration.
 
-    Return the reason as text if the model cannot be fitted.
-
     Returns:
-        The fit, or the reason as text.
+        The fit, or as text the reason why the model cannot be fitted.
     """
     reason = why_not(model, prepared)
     if reason:

@@ -237,8 +237,7 @@ class _End:
     def take(self, value: float, height: float) -> bool:
         """Record a point of the likelihood profile.
 
-        Return True if the search continues from this point. `height` is the square root of the profile's rise at a
-        value, relative to the rise at the end.
+        `height` is the square root of the profile's rise at a value, relative to the rise at the end.
 
         Returns:
             Whether the search continues from this point.

@@ -77,7 +77,7 @@ def rank_models(
         fits = _ranked([fit for fit in attempts.values() if isinstance(fit, SensorFit)])
     slope = estimate_slope(prepared)
     reasons, notes = prepared.no_signal, tuple[str, ...]()
-    contradictions = distance_reservations(calibration)
+    contradictions = too_far = distance_reservations(calibration)
     if not prepared.no_signal:
         check = _check(prepared, fits)
         weaknesses = tuple(
@@ -90,7 +90,7 @@ def rank_models(
             notes = weaknesses
         else:
             reasons = (*reasons, *weaknesses)
-    reasons += distance_reservations(calibration)
+    reasons += too_far
     usable = "usable with reservations" if reasons else "usable"
     return CalibrationReport(
         calibration=prepared.calibration,

@@ -33,7 +33,7 @@ from .improvement import Improvements, redesign
 from .reasons import lacks_only_runs, likely_runs, runs_advised
 from .result import Verdict
 from .settings import settings_between
-from .stability import ChangedLoop, Passed, candidates_of, limit_of, rounded_up
+from .stability import ChangedLoop, Passed, candidates_of, limit_of, rounded_up, with_settings
 
 Judge: TypeAlias = Callable[[Task], Verdict]
 """Function that returns the verdict on a changed task, as `verify_gain` does."""
@@ -139,11 +139,8 @@ def _start_at_detection(task: Task, verdict: Verdict) -> Advice | None:
     if fixed and detection.floor_at_start is None:
         return None
     if detection.floor_at_start is not None and (fixed or designed_number(changed.replace(gain=None)) is None):
-        law: Any = task.loop.law
         floor = float(f"{detection.floor_at_start:.3g}")
-        changed = task.replace(
-            loop=replace(task.loop, law=replace(law, conditioning=replace(law.conditioning, floor=floor)))
-        )
+        changed = task.replace(loop=with_settings(task.loop, conditioning={"floor": floor}))
         if fixed:
             sentence = f"set floor = {floor:g} in [controller], and design again"
     settings = settings_between(task, changed)
@@ -195,9 +192,8 @@ class _Seeker:
         start, rest = _Start(self.task.loop, ()), self.verdict.at_rest
         if rest is not None and rest.reaches_object and rest.quiet_floor is not None:
             law: Any = self.task.loop.law
-            quiet = replace(law, conditioning=replace(law.conditioning, floor=rest.quiet_floor))
             words = f"set the floor to {rest.quiet_floor:g} instead of {law.conditioning.floor:g}"
-            start = _Start(replace(self.task.loop, law=quiet), (words,))
+            start = _Start(with_settings(self.task.loop, conditioning={"floor": rest.quiet_floor}), (words,))
             yield start, self._search(start.loop)
         else:
             yield start, self.found.search

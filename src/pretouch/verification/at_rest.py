@@ -23,7 +23,7 @@ from pretouch.motion import Obstacle, Scenario
 from pretouch.simulation import ClosedLoop, IdealPlant
 from pretouch.simulation.detection import detection_distance
 
-from .stability import rounded_up
+from .stability import rounded_up, with_settings
 
 _REST: Final = 30.0  # s: longest time at rest
 _STEPS: Final = 30_000  # largest number of controller steps: a fast controller is simulated for a shorter time
@@ -184,7 +184,7 @@ def _scan(task: Task, gain: float, law: Controller, floor: float) -> _Scan | Non
     places = places[places > 0]
     if not len(places):
         return None
-    loop = replace(task.loop, law=replace(law, conditioning=replace(law.conditioning, floor=floor)))
+    loop = with_settings(task.loop, conditioning={"floor": floor})
     at_rest = replace(loop, plant=IdealPlant(), contact=None, horizon=_duration(law), seed=task.loop.seed + 1)
     return _Scan(at_rest, places, _largest(task, gain, at_rest, places, _SCANS))
 

@@ -20,7 +20,7 @@ from pretouch.control.laws import release_for_noise
 from pretouch.simulation import ClosedLoop, Disturbance, SimulationResult
 
 from .appraisal import Draws
-from .stability import rounded_up
+from .stability import rounded_up, with_settings
 
 _PLACES: Final = (0.9, 0.7, 0.5, 0.3, 0.1)  # shares of the start distance at which a disturbance begins
 _RUNS: Final = 8  # encounters for each disturbance, which the compiled loop runs side by side
@@ -194,8 +194,8 @@ def _guards(loop: ClosedLoop, largest_rate: float) -> Iterator[tuple[str, Closed
     conditioning, law, chain = controller.conditioning, controller.law, loop.chain
     rate = float(f"{largest_rate:.3g}")
     if conditioning.largest_rate is None or conditioning.largest_rate > rate:
-        limited = replace(controller, conditioning=replace(conditioning, largest_rate=rate))
-        yield f"set largest_rate of the controller to {format_quantity(rate, '1/s')}", replace(loop, law=limited)
+        limited = with_settings(loop, conditioning={"largest_rate": rate})
+        yield f"set largest_rate of the controller to {format_quantity(rate, '1/s')}", limited
     if not law.approach_only:
         noise = chain.additive_noise
         release = release_for_noise(conditioning.floor, noise, chain.relative_noise)

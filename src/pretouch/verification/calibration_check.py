@@ -16,7 +16,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import split_code
 from pretouch.calibration import CalibrationReport
-from pretouch.calibration.contact_check import WitnessCheck, check_on_readings, is_within, mount
+from pretouch.calibration.contact_check import WitnessCheck, check_on_readings, is_within, measurement_that_helps, mount
 from pretouch.calibration.result import DrawnCurve
 from pretouch.design import Task
 from pretouch.design.quantities import size_of
@@ -216,8 +216,8 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
     if check.is_good_enough:
         return check
     if witness is not None and witness.suspect is not None:
-        at = format_quantity(witness.suspect, "m")
-        repeat = f"repeat the reading at the distance {at} of the calibration, five times or more"
+        window = report.window
+        repeat = measurement_that_helps(witness, report.offset, window.l_min, window.l_max)
         return replace(check, decisive="curve", remedy=repeat)
     decisive = _decisive(task, gain, sensors, outcome, predicted)
     return replace(check, decisive=decisive, remedy=_remedy(task, report, decisive))

@@ -343,8 +343,8 @@ def candidates_of(
     return candidates
 
 
-def _with(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
-    """Return a copy of the loop with changed settings."""
+def with_settings(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
+    """Return a copy of the loop with changed settings of `chain`, `plant` or `conditioning`."""
     parts: dict[str, Any] = {"chain": loop.chain, "plant": loop.plant}
     parts_changed = {name: replace(part, **changes[name]) for name, part in parts.items() if name in changes}
     if "conditioning" in changes:
@@ -366,7 +366,7 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
     chain = loop.chain
     if chain.delay > 0:
         text = f"Remove the sensor latency of {format_quantity(chain.delay, 's')}."
-        yield "delay", text, partial(_with, loop, chain={"delay": 0.0})
+        yield "delay", text, partial(with_settings, loop, chain={"delay": 0.0})
     if any(getattr(chain, name) > 0 for name in NOISES):
         half = {name: as_printed(getattr(chain, name) / 2, 3) for name in NOISES}
         parts = [f"{half['noise']:.3g} (unit of the readings) instead of {chain.noise:.3g}"] if chain.noise else []
@@ -376,7 +376,7 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
             noises = (half["distance_noise"], chain.distance_noise)
             parts.append(" instead of ".join(format_quantity(noise, "m") for noise in noises))
         text = f"Halve the sensor noise to a standard deviation of {' and '.join(parts)}."
-        yield "noise", text, partial(_with, loop, chain=half)
+        yield "noise", text, partial(with_settings, loop, chain=half)
     if chain.misfit > 0:
         half_misfit = as_printed(chain.misfit / 2, 3)
         text = (
@@ -384,7 +384,7 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
             f"{100 * chain.misfit:.3g} % to {100 * half_misfit:.3g} % of the signal. Record more distances, set the "
             "distances more exactly, or mount the sensor farther behind the contact surface."
         )
-        yield "calibration", text, partial(_with, loop, chain={"misfit": half_misfit})
+        yield "calibration", text, partial(with_settings, loop, chain={"misfit": half_misfit})
 
 
 def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
@@ -393,7 +393,7 @@ def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
         raised = as_printed(_FASTER * plant.bandwidth)
         new, present = (format_quantity(bandwidth, "Hz") for bandwidth in (raised, plant.bandwidth))
         text = f"Raise the bandwidth of the robot's controller from {present} to {new}."
-        yield "robot-bandwidth", text, partial(_with, loop, plant={"bandwidth": raised})
+        yield "robot-bandwidth", text, partial(with_settings, loop, plant={"bandwidth": raised})
     if isinstance(plant, ImpedancePlant):
         stiffness, damping = as_printed(2 * plant.stiffness), as_printed(2**0.5 * plant.damping)
         text = (
@@ -401,7 +401,7 @@ def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
             f"{format_quantity(plant.stiffness, 'N/m')} to {format_quantity(stiffness, 'N/m')}, and its damping "
             f"to {format_quantity(damping, 'N*s/m')}."
         )
-        yield "robot-stiffness", text, partial(_with, loop, plant={"stiffness": stiffness, "damping": damping})
+        yield "robot-stiffness", text, partial(with_settings, loop, plant={"stiffness": stiffness, "damping": damping})
 
 
 def _of_controller(loop: ClosedLoop, quickest: float, noise: float, start: float) -> Iterator[_Made]:
@@ -411,17 +411,17 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float, start: float
     c, noisy = law.conditioning, any(getattr(loop.chain, name) > 0 for name in NOISES)
     if c.median_window > 1:
         text = f"Remove the {c.median_window}-sample median filter."
-        yield "median", text, partial(_with, loop, conditioning={"median_window": 1})
+        yield "median", text, partial(with_settings, loop, conditioning={"median_window": 1})
     if c.low_pass_order and c.cutoff is not None:
         text = f"Remove the low-pass filter of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}."
-        yield "low-pass", text, partial(_with, loop, conditioning={"low_pass_order": 0, "cutoff": None})
+        yield "low-pass", text, partial(with_settings, loop, conditioning={"low_pass_order": 0, "cutoff": None})
     if c.median_window == 1 and noisy:
         text = f"Add a {_SHORT_MEDIAN}-sample median filter."
-        yield "add-median", text, partial(_with, loop, conditioning={"median_window": _SHORT_MEDIAN})
+        yield "add-median", text, partial(with_settings, loop, conditioning={"median_window": _SHORT_MEDIAN})
     if not c.low_pass_order and noisy:
         cutoff = as_printed(_LOW / told_period(law))
         text = f"Add a low-pass filter of order 2 at {format_quantity(cutoff, 'Hz')}."
-        yield "add-low-pass", text, partial(_with, loop, conditioning={"low_pass_order": 2, "cutoff": cutoff})
+        yield "add-low-pass", text, partial(with_settings, loop, conditioning={"low_pass_order": 2, "cutoff": cutoff})
     period = 1 / as_printed(_FASTER / law.period, 6)
     text = f"Run the controller at {1 / period:.6g} Hz instead of {1 / law.period:.6g} Hz."
     yield "controller-rate", text, lambda: replace(loop, law=controller_at(law, told_period(law), period))
@@ -429,7 +429,7 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float, start: float
         lower = as_printed(max(_LOWER * c.floor, _DEVIATIONS * loop.chain.noise), 3)
         text = f"Lower the floor of the controller (its detection threshold) from {c.floor:.4g} to {lower:.3g}."
         if lower < c.floor:
-            yield "floor", text, partial(_with, loop, conditioning={"floor": lower})
+            yield "floor", text, partial(with_settings, loop, conditioning={"floor": lower})
     pedestal, configured = loop.chain.offset + loop.chain.crosstalk, c.offset
     if pedestal != configured:
         pedestal = as_printed(pedestal)
@@ -437,7 +437,7 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float, start: float
         exact = f"{pedestal:.4g}" if pedestal == configured else f"{pedestal:.4g} instead of {configured:.4g}"
         text = f"Subtract the exact offset of the sensor: {exact} (unit of the readings)"
         text += ", and track its drift." if loop.chain.drift else "."
-        yield "offset", text, partial(_with, loop, chain={"drift": 0.0}, conditioning={"offset": pedestal})
+        yield "offset", text, partial(with_settings, loop, chain={"drift": 0.0}, conditioning={"offset": pedestal})
     rate = as_printed(plausible_rate(loop, quickest, noise))
     if c.largest_rate is None and rate > 0:
         text = (
@@ -445,4 +445,4 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float, start: float
             "largest rate |d ln xi / dt| of the sensor signal xi in an approach"
         )
         text += f"{', plus noise' if noisy else ''}."
-        yield "largest-rate", text, partial(_with, loop, conditioning={"largest_rate": rate})
+        yield "largest-rate", text, partial(with_settings, loop, conditioning={"largest_rate": rate})

@@ -146,14 +146,14 @@ def _draw_limits(document: Document, rng: np.random.Generator) -> None:
             document["robust"]["required"][name] = float(rng.choice([0.9, 0.95, 0.99]))
 
 
-def drawn_that_fails(rng: np.random.Generator, folder: Path) -> tuple[Document, pt.Verdict]:
+def drawn_that_fails(rng: np.random.Generator, folder: Path) -> tuple[Document, pt.verification.Verdict]:
     """Return a random scenario file whose gain does not hold, and its verdict."""
     while True:
         try:
             document = draw(rng)
             task = load(document, folder)
-            if pt.verify_gain(task, changes=False).status is VerdictStatus.DOES_NOT_HOLD:
-                return document, pt.verify_gain(task)
+            if pt.verify(task, changes=False).status is VerdictStatus.DOES_NOT_HOLD:
+                return document, pt.verify(task)
         except pt.errors.PretouchError:
             continue
 
@@ -172,7 +172,7 @@ def shares(task: pt.Task, gain: float, runs: int) -> tuple[bool, list[tuple[floa
     return outcomes.softness == 1, [(float(r.held.mean()), r.probability) for r in limits]
 
 
-def confirmed(task: pt.Task, verdict: pt.Verdict, runs: int) -> bool:
+def confirmed(task: pt.Task, verdict: pt.verification.Verdict, runs: int) -> bool:
     """Return whether fresh runs confirm a verdict that holds.
 
     A limit of every run is confirmed if its share reaches the printed lower bound.
@@ -182,7 +182,7 @@ def confirmed(task: pt.Task, verdict: pt.Verdict, runs: int) -> bool:
     return softer and all(share >= bound for (share, _), bound in zip(held, least, strict=True))
 
 
-def scan_holds(task: pt.Task, verdict: pt.Verdict, count: int, runs: int) -> list[float]:
+def scan_holds(task: pt.Task, verdict: pt.verification.Verdict, count: int, runs: int) -> list[float]:
     """Return the gains of a scan that meet every limit of a task in many runs and are stable."""
     strongest = -np.inf if verdict.stability is None else verdict.stability.strongest
     low, high = max(task.bounds[0], strongest), task.bounds[1]
@@ -205,7 +205,7 @@ def advised(count: int, seed: int, runs: int, gains: int, *, verbose: bool) -> t
             for step in range(STEPS + 1):
                 task = load(document, Path(name))
                 start = time.process_time()
-                verdict = pt.verify_gain(task)
+                verdict = pt.verify(task)
                 seconds[verdict.status is VerdictStatus.DOES_NOT_HOLD] += time.process_time() - start
                 lines.append(f"    {verdict.headline}")
                 advice = verdict.to_dict()["advice"]
@@ -242,7 +242,7 @@ def coverage(count: int, seed: int, runs: int) -> tuple[int, int, int]:
                 try:
                     document = draw(rng)
                     task = load(document, Path(name))
-                    verdict = pt.verify_gain(task, changes=False)
+                    verdict = pt.verify(task, changes=False)
                     if verdict.limits:
                         break
                 except pt.errors.PretouchError:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 import pretouch as pt
-from pretouch.design.drag import DragLimits, drag_by
+from pretouch.designs.drag import DragLimits, drag_by
 
 SEED = 20261122
 CHUNK = 1000  # encounters between one pair of rails
@@ -41,7 +41,7 @@ class Ends(NamedTuple):
 Step = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
-def stepping(sensor: pt.SensorModel, strength: np.ndarray, acceleration: np.ndarray) -> Step:
+def stepping(sensor: pt.sensors.SensorModel, strength: np.ndarray, acceleration: np.ndarray) -> Step:
     """Return a Runge-Kutta step of order 4 for l'' = a_o + (phi/M) g^2 l'^2 while l' < 0, else a_o."""
 
     def rate(l: np.ndarray, u: np.ndarray) -> np.ndarray:  # noqa: E741
@@ -61,7 +61,7 @@ def stepping(sensor: pt.SensorModel, strength: np.ndarray, acceleration: np.ndar
 
 
 def follow(
-    sensor: pt.SensorModel, distance: float, speed: np.ndarray, strength: np.ndarray, acceleration: np.ndarray
+    sensor: pt.sensors.SensorModel, distance: float, speed: np.ndarray, strength: np.ndarray, acceleration: np.ndarray
 ) -> Ends:
     """Integrate encounters until contact, until the object is out of range, or through all pieces.
 

@@ -47,7 +47,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import pretouch as pt
-from pretouch.calibration import CalibrationReport, rank_models
+from pretouch.calibration import CalibrationReport, fit
 from pretouch.uncertainty import reservations_of
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
@@ -138,7 +138,7 @@ def judge(made: MadeSensor, report: CalibrationReport) -> tuple[float, float, bo
     sensor = pt.Recessed(sensor=best.sensor, recess=recess) if recess > 0 else best.sensor
     start = last - recess
     scenario = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=start, velocity=-SPEED))
-    design = pt.design_gain(pt.Task(scenario, sensor, OBJECTIVE, bounds=(-20.0, -1e-3)))
+    design = pt.design(pt.Task(scenario, sensor, OBJECTIVE, bounds=(-20.0, -1e-3)))
     if not bool(np.all(design.result.reached)):
         return np.nan, np.nan, True, None
     promised = -float(design.result.end.relative_velocity)
@@ -176,7 +176,7 @@ def one(task: tuple[int, int, str]) -> Outcome:
         kind = KINDS[number % len(KINDS)]
         made = make_sensor(rng, kind)
     start = time.perf_counter()
-    report = rank_models(made.calibration, offset="auto" if made.declared is None else made.declared)
+    report = fit(made.calibration, offset="auto" if made.declared is None else made.declared)
     seconds = time.perf_counter() - start
     promised, met, cautioned, said = judge(made, report)
     offset, holds = report.offset, None

@@ -103,18 +103,16 @@ def main() -> None:
     compare_course("virtual-damper", gains)
     compare_course("virtual-drag", np.geomspace(1e-4, 0.02, options.encounters))
     objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    uniform = pt.robust.Uniform(low=-0.4, high=-0.2)
+    uniform = pt.uncertainty.Uniform(low=-0.4, high=-0.2)
     for name, law in LAWS.items():
         task = pt.Task(SCENARIO, SENSOR, objective, law=law, bounds=(-5.0, -0.01))
         several = task.replace(
-            uncertainty={"obstacle.velocity": uniform}, robust=pt.robust.RobustOptions(samples=options.samples)
+            uncertainty={"obstacle.velocity": uniform}, robust=pt.designs.RobustOptions(samples=options.samples)
         )
-        work: dict[str, Callable[[], Any]] = {"design": lambda task=task: pt.design_gain(task)}  # type: ignore[misc]
+        work: dict[str, Callable[[], Any]] = {"design": lambda task=task: pt.design(task)}  # type: ignore[misc]
         if not options.quick:
-            work[f"robust design of {options.samples} samples"] = lambda task=several: pt.robust.design_robust_gain(
-                task
-            )  # type: ignore[misc]
-            work["Pareto front"] = lambda task=task: pt.pareto_front(task.replace(objective=None))  # type: ignore[misc]
+            work[f"robust design of {options.samples} samples"] = lambda task=several: pt.robust(task)  # type: ignore[misc]
+            work["Pareto front"] = lambda task=task: pt.pareto(task.replace(objective=None))  # type: ignore[misc]
         for what, function in work.items():
             print(f"processor time of a {what}, force of {name}: {processor_time(function)[0]:.2f} s")
 

@@ -34,7 +34,7 @@ import numpy as np
 
 import pretouch as pt
 from pretouch.control.structures import RawOutput, RawSample
-from pretouch.export import export_law
+from pretouch.exports import export
 from pretouch.simulation import Disturbance
 from pretouch.simulation.sensing import SensorRun
 
@@ -73,14 +73,14 @@ def guarded(name: str) -> tuple[pt.Task, float, float]:
     task = pt.load_scenario(EXAMPLES / f"{name}.toml")
     verify = replace(task.verify, runs=60)
     task = task.replace(verify=verify, **({"gain": -0.86} if name == "loop" else {}))
-    verdict = pt.verify_gain(task, changes=False)
+    verdict = pt.verify(task, changes=False)
     breakage = verdict.breakage
     if breakage is not None and "approach_only" in breakage.remedy:
         law: Any = task.loop.law
         release = float(breakage.remedy.partition("release = ")[2].split()[0])
         only = replace(law.law, approach_only=True, release=release)
         task = task.replace(loop=replace(task.loop, law=replace(law, law=only)))
-        verdict = pt.verify_gain(task, changes=False)
+        verdict = pt.verify(task, changes=False)
         breakage = verdict.breakage
     if breakage is None or breakage.harder or verdict.gain is None:
         raise RuntimeError(f"{name}: the recommended settings do not prevent harder contacts")
@@ -91,7 +91,7 @@ def guarded(name: str) -> tuple[pt.Task, float, float]:
 
 def exported(task: pt.Task, folder: Path) -> ctypes.CDLL:
     """Export a law as C source, and compile it."""
-    export_law(task, folder, verify=False)
+    export(task, folder, verify=False)
     source = folder / "library.c"
     source.write_text(
         '#include "pretouch_design.h"\n'

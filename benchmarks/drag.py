@@ -17,7 +17,7 @@ import numpy as np
 
 import pretouch as pt
 from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper, VirtualDrag
-from pretouch.design.drag import drag_by
+from pretouch.designs.drag import drag_by
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
@@ -353,7 +353,7 @@ def witnessed(speeds: tuple[float, ...]) -> Lines:
             admittance=pt.Admittance(**ADMITTANCE), obstacle=pt.Obstacle(position=START, velocity=-speed)
         )
         sensor = pt.InversePower(scale=COUNTS, distance_offset=OFFSET, exponent=EXPONENT)
-        ours = pt.simulate(scenario, sensor, law, follow_time=FOLLOW, **around).relative_velocity
+        ours = pt.simulation.simulate_loop(scenario, sensor, law, follow_time=FOLLOW, **around).relative_velocity
         theirs = witness_encounter(
             scenario, sensor, law, time_step=2.5e-5, follow_time=FOLLOW, **around
         ).relative_velocity

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pretouch as pt
-from pretouch.design.drag import drag_by
+from pretouch.designs.drag import drag_by
 from pretouch.motion.drag import solve_drag
 from pretouch.motion.layout import PEAKS
 
@@ -127,7 +127,7 @@ def measure(count: int, repeats: int) -> Iterator[tuple[str, float, float, float
 
 def robust_page(samples: int) -> tuple[float, float]:
     """Return the processor time of a robust drag design of this many samples, and of its page [s]."""
-    uniform = pt.robust.Uniform
+    uniform = pt.uncertainty.Uniform
     task = pt.Task(
         pt.Scenario(
             admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
@@ -142,10 +142,10 @@ def robust_page(samples: int) -> tuple[float, float]:
             "obstacle.acceleration": uniform(low=-0.2, high=0.1),
             "sensor.exponent": uniform(low=3.2, high=3.4),
         },
-        robust=pt.robust.RobustOptions(samples=samples),
+        robust=pt.designs.RobustOptions(samples=samples),
     )
     start = time.process_time()
-    design = pt.robust.design_robust_gain(task)
+    design = pt.robust(task)
     between = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         pt.write_report(design, Path(folder) / "robust.html")

@@ -42,11 +42,11 @@ INPUTS = (
 )
 FOLLOWED = 400
 
-Run = Callable[[], pt.ContactResult]
+Run = Callable[[], pt.motion.ContactResult]
 """Finds contacts anew: nothing that is read is kept from call to call."""
 
 
-def states(run: Run, names: tuple[str, ...] = STATES) -> pt.ContactResult:
+def states(run: Run, names: tuple[str, ...] = STATES) -> pt.motion.ContactResult:
     """Find contacts and read quantities at contact."""
     found = run()
     for name in names:
@@ -81,7 +81,7 @@ def rows(name: str, count: int, seconds: float) -> str:
         admittance=SCENARIO.admittance, obstacle=pt.Obstacle(position=SCENARIO.obstacle.position, velocity=speed)
     )
 
-    def run() -> pt.ContactResult:
+    def run() -> pt.motion.ContactResult:
         return pt.find_contact(scenario, SENSORS[name], gain)
 
     jobs: tuple[Callable[[], object], ...] = (

@@ -19,10 +19,10 @@ from collections import Counter
 import numpy as np
 
 import pretouch as pt
-from pretouch.design.evidence import GainEvidence
-from pretouch.design.problem import GainProblem
-from pretouch.design.search import GainAxis
-from pretouch.design.search.compiled import INFEASIBLE, OPTIMAL, search_compiled
+from pretouch.designs.evidence import GainEvidence
+from pretouch.designs.problem import GainProblem
+from pretouch.designs.search import GainAxis
+from pretouch.designs.search.compiled import INFEASIBLE, OPTIMAL, search_compiled
 
 from .gradients import in_turn
 from .solving import SENSORS
@@ -63,9 +63,7 @@ def times(seconds: float, count: int) -> None:
             task = pt.Task(scenario, sensor, OBJECTIVE, bounds=BOUNDS)
             for limits in (LIMITS[:1], LIMITS):
                 limited = task.replace(constraints=limits)
-                first, ratio = in_turn(
-                    lambda task=task: pt.design_gain(task), lambda task=limited: pt.design_gain(task), seconds
-                )
+                first, ratio = in_turn(lambda task=task: pt.design(task), lambda task=limited: pt.design(task), seconds)
                 print(
                     f"  {name}, {kind}: {1e6 * first / size:.2f} us per design, "
                     f"{ratio:.2f} times as long with {len(limits)} limits",
@@ -80,13 +78,13 @@ def million(count: int) -> None:
         start = time.perf_counter()
         for limit in np.geomspace(0.02, 0.2, 10):
             task = pt.Task(encounter(speeds), sensor, OBJECTIVE, bounds=BOUNDS)
-            pt.design_gain(task.replace(constraints=[pt.Constraint(name="excursion", limit=float(limit))]))
+            pt.design(task.replace(constraints=[pt.Constraint(name="excursion", limit=float(limit))]))
         print(f"  {name}: {10 * len(speeds)} designs with one limit in {time.perf_counter() - start:.1f} s")
 
 
 def random_problem(rng: np.random.Generator) -> GainProblem:
     """Draw an encounter with one to three limits."""
-    sensor: pt.SensorModel = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+    sensor: pt.sensors.SensorModel = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
     if rng.random() < 0.4:
         sensor = pt.ExponentialFirstOrder(scale=1.0, rate=-float(rng.uniform(20.0, 60.0)))
     scenario = pt.Scenario(

@@ -58,11 +58,11 @@ def throughput(count: int, rounds: int) -> list[str]:
     found = []
     for name, robot in CASES.items():
         # the same work but for the number of runs: compiled, and the table of the curve is there
-        pt.simulate(SCENARIO, SENSOR, LAW, chain=CHAIN, runs=64, seed=1, **robot)
+        pt.simulation.simulate_loop(SCENARIO, SENSOR, LAW, chain=CHAIN, runs=64, seed=1, **robot)
         times, work = [], []
         for seed in range(rounds):
             start, worked = time.perf_counter(), time.process_time()
-            run = pt.simulate(SCENARIO, SENSOR, LAW, chain=CHAIN, runs=count, seed=seed, **robot)
+            run = pt.simulation.simulate_loop(SCENARIO, SENSOR, LAW, chain=CHAIN, runs=count, seed=seed, **robot)
             times.append(time.perf_counter() - start)
             work.append(time.process_time() - worked)
         best, median = min(times), float(np.median(times))
@@ -81,10 +81,10 @@ def beside_mujoco(rounds: int) -> str:
     ours, each, theirs, ratios = [], [], [], []
     for _ in range(rounds):
         start = time.perf_counter()
-        mine = pt.simulate(SCENARIO, SENSOR, LAW, **pair)
+        mine = pt.simulation.simulate_loop(SCENARIO, SENSOR, LAW, **pair)
         ours.append(time.perf_counter() - start)
         start = time.perf_counter()
-        pt.simulate(SCENARIO, SENSOR, LAW, runs=many, **pair)
+        pt.simulation.simulate_loop(SCENARIO, SENSOR, LAW, runs=many, **pair)
         each.append((time.perf_counter() - start) / many)
         start = time.perf_counter()
         other = witness_encounter(SCENARIO, SENSOR, LAW, time_step=WITNESS_STEP, **pair)
@@ -120,7 +120,7 @@ def difference(rate: float, part: float) -> tuple[float, float]:
             law=VirtualDamper(gain=-damping),
             admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
         )
-        return grows(pt.simulate(scenario, curve, law, chain=chain, horizon=_PERIODS * chain.period))
+        return grows(pt.simulation.simulate_loop(scenario, curve, law, chain=chain, horizon=_PERIODS * chain.period))
 
     return predicted, simulated_limit(growth, predicted, _HALVINGS) / predicted - 1
 

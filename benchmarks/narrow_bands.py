@@ -28,20 +28,22 @@ import numpy as np
 
 import pretouch as pt
 from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
-from pretouch.design import Constraint, HertzImpact, design_admittance
-from pretouch.design.evidence import GainEvidence
-from pretouch.design.problem import GainProblem
-from pretouch.design.robust import (
+from pretouch.designs import (
     ConditionalValueAtRisk,
+    Constraint,
     Expected,
+    HertzImpact,
     Quantile,
     Required,
     RobustOptions,
     WorstCase,
-    design_robust_gain,
+    design_admittance,
 )
-from pretouch.design.robust.problem import RobustProblem
-from pretouch.design.search import GainAxis, Landscape
+from pretouch.designs.evidence import GainEvidence
+from pretouch.designs.problem import GainProblem
+from pretouch.designs.robust import robust
+from pretouch.designs.robust.problem import RobustProblem
+from pretouch.designs.search import GainAxis, Landscape
 from pretouch.motion import DAMPER, DRAG
 from pretouch.uncertainty import Interval, TruncatedNormal, Uniform, sample_inputs
 from pretouch.verification.appraisal import make_problem
@@ -86,7 +88,7 @@ class Kind:
 
 
 def _designed(task: pt.Task) -> tuple[float | None, float]:
-    design = pt.design_gain(task)
+    design = pt.design(task)
     return design.gain, np.inf if design.gain is None else design.objective
 
 
@@ -97,13 +99,13 @@ def _scanned(task: pt.Task) -> tuple[float | None, float]:
 
 
 def _robust(task: pt.Task) -> tuple[float | None, float]:
-    design = design_robust_gain(task)
+    design = robust(task)
     return design.gain, np.inf if design.value is None else design.value
 
 
 def _front(task: pt.Task) -> tuple[float | None, float]:
     """Return the gain of any point of the front; a front has no objective."""
-    gains = pt.pareto_front(task).gain
+    gains = pt.pareto(task).gain
     return (float(gains[0]) if len(gains) else None), np.nan
 
 
@@ -205,7 +207,7 @@ def random_task(kind: Kind, rng: np.random.Generator) -> pt.Task:
         law = Controller(period=1e-3, conditioning=sensing, law=VirtualDamper(gain=0.0), admittance=virtual)
         chain = pt.SensorChain(rate=1e3)
         loop = pt.ClosedLoop(law=law, chain=chain, horizon=20.0)
-        return task.replace(loop=loop, verify=pt.VerifyOptions(runs=LOOP_RUNS))
+        return task.replace(loop=loop, verify=pt.designs.VerifyOptions(runs=LOOP_RUNS))
     if kind.is_free:
         a = scenario.admittance
         ratio = a.damping / (2 * np.sqrt(a.mass * a.stiffness))

@@ -22,34 +22,34 @@ SCENARIO = pt.Scenario(
     obstacle=pt.Obstacle(position=0.0422, velocity=-0.3),
 )
 OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
-LIMIT = pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.15), probability=0.9)
+LIMIT = pt.designs.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.15), probability=0.9)
 COMMON = {
-    "obstacle.velocity": pt.robust.TruncatedNormal(location=-0.3, deviation=0.1, low=-0.6, high=-0.05),
-    "obstacle.position": pt.robust.Uniform(low=0.035, high=0.046),
-    "admittance.damping": pt.robust.Uniform(low=10.0, high=11.0),
+    "obstacle.velocity": pt.uncertainty.TruncatedNormal(location=-0.3, deviation=0.1, low=-0.6, high=-0.05),
+    "obstacle.position": pt.uncertainty.Uniform(low=0.035, high=0.046),
+    "admittance.damping": pt.uncertainty.Uniform(low=10.0, high=11.0),
 }
 CASES = {
     "exponential-1": (
         pt.ExponentialFirstOrder(scale=0.458, rate=-61.0),
-        {"sensor.rate": pt.robust.Normal(mean=-61.0, deviation=3.0)},
+        {"sensor.rate": pt.uncertainty.Normal(mean=-61.0, deviation=3.0)},
     ),
     "inverse-power": (
         pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
-        {"sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.1)},
+        {"sensor.exponent": pt.uncertainty.Normal(mean=3.32, deviation=0.1)},
     ),
     "exponential-2": (
         pt.ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0),
-        {"sensor.rate": pt.robust.Normal(mean=-74.0, deviation=1.0)},
+        {"sensor.rate": pt.uncertainty.Normal(mean=-74.0, deviation=1.0)},
     ),
     "mittag-leffler": (
         pt.MittagLeffler(scale=0.5, rate=-60.0, order=0.9),
-        {"plant.velocity": pt.robust.Uniform(low=0.0, high=0.02)},
+        {"plant.velocity": pt.uncertainty.Uniform(low=0.0, high=0.02)},
     ),
 }
 MEASURES = (
-    pt.robust.Expected(),
-    pt.robust.Quantile(probability=0.9),
-    pt.robust.ConditionalValueAtRisk(probability=0.9),
+    pt.designs.Expected(),
+    pt.designs.Quantile(probability=0.9),
+    pt.designs.ConditionalValueAtRisk(probability=0.9),
 )
 COUNT = 10_000
 
@@ -59,7 +59,7 @@ SIZES = (64, 1000)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gaussian(pt.SensorModel):
+class Gaussian(pt.sensors.SensorModel):
     """A custom sensor curve."""
 
     width: float = parameter("w", "m")
@@ -83,19 +83,19 @@ CUSTOM = pt.CustomSensor(
     maximum_distance=2.0,
 )
 MITTAG_LEFFLER = pt.MittagLeffler(scale=1.0, rate=-80.0, order=0.8)
-RECESS = {"sensor.recess": pt.robust.Uniform(low=0.004, high=0.006)}
+RECESS = {"sensor.recess": pt.uncertainty.Uniform(low=0.004, high=0.006)}
 FAMILIES = {
     "inverse-power, exponent": CASES["inverse-power"],
-    "gaussian, width": (BELL, {"sensor.width": pt.robust.Normal(mean=0.05, deviation=0.002)}),
+    "gaussian, width": (BELL, {"sensor.width": pt.uncertainty.Normal(mean=0.05, deviation=0.002)}),
     "gaussian, width and offset": (
         BELL,
         {
-            "sensor.width": pt.robust.Normal(mean=0.05, deviation=0.002),
-            "sensor.offset": pt.robust.Uniform(low=0.029, high=0.031),
+            "sensor.width": pt.uncertainty.Normal(mean=0.05, deviation=0.002),
+            "sensor.offset": pt.uncertainty.Uniform(low=0.029, high=0.031),
         },
     ),
-    "mittag-leffler, rate": (MITTAG_LEFFLER, {"sensor.rate": pt.robust.Normal(mean=-80.0, deviation=2.0)}),
-    "mittag-leffler, order": (MITTAG_LEFFLER, {"sensor.order": pt.robust.Uniform(low=0.75, high=0.85)}),
+    "mittag-leffler, rate": (MITTAG_LEFFLER, {"sensor.rate": pt.uncertainty.Normal(mean=-80.0, deviation=2.0)}),
+    "mittag-leffler, order": (MITTAG_LEFFLER, {"sensor.order": pt.uncertainty.Uniform(low=0.75, high=0.85)}),
     "recessed table": (pt.Recessed(sensor=TABLE, recess=0.005), RECESS),
     "recessed custom": (pt.Recessed(sensor=CUSTOM, recess=0.005), RECESS),
     "recessed gaussian": (pt.Recessed(sensor=BELL, recess=0.005), RECESS),
@@ -103,17 +103,17 @@ FAMILIES = {
 }
 
 
-def seconds(sensor: pt.SensorModel, uncertainty: dict[str, object], count: int) -> tuple[float, float]:
+def seconds(sensor: pt.sensors.SensorModel, uncertainty: dict[str, object], count: int) -> tuple[float, float]:
     """Time a design: wall time and processor time."""
     start, used = time.perf_counter(), time.process_time()
-    pt.robust.design_robust_gain(
+    pt.robust(
         pt.Task(
             SCENARIO,
             sensor,
             OBJECTIVE,
             bounds=(-10.0, -0.01),
             uncertainty={"obstacle.velocity": COMMON["obstacle.velocity"], **uncertainty},
-            robust=pt.robust.RobustOptions(samples=count, validation=count),
+            robust=pt.designs.RobustOptions(samples=count, validation=count),
         )
     )
     return time.perf_counter() - start, time.process_time() - used
@@ -145,14 +145,14 @@ def designs() -> None:
             shortest = float("inf")
             for _ in range(3):
                 start = time.perf_counter()
-                design = pt.robust.design_robust_gain(
+                design = pt.robust(
                     pt.Task(
                         SCENARIO,
                         sensor,
                         OBJECTIVE,
                         bounds=(-10.0, -0.01),
                         uncertainty={**COMMON, **own},
-                        robust=pt.robust.RobustOptions(measure=measure, samples=COUNT, validation=COUNT),
+                        robust=pt.designs.RobustOptions(measure=measure, samples=COUNT, validation=COUNT),
                         constraints=[LIMIT],
                     )
                 )

@@ -14,7 +14,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import pretouch as pt
-from pretouch.export import export_law
+from pretouch.exports import export
 from ros2_harness import build, drive
 
 CALLS = 1_000_000
@@ -32,7 +32,7 @@ def main() -> None:
     """Print longest times by the wall clock and of computing, the slowest step, and the median, for three outputs."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        export_law(pt.load_scenario(SCENARIO).replace(gain=-0.86), folder / "package", "ros2", verify=False)
+        export(pt.load_scenario(SCENARIO).replace(gain=-0.86), folder / "package", "ros2", verify=False)
         program = build(folder / "package", folder, optimization="-O2")
         vectors = folder / "package/law/vectors.csv"
         print(f"\n{'us per call, of a million':27s} longest  computing  slowest step  median   the law alone")

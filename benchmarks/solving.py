@@ -23,7 +23,7 @@ SENSORS = {
 OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
 
 
-def scipy_contact(sensor: pt.SensorModel, gain: float) -> tuple[float, float, float]:
+def scipy_contact(sensor: pt.sensors.SensorModel, gain: float) -> tuple[float, float, float]:
     """Solve one contact by DOP853 with a terminal event, as an expert would; return time, x and l'."""
     slope = (lambda l: -3.32 / (l + 0.0419)) if sensor.name == "inverse-power" else (lambda _: -61.0)  # noqa: E741
 
@@ -40,7 +40,7 @@ def scipy_contact(sensor: pt.SensorModel, gain: float) -> tuple[float, float, fl
     return t, 0.0422 - 0.3 * t, l_dot
 
 
-def scipy_design(sensor: pt.SensorModel) -> float:
+def scipy_design(sensor: pt.sensors.SensorModel) -> float:
     """Minimize over SciPy's contacts by bounded Brent, a local search that suffices for this objective."""
 
     def objective(log_gain: float) -> float:
@@ -82,11 +82,11 @@ def main() -> None:
         each = (time.perf_counter() - start) / len(gains)
         print(f"{name + ', each of 2,000':30s} {each * 1e6:7.1f} us {theirs * 1e6:9.1f} us {theirs / each:7.1f}x")
         ours, theirs, ratio = measure(
-            lambda s=sensor: pt.design_gain(pt.Task(SCENARIO, s, OBJECTIVE, bounds=(-10.0, -0.01))),
+            lambda s=sensor: pt.design(pt.Task(SCENARIO, s, OBJECTIVE, bounds=(-10.0, -0.01))),
             lambda s=sensor: scipy_design(s),
             3,
         )
-        gain = pt.design_gain(pt.Task(SCENARIO, sensor, OBJECTIVE, bounds=(-10.0, -0.01))).gain
+        gain = pt.design(pt.Task(SCENARIO, sensor, OBJECTIVE, bounds=(-10.0, -0.01))).gain
         off = abs(scipy_design(sensor) / gain - 1)
         print(f"{name + ', one design':30s} {ours * 1e3:7.1f} ms {theirs * 1e3:9.1f} ms {ratio:7.1f}x  D_p: {off:.0e}")
 

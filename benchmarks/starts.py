@@ -6,7 +6,7 @@ Random loops with a random curve, floor, offset, crosstalk, step of the readings
 floor detects the object before the start, in a third after it, and in a third where the encounter starts. The program
 follows both cures of each warning literally. It prints
 
-- in how many loops of each third `simulate_encounter` warns (required: none of the last third, and in the others all
+- in how many loops of each third `simulate` warns (required: none of the last third, and in the others all
   except those in which speed and excursion change by less than 3 %),
 - after how many cures the warning is gone (required: all; then the exit code is 0), and
 - the largest change of the predicted contact speed between start and detection distance in loops without a warning.
@@ -34,7 +34,7 @@ CODE = "PT421: "
 def random_task(rng: np.random.Generator, kind: str) -> pt.Task:
     """Return an encounter on a loop whose floor detects the object before, after or at the start."""
     start, scale = rng.uniform(0.02, 0.12), 10 ** rng.uniform(2.0, 4.5)
-    curve: pt.SensorModel = pt.ExponentialFirstOrder(scale=scale, rate=-rng.uniform(15.0, 60.0))
+    curve: pt.sensors.SensorModel = pt.ExponentialFirstOrder(scale=scale, rate=-rng.uniform(15.0, 60.0))
     if rng.random() < 0.7:
         offset, exponent = rng.uniform(0.02, 0.06), rng.uniform(2.0, 4.0)
         curve = pt.InversePower(scale=scale * offset**exponent, distance_offset=offset, exponent=exponent)
@@ -61,7 +61,7 @@ def random_task(rng: np.random.Generator, kind: str) -> pt.Task:
 
 def warning_of(task: pt.Task) -> str:
     """Return the warning of a simulated encounter; empty if there is none."""
-    return next((text for text in pt.simulate_encounter(task).warnings if text.startswith(CODE)), "")
+    return next((text for text in pt.simulate(task).warnings if text.startswith(CODE)), "")
 
 
 def cured(task: pt.Task, text: str) -> Iterator[pt.Task]:

@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from pretouch.design import Task, design_gain
-from pretouch.design.objectives import excursion_objective
+from pretouch.designs import Task, design_gain
+from pretouch.designs.objectives import excursion_objective
 from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
 from pretouch.sensors import InversePower
 from pretouch.studio.page_file import figures_text, page_text

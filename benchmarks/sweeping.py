@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import pretouch as pt
-from pretouch.design import Constraint
+from pretouch.designs import Constraint
 from pretouch.motion import Stretch
 from pretouch.sweeps import Progress
 from pretouch.sweeps.axes import Axes

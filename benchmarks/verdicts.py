@@ -27,7 +27,7 @@ SENSOR = SENSORS["inverse-power"]
 OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
 BOUNDS = (-10.0, -0.01)
 LIMITS = (pt.Constraint(name="relative_velocity", limit=0.1), pt.Constraint(name="excursion", limit=0.2))
-CURVE = {"sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.05)}
+CURVE = {"sensor.exponent": pt.uncertainty.Normal(mean=3.32, deviation=0.05)}
 ROBOT = pt.simulation.ImpedancePlant(mass=4.0, stiffness=4000.0, damping=250.0)
 CONTACT = pt.simulation.HuntCrossley(stiffness=1.33e6, dissipation=0.5, obstacle_mass=1.5)
 NOISE = {"noise": 1e-3, "relative_noise": 2e-3}
@@ -72,14 +72,14 @@ def verdict_times(runs: int, most: int, *, warm: bool = True) -> list[str]:
         for changes in (False, True):
             for count in (2, runs) if warm else (runs,):  # the first one loads modules and caches
                 start = time.perf_counter()
-                pt.verify_gain(
+                pt.verify(
                     pt.Task(
                         *(SCENARIO, SENSOR, OBJECTIVE),
                         loop=which,
                         bounds=BOUNDS,
                         constraints=LIMITS,
                         uncertainty=uncertainty or {},
-                        verify=pt.VerifyOptions(runs=count),
+                        verify=pt.designs.VerifyOptions(runs=count),
                     ),
                     changes=changes,
                 )
@@ -93,13 +93,13 @@ def designs(samples: int, most: int) -> list[str]:
     rows = []
     for name, which in list(DESIGNS.items())[:most]:
         start = time.perf_counter()
-        found = pt.robust.design_robust_gain(
+        found = pt.robust(
             pt.Task(
                 *(SCENARIO, SENSOR, OBJECTIVE),
                 bounds=BOUNDS,
                 uncertainty={},
                 evaluate=which,
-                robust=pt.robust.RobustOptions(samples=samples),
+                robust=pt.designs.RobustOptions(samples=samples),
             )
         )
         seconds, loss = time.perf_counter() - start, found.loss_of_nominal
@@ -153,7 +153,7 @@ def simulated(changes: bool) -> str:
     module.run_loop = counted
     start = time.process_time()
     try:
-        pt.verify_gain(task, changes=changes)
+        pt.verify(task, changes=changes)
     finally:
         module.run_loop = run_loop
     seconds = time.process_time() - start

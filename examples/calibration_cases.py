@@ -32,7 +32,7 @@ class Case:
         title: of its panel.
         calibration: the readings.
         signal: noiseless signal above the offset at l [m], in counts.
-        offset: argument of `rank_models`.
+        offset: argument of `fit`.
     """
 
     name: str
@@ -224,7 +224,7 @@ def cases() -> dict[str, Case]:
 
 
 @cache
-def report(name: str) -> pt.CalibrationReport:
+def report(name: str) -> pt.calibration.CalibrationReport:
     """Return the calibration report of a case, as `pretouch fit` makes it."""
     case = cases()[name]
-    return pt.rank_models(case.calibration, offset=case.offset)
+    return pt.fit(case.calibration, offset=case.offset)

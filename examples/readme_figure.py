@@ -9,8 +9,8 @@ import pretouch as pt
 def main(folder: Path) -> None:
     """Draw the motion with the optimal gain and without mitigation, and the virtual drag compared with that gain."""
     task = pt.load_scenario(Path(__file__).parent / "approach.toml")
-    drag = pt.design_drag(task.replace(drag_effect=pt.DragEffect(ratio=0.15)))
-    drawn = {"approach": pt.plots.motion(pt.design_gain(task)), "virtual-drag": pt.plots.drag(drag)}
+    drag = pt.design(task.replace(drag_effect=pt.DragEffect(ratio=0.15)))
+    drawn = {"approach": pt.plots.motion(pt.design(task)), "virtual-drag": pt.plots.drag(drag)}
     for name, figure in drawn.items():
         figure.savefig(folder / f"{name}.png", dpi=110, metadata={"Software": None})
 

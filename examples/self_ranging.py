@@ -25,7 +25,7 @@ import numpy as np
 import pretouch as pt
 from pretouch import control
 from pretouch.control import Controller, Observation, Output, Parts, Sample, VirtualDrag
-from pretouch.design.drag import DragLimits, predict_drag
+from pretouch.designs.drag import DragLimits, predict_drag
 
 SPREAD = 0.45  # expected standard deviation of ln reflectance: half and twice are 1.5 standard deviations away
 
@@ -181,7 +181,9 @@ def encounters(law: Any, speed: float, acceleration: float = 0.0, runs: int = 25
         obstacle=pt.Obstacle(position=START, velocity=-speed, acceleration=acceleration),
     )
     found = [
-        pt.simulate(scenario, sensor, controller_of(law), chain=CHAIN, plant=PLANT, runs=runs, seed=number)
+        pt.simulation.simulate_loop(
+            scenario, sensor, controller_of(law), chain=CHAIN, plant=PLANT, runs=runs, seed=number
+        )
         for number, sensor in enumerate(replace(SENSOR, scale=0.533 * r) for r in np.geomspace(0.5, 2.0, 5))
     ]
     return -np.ravel([f.relative_velocity for f in found]), np.ravel([f.largest_excursion for f in found])

@@ -20,7 +20,7 @@ import numpy as np
 
 import pretouch as pt
 from pretouch._core.native import address
-from pretouch.design.search.compiled import find_gains
+from pretouch.designs.search.compiled import find_gains
 from pretouch.motion.curve import curve_pieces, curve_windows, shared_curve
 from pretouch.motion.kernels import contact_times, find_contacts, of_core, pieces_of_core, solve_series
 

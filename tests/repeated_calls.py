@@ -27,8 +27,8 @@ F_1 = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
 F_2 = pt.time_objective(time_scale=1.0, velocity_scale=0.3)
 BOUNDS = (-10.0, -0.01)
 DRAWN = {
-    "obstacle.velocity": pt.robust.Uniform(low=-0.5, high=-0.1),
-    "obstacle.position": pt.robust.Uniform(low=0.03, high=0.045),
+    "obstacle.velocity": pt.uncertainty.Uniform(low=-0.5, high=-0.1),
+    "obstacle.position": pt.uncertainty.Uniform(low=0.03, high=0.045),
 }
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -52,7 +52,7 @@ def loop() -> pt.ClosedLoop:
     return pt.ClosedLoop(law=law, chain=chain)
 
 
-def contact(sensor: pt.SensorModel, gain: Any, scenario: pt.Scenario | None = None) -> dict[str, Any]:
+def contact(sensor: pt.sensors.SensorModel, gain: Any, scenario: pt.Scenario | None = None) -> dict[str, Any]:
     found = pt.find_contact(scenario or scene(), sensor, gain)
     names = [name for name in pt.motion.ContactState.names() if name != "distance"]
     own = {name: getattr(found.end, name) for name in names}
@@ -60,20 +60,20 @@ def contact(sensor: pt.SensorModel, gain: Any, scenario: pt.Scenario | None = No
     return {"status": found.status, "residual": found.impulse_residual, **own, **slopes}
 
 
-def design(sensor: pt.SensorModel, **options: Any) -> dict[str, Any]:
-    found = pt.design_gain(pt.Task(scene(), sensor, F_1, bounds=BOUNDS, **options))
+def design(sensor: pt.sensors.SensorModel, **options: Any) -> dict[str, Any]:
+    found = pt.design(pt.Task(scene(), sensor, F_1, bounds=BOUNDS, **options))
     curve = found.trade_off
     return {**found.to_dict(), "curve": [curve.gain, curve.objective], "sensitivities": str(found.sensitivities)}
 
 
-def designs(scenario: pt.Scenario, sensor: pt.SensorModel) -> dict[str, Any]:
-    found = pt.design_gain(pt.Task(scenario, sensor, F_1, bounds=BOUNDS))
+def designs(scenario: pt.Scenario, sensor: pt.sensors.SensorModel) -> dict[str, Any]:
+    found = pt.design(pt.Task(scenario, sensor, F_1, bounds=BOUNDS))
     return {"gain": found.gain, "objective": found.objective, "slope": found.gradient("obstacle.velocity")}
 
 
-def robust(sensor: pt.SensorModel, **own: Any) -> dict[str, Any]:
-    limit = pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.15), probability=0.9)
-    found = pt.robust.design_robust_gain(
+def robust(sensor: pt.sensors.SensorModel, **own: Any) -> dict[str, Any]:
+    limit = pt.designs.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.15), probability=0.9)
+    found = pt.robust(
         pt.Task(
             scene(),
             sensor,
@@ -81,7 +81,7 @@ def robust(sensor: pt.SensorModel, **own: Any) -> dict[str, Any]:
             bounds=BOUNDS,
             uncertainty=DRAWN | own,
             constraints=[limit],
-            robust=pt.robust.RobustOptions(samples=64, validation=64),
+            robust=pt.designs.RobustOptions(samples=64, validation=64),
         )
     )
     return {**found.to_dict(), "outcomes": found.outcomes(found.gain).objective}
@@ -89,10 +89,10 @@ def robust(sensor: pt.SensorModel, **own: Any) -> dict[str, Any]:
 
 def fitted() -> dict[str, Any]:
     data = pt.read_calibration(EXAMPLES / "sensor.csv")
-    return {"fit": str(pt.fit_sensor(data, "inverse-power")), "ranking": pt.rank_models(data).to_dict()}
+    return {"fit": str(pt.calibration.fit_sensor(data, "inverse-power")), "ranking": pt.fit(data).to_dict()}
 
 
-def motion(sensor: pt.SensorModel) -> list[Any]:
+def motion(sensor: pt.sensors.SensorModel) -> list[Any]:
     found = pt.solve_motion(scene(), sensor, -0.7)
     return [found.time, found.position, found.virtual_force]
 
@@ -103,9 +103,15 @@ def run() -> dict[str, Any]:
 
 
 def verified(**own: Any) -> dict[str, Any]:
-    return pt.verify_gain(
+    return pt.verify(
         pt.Task(
-            scene(), POWER, F_1, loop=loop(), bounds=BOUNDS, verify=pt.VerifyOptions(runs=20), uncertainty=DRAWN | own
+            scene(),
+            POWER,
+            F_1,
+            loop=loop(),
+            bounds=BOUNDS,
+            verify=pt.designs.VerifyOptions(runs=20),
+            uncertainty=DRAWN | own,
         ),
         changes=False,
     ).to_dict()
@@ -133,22 +139,22 @@ CALLS: dict[str, Callable[[], Any]] = {
     "design, any curve": lambda: design(POWER),
     "designs, many": lambda: designs(scene(MANY[:300], np.linspace(10.0, 12.0, 300)), POWER),
     "designs, a family": lambda: designs(scene(MANY), LINE),
-    "admittance": lambda: pt.design_admittance(
+    "admittance": lambda: pt.design(
         pt.Task(scene(), LINE, F_2, bounds=BOUNDS, natural_frequency=(2.0, 10.0), damping_ratio=(1.0, 2.0))
     ).to_dict(),
-    "front": lambda: pt.pareto_front(pt.Task(scene(), POWER, bounds=BOUNDS)).to_dict(),
-    "robust": lambda: robust(POWER, **{"sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.1)}),
-    "robust, many curves": lambda: robust(MITTAG_LEFFLER, **{"sensor.order": pt.robust.Uniform(low=0.75, high=0.85)}),
+    "front": lambda: pt.pareto(pt.Task(scene(), POWER, bounds=BOUNDS)).to_dict(),
+    "robust": lambda: robust(POWER, **{"sensor.exponent": pt.uncertainty.Normal(mean=3.32, deviation=0.1)}),
+    "robust, many curves": lambda: robust(
+        MITTAG_LEFFLER, **{"sensor.order": pt.uncertainty.Uniform(low=0.75, high=0.85)}
+    ),
     "robust, closed form": lambda: robust(LINE),
     "sweep": swept,
     "fit and ranking": fitted,
     "loop": run,
-    "design on the loop": lambda: pt.design_gain(
-        pt.Task(scene(), POWER, F_1, bounds=BOUNDS, evaluate=loop())
-    ).to_dict(),
+    "design on the loop": lambda: pt.design(pt.Task(scene(), POWER, F_1, bounds=BOUNDS, evaluate=loop())).to_dict(),
     "verdict": verified,
-    "verdict, many curves": lambda: verified(**{"sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.1)}),
-    "a file": lambda: pt.design_gain(pt.load_scenario(EXAMPLES / "tradeoff.toml")).to_dict(),
+    "verdict, many curves": lambda: verified(**{"sensor.exponent": pt.uncertainty.Normal(mean=3.32, deviation=0.1)}),
+    "a file": lambda: pt.design(pt.load_scenario(EXAMPLES / "tradeoff.toml")).to_dict(),
 }
 
 

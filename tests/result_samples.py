@@ -13,11 +13,11 @@ import numpy as np
 
 import pretouch as pt
 from pretouch import control, uncertainty
-from pretouch.design import find_physical_bound
-from pretouch.design.drag import DragLimits, drag_by, drag_trade_off
+from pretouch.designs import find_physical_bound
+from pretouch.designs.drag import DragLimits, drag_by, drag_trade_off
 from pretouch.sensors import PiecewiseCubic
 from pretouch.sweeps import Axis, Progress
-from pretouch.verification import calibration_check, compare_candidates
+from pretouch.verification import calibration_check, compare
 from robust_samples import with_robust_options
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, controller, velocity_limit, verdict
 
@@ -25,7 +25,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 CONSTANT = pt.ExponentialFirstOrder(scale=0.458, rate=-61.0)
 SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.linspace(-0.35, -0.2, 12)))
 STOPS = (pt.motion.Stretch(until=0.05), pt.motion.Stretch(until=np.linspace(0.1, 0.2, 12), acceleration=3.0))
-SPEED = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
+SPEED = {"obstacle.velocity": pt.uncertainty.Uniform(low=-0.4, high=-0.2)}
 LIMITS = (pt.Constraint(name="relative_velocity", limit=0.09),)
 IMPACT = pt.SpringImpact(robot_mass=2.0, stiffness=1e4)
 FREE = {"damping_ratio": (0.7, 1.3)}
@@ -59,26 +59,26 @@ def energy(state: Any, impact: Any) -> Any:
     return 0.5 * np.square(state.relative_velocity)
 
 
-ENERGY = pt.design.ContactQuantity("energy_of_1_kg", energy, unit="J")
+ENERGY = pt.designs.ContactQuantity("energy_of_1_kg", energy, unit="J")
 OWN_LAW = pt.motion.CustomLaw(kind="cubic", number=pt.motion.LawNumber("cube", "c", "N*s^3", 1), force=cubic)
 
 
-def half(scenario: Any, sensor: Any, gain: Any) -> pt.ContactResult:
+def half(scenario: Any, sensor: Any, gain: Any) -> pt.motion.ContactResult:
     """Solve encounters as a user's function may."""
     return pt.find_contact(scenario, sensor, 0.5 * np.asarray(gain))
 
 
 @cache
-def _report() -> pt.CalibrationReport:
-    return pt.rank_models(pt.read_calibration(EXAMPLES / "sensor.csv"))
+def _report() -> pt.calibration.CalibrationReport:
+    return pt.fit(pt.read_calibration(EXAMPLES / "sensor.csv"))
 
 
-def _robust(**options: Any) -> pt.robust.RobustDesign:
+def _robust(**options: Any) -> pt.designs.RobustDesign:
     given = {"bounds": BOUNDS, "uncertainty": SPEED, "samples": 64, "validation": 64} | options
-    return pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **with_robust_options(**given)))
+    return pt.robust(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **with_robust_options(**given)))
 
 
-def _calibrated_verdict() -> pt.Verdict:
+def _calibrated_verdict() -> pt.verification.Verdict:
     """Judge a gain on a calibrated sensor, with fewer possible sensor curves than usual."""
     with mock.patch.object(calibration_check, "_DRAWS", 20):
         return verdict(NOISY, calibration=_report(), runs=4, changes=False)
@@ -114,11 +114,9 @@ RESULTS: dict[str, Callable[[], Any]] = {
         uncertainty.make_ensemble(SCENARIO, SENSOR, {"sensor.exponent": [3.0, 3.5]}).contacts(-0.7).gradients
     ),
     "motion": lambda: pt.solve_motion(SCENARIO, SENSOR, [-0.7, -0.5], samples=20),
-    "design": lambda: pt.design_gain(
-        pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, constraints=LIMITS, impact=IMPACT)
-    ),
-    "design, settled": lambda: pt.design_gain(pt.Task(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS)),
-    "design, infeasible": lambda: pt.design_gain(
+    "design": lambda: pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, constraints=LIMITS, impact=IMPACT)),
+    "design, settled": lambda: pt.design(pt.Task(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS)),
+    "design, infeasible": lambda: pt.design(
         pt.Task(
             SCENARIO,
             CONSTANT,
@@ -127,12 +125,10 @@ RESULTS: dict[str, Callable[[], Any]] = {
             constraints=[pt.Constraint(name="relative_velocity", limit=1e-5)],
         )
     ),
-    "design on a loop": lambda: pt.design_gain(
-        pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-1.0, -0.5), evaluate=NOISY)
-    ),
-    "design on a function": lambda: pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=half)),
-    "designs": lambda: pt.design_gain(pt.Task(SEVERAL, SENSOR, OBJECTIVE, bounds=BOUNDS)),
-    "designs on a loop": lambda: pt.design_gain(
+    "design on a loop": lambda: pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-1.0, -0.5), evaluate=NOISY)),
+    "design on a function": lambda: pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=half)),
+    "designs": lambda: pt.design(pt.Task(SEVERAL, SENSOR, OBJECTIVE, bounds=BOUNDS)),
+    "designs on a loop": lambda: pt.design(
         pt.Task(
             replace(SEVERAL, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.3, -0.2]))),
             SENSOR,
@@ -141,18 +137,18 @@ RESULTS: dict[str, Callable[[], Any]] = {
             evaluate=NOISY,
         )
     ),
-    "admittance": lambda: pt.design_admittance(pt.Task(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS, **FREE)),
-    "front": lambda: pt.pareto_front(
+    "admittance": lambda: pt.design(pt.Task(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS, **FREE)),
+    "front": lambda: pt.pareto(
         pt.Task(
             SCENARIO,
             CONSTANT,
             bounds=BOUNDS,
-            pareto=pt.ParetoOptions(choice=-0.8),
+            pareto=pt.designs.ParetoOptions(choice=-0.8),
             constraints=[pt.Constraint(name="acceleration", limit=3.0)],
         )
     ),
-    "front with admittance": lambda: pt.pareto_front(pt.Task(SCENARIO, CONSTANT, bounds=BOUNDS, **FREE)),
-    "drag": lambda: pt.design_drag(
+    "front with admittance": lambda: pt.pareto(pt.Task(SCENARIO, CONSTANT, bounds=BOUNDS, **FREE)),
+    "drag": lambda: pt.design(
         pt.Task(SCENARIO, SENSOR, OBJECTIVE, constraints=LIMITS, drag_effect=pt.DragEffect(ratio=0.15))
     ),
     "drags": lambda: drag_trade_off(SENSOR, 0.0422, 1.0, np.array([0.5, 0.1])),
@@ -160,25 +156,25 @@ RESULTS: dict[str, Callable[[], Any]] = {
         weak=drag_by(SENSOR, 0.0422, 1.0, ratio=0.3), strong=drag_by(SENSOR, 0.0422, 1.0, ratio=0.1)
     ),
     "bound": lambda: find_physical_bound(SCENARIO, acceleration_limit=2.0),
-    "robust": lambda: _robust(constraints=[velocity_limit(0.12, 0.9)], measure=pt.robust.Quantile(probability=0.9)),
-    "robust, worst case": lambda: _robust(measure=pt.robust.WorstCase()),
+    "robust": lambda: _robust(constraints=[velocity_limit(0.12, 0.9)], measure=pt.designs.Quantile(probability=0.9)),
+    "robust, worst case": lambda: _robust(measure=pt.designs.WorstCase()),
     "robust on a loop": lambda: _robust(
-        evaluate=NOISY, bounds=(-1.0, -0.5), measure=pt.robust.ConditionalValueAtRisk(probability=0.9), samples=8
+        evaluate=NOISY, bounds=(-1.0, -0.5), measure=pt.designs.ConditionalValueAtRisk(probability=0.9), samples=8
     ),
-    "fit": lambda: pt.fit_sensor(pt.read_calibration(EXAMPLES / "sensor.csv"), "inverse-power"),
+    "fit": lambda: pt.calibration.fit_sensor(pt.read_calibration(EXAMPLES / "sensor.csv"), "inverse-power"),
     "ranking": lambda: replace(_report()),
-    "distribution": lambda: pt.robust.parameter_distribution(_report().best),
+    "distribution": lambda: pt.uncertainty.parameter_distribution(_report().best),
     "reservations": lambda: uncertainty.reservations_of(_report(), pt.load_scenario(EXAMPLES / "fingertip.toml")),
     "simulation": lambda: TOUCHING.run(SCENARIO, SENSOR, -0.7),
     "simulations": lambda: NOISY.run(SEVERAL, SENSOR, -0.7),
     "trace": lambda: NOISY.run(SCENARIO, SENSOR, -0.7).trace(),
-    "encounter": lambda: pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=TOUCHING, gain=-0.7, impact=IMPACT)),
+    "encounter": lambda: pt.simulate(pt.Task(SCENARIO, SENSOR, loop=TOUCHING, gain=-0.7, impact=IMPACT)),
     "verdict": lambda: verdict(NOISY, constraints=[velocity_limit(0.1)], runs=12),
     "verdict, uncertain sensor": lambda: verdict(
-        NOISY, uncertainty={"sensor.exponent": pt.robust.Uniform(low=3.2, high=3.4)}, runs=4, changes=False
+        NOISY, uncertainty={"sensor.exponent": pt.uncertainty.Uniform(low=3.2, high=3.4)}, runs=4, changes=False
     ),
     "verdict, calibrated sensor": _calibrated_verdict,
-    "comparison of candidates": lambda: compare_candidates(
+    "comparison of candidates": lambda: compare(
         {
             name: pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, loop=replace(NOISY, seed=seed))
             for name, seed in (("a", 1), ("b", 2))
@@ -191,7 +187,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "speed limit": lambda: pt.simulation.speed_limit(
         SENSOR, SCENARIO.admittance, pt.simulation.LoopTiming(rate=250.0), 0.0144, detection_distance=0.0422
     ),
-    "conformance": lambda: pt.check_sensor(SENSOR),
+    "conformance": lambda: pt.sensors.check_sensor(SENSOR),
     "letter": lambda: pt.letter.reproduce(["figure-5", "impact-force"]),
     "progress": lambda: Progress(finished=1, total=2, seconds=3.0),
 }
@@ -216,11 +212,11 @@ REQUESTS: dict[str, Callable[[], Any]] = {
     "disturbance": lambda: pt.simulation.Disturbance(kind="cable", time=0.05),
     "position plant": lambda: pt.simulation.PositionPlant(mass=2.0, bandwidth=20.0),
     "hertz": lambda: pt.HertzImpact(robot_mass=1.0, effective_modulus=1e7, radius=0.01),
-    "elastic": lambda: pt.design.ElasticImpact(robot_mass=1.0, stiffness=1e5, exponent=2.2),
+    "elastic": lambda: pt.designs.ElasticImpact(robot_mass=1.0, stiffness=1e5, exponent=2.2),
     "spring damper": lambda: pt.simulation.SpringDamper(stiffness=1e4, damping=3.0),
     "controller": lambda: replace(controller(1e-3), limits=control.Limits(speed=1.0)),
     "controller with a drag": lambda: replace(controller(1e-3), law=control.VirtualDrag(drag=0.0144, noise=1e-3)),
-    "expected": pt.robust.Expected,
+    "expected": pt.designs.Expected,
     "signals": lambda: _signals(controller(1e-3)),
     "map": lambda: pt.report.Map(
         x=[0.1, 0.2], y=[-1.0, 0.0, 1.0], values=[[1.0, 2.0], [3.0, float("nan")], [5.0, 6.0]]
@@ -242,12 +238,12 @@ REQUESTS: dict[str, Callable[[], Any]] = {
         pt.CustomSensor(log_output_function=log_output, log_slope_function=log_slope),
     ),
     "distributions": lambda: (
-        pt.robust.Normal(mean=1.0, deviation=0.1),
-        pt.robust.TruncatedNormal(location=1.0, deviation=0.1, low=0.8, high=1.2),
-        pt.robust.Uniform(low=0.0, high=1.0),
-        pt.robust.Interval(low=0.0, high=1.0),
-        pt.robust.Empirical(samples=(1.0, 2.0, 3.0)),
-        pt.robust.CorrelatedNormal(names=("a", "b"), mean=(1.0, 2.0), covariance=((1.0, 0.0), (0.0, 1.0))),
+        pt.uncertainty.Normal(mean=1.0, deviation=0.1),
+        pt.uncertainty.TruncatedNormal(location=1.0, deviation=0.1, low=0.8, high=1.2),
+        pt.uncertainty.Uniform(low=0.0, high=1.0),
+        pt.uncertainty.Interval(low=0.0, high=1.0),
+        pt.uncertainty.Empirical(samples=(1.0, 2.0, 3.0)),
+        pt.uncertainty.CorrelatedNormal(names=("a", "b"), mean=(1.0, 2.0), covariance=((1.0, 0.0), (0.0, 1.0))),
     ),
 }
 """What is asked with, by name."""

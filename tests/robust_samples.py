@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
-from pretouch.design.robust import RobustOptions
+from pretouch.designs import RobustOptions
 
 _NAMES = {f.name for f in fields(RobustOptions)}
 

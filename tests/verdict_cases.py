@@ -30,7 +30,7 @@ from verification_samples import (
 COUNTS = pt.InversePower(scale=0.13, distance_offset=0.0419, exponent=3.32)
 ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=60.0, coulomb_friction=1.0)
 CONTACT = pt.simulation.HuntCrossley(stiffness=2e6, dissipation=1.0)
-SPEED = {"obstacle.velocity": pt.robust.TruncatedNormal(location=-0.3, deviation=0.05, low=-0.4, high=-0.2)}
+SPEED = {"obstacle.velocity": pt.uncertainty.TruncatedNormal(location=-0.3, deviation=0.05, low=-0.4, high=-0.2)}
 DRAWERS = (plots.verdict, plots.verdict_run, plots.verdict_stability, plots.verdict_gain)
 STATUS = {"holds": "holds", "holds-narrowly": "holds narrowly", "does-not-hold": "does not hold", "no-gain": "no gain"}
 
@@ -43,24 +43,26 @@ class TunedLaw(BareLaw):
         return replace(self, gain=value)
 
 
-def limit(name: str, size: float, probability: float = 1.0) -> pt.robust.Required:
-    return pt.robust.Required(constraint=pt.Constraint(name=name, limit=size), probability=probability)
+def limit(name: str, size: float, probability: float = 1.0) -> pt.designs.Required:
+    return pt.designs.Required(constraint=pt.Constraint(name=name, limit=size), probability=probability)
 
 
-def pushing(part: str, sensor: Any, conditioning: dict[str, float], *, runs: int = 40, **fields: Any) -> pt.Verdict:
+def pushing(
+    part: str, sensor: Any, conditioning: dict[str, float], *, runs: int = 40, **fields: Any
+) -> pt.verification.Verdict:
     """A part's data sheet, a robot behind an impedance controller, and a contact with a force."""
     loop = ClosedLoop(
         law=controller(1e-3, **conditioning), chain=pt.simulation.sensor_part(part).chain, plant=ROBOT, contact=CONTACT
     )
-    verify = pt.VerifyOptions(runs=runs)
-    return pt.verify_gain(pt.Task(SCENARIO, sensor, OBJECTIVE, loop=loop, bounds=BOUNDS, verify=verify, **fields))
+    verify = pt.designs.VerifyOptions(runs=runs)
+    return pt.verify(pt.Task(SCENARIO, sensor, OBJECTIVE, loop=loop, bounds=BOUNDS, verify=verify, **fields))
 
 
-def tof(part: str, rate: float, *limits: pt.robust.Required, runs: int = 20) -> pt.Verdict:
+def tof(part: str, rate: float, *limits: pt.designs.Required, runs: int = 20) -> pt.verification.Verdict:
     return pushing(part, SENSOR, {"sensor_period": 1 / rate}, constraints=limits, runs=runs)
 
 
-CASES: dict[str, Callable[[], pt.Verdict]] = {
+CASES: dict[str, Callable[[], pt.verification.Verdict]] = {
     "VCNL4010 that pushes": lambda: pushing(
         "VCNL4010",
         COUNTS,
@@ -86,7 +88,7 @@ CASES: dict[str, Callable[[], pt.Verdict]] = {
     "never in time": lambda: verdict(
         replace(NOISY, horizon=0.464, seed=1),
         runs=5,
-        uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.3, high=-0.05)},
+        uncertainty={"obstacle.velocity": pt.uncertainty.Uniform(low=-0.3, high=-0.05)},
     ),
     "no mitigation at all": lambda: verdict(loop_of(), runs=3, gain=0.0, changes=False),
     "a gain that drives on": lambda: verdict(loop_of(), runs=3, gain=0.05, bounds=(-2.0, 1.0)),
@@ -101,11 +103,11 @@ CASES: dict[str, Callable[[], pt.Verdict]] = {
 
 
 @cache
-def case(name: str) -> pt.Verdict:
+def case(name: str) -> pt.verification.Verdict:
     return CASES[name]()
 
 
-def drawn(draw: Any, of: pt.Verdict) -> Any:
+def drawn(draw: Any, of: pt.verification.Verdict) -> Any:
     """The figure; None where there is nothing to draw, which must be for a reason that the verdict has."""
     missing = {
         plots.verdict: of.gain is None,

@@ -47,13 +47,13 @@ def verdict(
     confidence: float = 0.95,
     speed_tolerance: float = 0.1,
     **fields: Any,
-) -> pt.Verdict:
+) -> pt.verification.Verdict:
     """Judge the letter's encounter."""
-    verify = pt.VerifyOptions(runs=runs, confidence=confidence, speed_tolerance=speed_tolerance)
+    verify = pt.designs.VerifyOptions(runs=runs, confidence=confidence, speed_tolerance=speed_tolerance)
     given = {"bounds": BOUNDS, "verify": verify} | fields
-    return pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, **given), changes=changes)
+    return pt.verify(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, **given), changes=changes)
 
 
-def velocity_limit(limit: float, probability: float = 1.0) -> pt.robust.Required:
+def velocity_limit(limit: float, probability: float = 1.0) -> pt.designs.Required:
     """A limit of the speed at contact."""
-    return pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=limit), probability=probability)
+    return pt.designs.Required(constraint=pt.Constraint(name="relative_velocity", limit=limit), probability=probability)

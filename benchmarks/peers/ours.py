@@ -74,7 +74,7 @@ def _design(encounter: Any, sensor: Any, constraints: Any = ()) -> Any:
     import pretouch as pt  # noqa: PLC0415
 
     objective = pt.excursion_objective(position_scale=POSITION_SCALE, velocity_scale=VELOCITY_SCALE)
-    return pt.design_gain(pt.Task(encounter, sensor, objective, bounds=BOUNDS, constraints=constraints)).gain
+    return pt.design(pt.Task(encounter, sensor, objective, bounds=BOUNDS, constraints=constraints)).gain
 
 
 @lru_cache(maxsize=1)

@@ -20,7 +20,7 @@ import numpy as np
 
 import pretouch as pt
 from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDrag
-from pretouch.design.drag import drag_by
+from pretouch.designs.drag import drag_by
 
 Array = np.ndarray
 Memory = tuple[Array, ...]

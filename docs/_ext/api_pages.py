@@ -13,9 +13,10 @@ from docutils import nodes
 from sphinx.application import Sphinx
 
 MODULES = (
-    *("pretouch", "pretouch.sensors", "pretouch.calibration", "pretouch.motion", "pretouch.design", "pretouch.robust"),
-    *("pretouch.control", "pretouch.simulation", "pretouch.verification", "pretouch.sweeps", "pretouch.robots"),
-    *("pretouch.recording", "pretouch.export", "pretouch.letter", "pretouch.plots", "pretouch.report"),
+    *("pretouch", "pretouch.sensors", "pretouch.calibration", "pretouch.motion", "pretouch.designs"),
+    *("pretouch.uncertainty", "pretouch.control", "pretouch.simulation", "pretouch.verification", "pretouch.sweeps"),
+    "pretouch.robots",
+    *("pretouch.recording", "pretouch.exports", "pretouch.letter", "pretouch.plots", "pretouch.report"),
     *("pretouch.fields", "pretouch.errors"),
 )
 _EXCLUDED = "page, kind, number, degree, status"  # fields that the Args of the class describe

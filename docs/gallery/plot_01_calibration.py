@@ -7,5 +7,5 @@ Fit sensor curves to readings, and show readings, log signal, slope and residual
 
 import pretouch as pt
 
-report = pt.rank_models(pt.read_calibration("../../examples/sensor.csv"))
+report = pt.fit(pt.read_calibration("../../examples/sensor.csv"))
 figure = pt.plots.calibration(report)

@@ -8,4 +8,4 @@ Distance, position, relative velocity and virtual force with the optimal gain an
 import pretouch as pt
 
 task = pt.load_scenario("../../examples/approach.toml")
-figure = pt.plots.motion(pt.design_gain(task))
+figure = pt.plots.motion(pt.design(task))

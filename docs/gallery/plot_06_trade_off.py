@@ -8,4 +8,4 @@ Excursion and contact speed over the gain, with the optimum and the limits.
 import pretouch as pt
 
 task = pt.load_scenario("../../examples/approach.toml")
-figure = pt.plots.trade_off(pt.design_gain(task))
+figure = pt.plots.trade_off(pt.design(task))

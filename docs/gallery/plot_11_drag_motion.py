@@ -11,8 +11,8 @@ import pretouch as pt
 from pretouch.report import Curve, Panel, panel_figure
 
 task = pt.load_scenario("../../examples/approach.toml")
-drag = pt.design_drag(task.replace(drag_effect=pt.DragEffect(ratio=0.15)))
-gain = pt.design_gain(task)
+drag = pt.design(task.replace(drag_effect=pt.DragEffect(ratio=0.15)))
+gain = pt.design(task)
 speeds = np.linspace(0.05, 0.8, 60)
 many = pt.Scenario(admittance=task.scenario.admittance, obstacle=pt.Obstacle(position=0.0422, velocity=-speeds))
 share = {

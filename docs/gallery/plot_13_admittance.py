@@ -8,4 +8,4 @@ The objective over natural frequency and damping ratio, with the gain optimal ev
 import pretouch as pt
 
 task = pt.load_scenario("../../examples/tradeoff.toml")
-figure = pt.plots.admittance(pt.design_admittance(task))
+figure = pt.plots.admittance(pt.design(task))

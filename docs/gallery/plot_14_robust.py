@@ -11,4 +11,4 @@ import pretouch as pt
 
 task = pt.load_scenario("../../examples/robust.toml")
 task = task.replace(robust=replace(task.robust, samples=512, validation=512))
-figure = pt.plots.robust(pt.robust.design_robust_gain(task))
+figure = pt.plots.robust(pt.robust(task))

@@ -8,4 +8,4 @@ Readings, force, motion and contact of one simulated run.
 import pretouch as pt
 
 task = pt.load_scenario("../../examples/loop.toml")
-figure = pt.plots.simulation(pt.simulate_encounter(task.replace(gain=-0.86)))
+figure = pt.plots.simulation(pt.simulate(task.replace(gain=-0.86)))

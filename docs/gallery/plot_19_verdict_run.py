@@ -8,4 +8,4 @@ A fast and a slow contact among the runs, and the prediction.
 import pretouch as pt
 
 task = pt.load_scenario("../../examples/loop.toml")
-figure = pt.plots.verdict_run(pt.verify_gain(task.replace(gain=-0.86), changes=False))
+figure = pt.plots.verdict_run(pt.verify(task.replace(gain=-0.86), changes=False))

@@ -21,7 +21,7 @@ def main(path: str, name: str = "", axis: str = "+z", count: int = 20) -> pt.rob
     """Project the model in random postures, and print reflected mass and retreat of each."""
     model = pt.robots.load_model(Path(path))
     if not name:
-        print(pt.robots.project_all(model))
+        print(pt.robots.project(model))
         return None
     site = pt.robots.SensorSite(name, SENSOR, axis=axis)
     workspace = pt.robots.project_workspace(model, site, pt.robots.random_postures(model, site, count))

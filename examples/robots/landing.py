@@ -19,14 +19,14 @@ def main() -> pt.robots.RobotSimulation:
     model = pt.robots.load_model(Path(__file__).with_name("leg.xml"))
     data = pt.robots.make_data(model, keyframe="crouched")
     site = pt.robots.SensorSite("sole", SENSOR)
-    projection = pt.robots.project(model, data, site, joint_speeds=dict.fromkeys(("hip", "knee", "ankle"), 20.0))
+    projection = pt.robots.project_site(model, data, site, joint_speeds=dict.fromkeys(("hip", "knee", "ankle"), 20.0))
     scenario = pt.Scenario(
         admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
         obstacle=pt.Obstacle(position=DISTANCE, velocity=-SPEED, acceleration=-GRAVITY),
     )
     objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
     task = projection.task(scenario, objective, bounds=(-10.0, -0.01))  # the workspace of the leg limits the excursion
-    design = pt.design_gain(task)
+    design = pt.design(task)
     print(design)
 
     data = pt.robots.make_data(model, keyframe="crouched")

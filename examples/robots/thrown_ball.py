@@ -28,8 +28,8 @@ def main() -> pt.robots.RobotSimulation:
         obstacle=pt.Obstacle(position=DISTANCE, velocity=-SPEED),
     )
     objective = pt.excursion_objective(position_scale=0.2, velocity_scale=1.0)
-    projection = pt.robots.project(model, data, site)
-    design = pt.design_gain(projection.task(scenario, objective, bounds=(-10.0, -0.01)))
+    projection = pt.robots.project_site(model, data, site)
+    design = pt.design(projection.task(scenario, objective, bounds=(-10.0, -0.01)))
     contact = design.result.contact
     print(f"D_p = {design.gain:.3g} N s, predicted contact at {abs(contact.relative_velocity):.3g} m/s")
 

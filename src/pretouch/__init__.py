@@ -10,11 +10,11 @@ it results in, the margins and the evidence:
     ...     obstacle=pt.Obstacle(position=0.0422, velocity=-0.3),
     ... )
     >>> objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    >>> design = pt.design_gain(pt.Task(scenario, sensor, objective, bounds=(-10.0, -0.01)))
+    >>> design = pt.design(pt.Task(scenario, sensor, objective, bounds=(-10.0, -0.01)))
     >>> round(design.gain, 4)
     -0.7463
 
-The stub __init__.pyi lists the public names. Less frequent functions are in modules such as `pt.plots`, `pt.robust` or
+The stub __init__.pyi lists the public names. Less frequent functions are in modules such as `pt.plots`, `pt.designs` or
 `pt.simulation`. Everything is imported when it is first used. Numbers are SI floats or arrays of them.
 """
 

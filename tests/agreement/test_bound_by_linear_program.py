@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from pretouch.design import PhysicalBound
+from pretouch.designs import PhysicalBound
 
 STEPS = 60
 

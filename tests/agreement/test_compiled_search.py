@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pretouch.design import Constraint, DesignStatus, ElasticImpact, HertzImpact, SpringImpact, Task, Term
-from pretouch.design.evidence import GainEvidence
-from pretouch.design.gain import design_gain
-from pretouch.design.objectives import Objective, excursion_objective, time_objective
-from pretouch.design.problem import GainProblem
-from pretouch.design.search import GainAxis
-from pretouch.design.search.compiled import INFEASIBLE, OPTIMAL, UNCERTAIN, search_compiled
-from pretouch.design.search.family import find_family
+from pretouch.designs import Constraint, DesignStatus, ElasticImpact, HertzImpact, SpringImpact, Task, Term
+from pretouch.designs.evidence import GainEvidence
+from pretouch.designs.gain import design_gain
+from pretouch.designs.objectives import Objective, excursion_objective, time_objective
+from pretouch.designs.problem import GainProblem
+from pretouch.designs.search import GainAxis
+from pretouch.designs.search.compiled import INFEASIBLE, OPTIMAL, UNCERTAIN, search_compiled
+from pretouch.designs.search.family import find_family
 from pretouch.motion import Admittance, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import (
     CustomSensor,

@@ -25,7 +25,7 @@ def throw(contact: Any, speed: float, mass: float = 1.7) -> pt.simulation.Simula
     scenario = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.01), plant=pt.Plant(velocity=speed))
     free = pt.simulation.ImpedancePlant(mass=mass, stiffness=1e-9, damping=0.0, feedforward=False)
     law = BareLaw(-1e-12, 1e-3, damping=0.0, stiffness=0.0)
-    return pt.simulate(scenario, SENSOR, law, plant=free, contact=contact, horizon=1.0, follow_time=0.5)
+    return pt.simulation.simulate_loop(scenario, SENSOR, law, plant=free, contact=contact, horizon=1.0, follow_time=0.5)
 
 
 def restitution_of_hunt_crossley(loss: float, speed: float) -> float:
@@ -109,7 +109,9 @@ def test_a_pulled_mass_in_contact_follows_scipy() -> None:
     contact = pt.simulation.HuntCrossley(stiffness=5e5, dissipation=0.8, obstacle_mass=0.9)
     scenario = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.004), plant=pt.Plant(velocity=0.25))
     law = BareLaw(-1e-12, 1e-3, damping=0.0, stiffness=0.0)  # x_v goes on at 0.25 m/s
-    run = pt.simulate(scenario, SENSOR, law, plant=plant, contact=contact, horizon=0.0605, follow_time=1.0)
+    run = pt.simulation.simulate_loop(
+        scenario, SENSOR, law, plant=plant, contact=contact, horizon=0.0605, follow_time=1.0
+    )
     trace = run.trace()
 
     def slopes(t: float, s: Any) -> list[float]:
@@ -140,7 +142,9 @@ def test_a_robot_that_is_pressed_on_comes_back_after_each_rebound() -> None:
         plant=pt.Plant(velocity=0.5),
         reference=pt.Reference(position=0.03),
     )
-    run = pt.simulate(scenario, SENSOR, BareLaw(-1e-6, 1e-3), plant=plant, contact=contact, follow_time=2.0)
+    run = pt.simulation.simulate_loop(
+        scenario, SENSOR, BareLaw(-1e-6, 1e-3), plant=plant, contact=contact, follow_time=2.0
+    )
     times, speeds, _, impulses, rebounds, durations = run.trace().contacts.T
     assert run.contacts == len(times) > 3
     assert (np.diff(times) > 0).all()
@@ -160,7 +164,7 @@ def test_a_driven_obstacle_pushes_on_after_the_impact() -> None:
         admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
         obstacle=pt.Obstacle(position=0.02, velocity=-0.3),
     )
-    run = pt.simulate(
+    run = pt.simulation.simulate_loop(
         scenario,
         SENSOR,
         BareLaw(-1e-6, 1e-3),
@@ -197,7 +201,7 @@ def test_a_trace_resolves_contacts_that_are_over_within_a_step_of_the_law(contac
 
 
 def test_a_run_without_contact_force_has_no_course_of_a_contact() -> None:
-    run = pt.simulate(
+    run = pt.simulation.simulate_loop(
         pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.01, velocity=-0.3)),
         SENSOR,
         BareLaw(-0.1, 1e-3),

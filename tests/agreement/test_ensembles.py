@@ -144,10 +144,10 @@ def test_a_robust_drag_is_held_against_fresh_samples_and_its_worst_encounter_is_
         pt.excursion_objective(position_scale=0.5, velocity_scale=0.3),
         bounds=(1e-3, 0.05),
         law="virtual-drag",
-        uncertainty={name: pt.robust.Uniform(low=low, high=high) for name, (low, high) in known.items()},
-        robust=pt.robust.RobustOptions(samples=32, validation=32),
+        uncertainty={name: pt.uncertainty.Uniform(low=low, high=high) for name, (low, high) in known.items()},
+        robust=pt.designs.RobustOptions(samples=32, validation=32),
     )
-    design = pt.robust.design_robust_gain(task)
+    design = pt.robust(task)
     assert design.gain is not None
 
     def objective(**inputs: float) -> float:
@@ -162,7 +162,7 @@ def test_a_robust_drag_is_held_against_fresh_samples_and_its_worst_encounter_is_
     for one in design.importance:
         assert one.by_gradient == pytest.approx(effect[one.name] ** 2 / total, rel=1e-4)
     assert "Robust drag" in str(design)
-    worst = pt.robust.design_robust_gain(task.replace(robust=replace(task.robust, measure=pt.robust.WorstCase())))
+    worst = pt.robust(task.replace(robust=replace(task.robust, measure=pt.designs.WorstCase())))
     assert worst.worst is not None
     corners = [
         find_contact(

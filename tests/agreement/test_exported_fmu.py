@@ -25,8 +25,8 @@ import pretouch as pt
 from exported_designs import DESIGNS
 from pretouch.control import Controller, Sample
 from pretouch.errors import InvalidInputError
-from pretouch.export import export_law
-from pretouch.export.law_design import law_design
+from pretouch.exports import export
+from pretouch.exports.law_design import law_design
 
 WARNINGS = "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
 INPUTS = ("reading", "age", "contact_force", "reference_position", "reference_velocity", "reference_acceleration")
@@ -43,7 +43,7 @@ def exports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One export of each design, without its verification, which other tests run."""
     root = tmp_path_factory.mktemp("fmu")
     for name, design in DESIGNS.items():
-        assert export_law(design(), root / name, "fmu", verify=False).is_written
+        assert export(design(), root / name, "fmu", verify=False).is_written
     return {name: root / name for name in DESIGNS}
 
 
@@ -343,7 +343,7 @@ def test_sources_compile_without_warnings(
 
 
 def test_the_same_design_gives_the_same_bytes(exports: dict[str, Path], tmp_path: Path) -> None:
-    assert export_law(DESIGNS["damper"](), tmp_path / "again", "fmu", verify=False).is_written
+    assert export(DESIGNS["damper"](), tmp_path / "again", "fmu", verify=False).is_written
     for standard in STANDARDS:
         first, second = (unit_in(folder, standard) for folder in (exports["damper"], tmp_path / "again"))
         assert first.read_bytes() == second.read_bytes()
@@ -353,7 +353,7 @@ def test_the_same_design_gives_the_same_bytes(exports: dict[str, Path], tmp_path
 
 def test_without_a_compiler_the_units_have_sources_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "a-compiler-that-does-not-exist")
-    result = export_law(DESIGNS["damper"](), tmp_path / "law", "fmu", verify=False)
+    result = export(DESIGNS["damper"](), tmp_path / "law", "fmu", verify=False)
     assert "no C compiler" in result.headline
     for standard in STANDARDS:
         names = zipfile.ZipFile(unit_in(tmp_path / "law", standard)).namelist()
@@ -366,7 +366,7 @@ def test_a_compiler_that_fails_is_named(tmp_path: Path, monkeypatch: pytest.Monk
         pytest.skip("the command false does not exist")
     monkeypatch.setenv("CC", "false")
     with pytest.raises(InvalidInputError, match="CC"):
-        export_law(DESIGNS["damper"](), tmp_path / "law", "fmu", verify=False)
+        export(DESIGNS["damper"](), tmp_path / "law", "fmu", verify=False)
     assert not list(tmp_path.iterdir())
 
 
@@ -375,7 +375,7 @@ def test_a_hostile_file_name_gives_valid_units(tmp_path: Path) -> None:
     task = DESIGNS["damper"]()
     path = tmp_path / "a" / '1<x> "&*/ ü.toml'
     source = dataclasses.replace(task.source, path=path)
-    assert export_law(task.replace(source=source), tmp_path / "law", "fmu", verify=False).is_written
+    assert export(task.replace(source=source), tmp_path / "law", "fmu", verify=False).is_written
     pytest.importorskip("fmpy", reason="FMPy is not installed (pip install pretouch[fmu])")
     from fmpy.validation import validate_fmu
 

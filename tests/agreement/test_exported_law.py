@@ -18,9 +18,9 @@ import pytest
 import pretouch as pt
 from exported_designs import DESIGNS
 from pretouch.control import Status
-from pretouch.export import export_law
-from pretouch.export.law_source import structures
-from pretouch.verification.verify import chosen_gain
+from pretouch.exports import export
+from pretouch.exports.law_source import structures
+from pretouch.verification.verdict import chosen_gain
 
 WARNINGS = "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
 COMPILERS = [
@@ -35,12 +35,12 @@ def exports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[pt.Task
     root = tmp_path_factory.mktemp("exports")
     tasks = {name: design() for name, design in DESIGNS.items()}
     for name, task in tasks.items():
-        assert export_law(task, root / name, verify=False).is_written
+        assert export(task, root / name, verify=False).is_written
     return {name: (task, root / name) for name, task in tasks.items()}
 
 
 @pytest.fixture
-def export(exports: dict[str, tuple[pt.Task, Path]], tmp_path: Path) -> Callable[[str], pt.Task]:
+def exported(exports: dict[str, tuple[pt.Task, Path]], tmp_path: Path) -> Callable[[str], pt.Task]:
     """A function that copies the export of an example to `law`, and returns the example."""
 
     def copy(design: str) -> pt.Task:
@@ -66,27 +66,27 @@ def replayed(folder: Path, compiler: str, flags: str) -> dict[str, float]:
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("design", DESIGNS)
 def test_in_double_precision_every_bit_is_the_same(
-    design: str, compiler: str, tmp_path: Path, export: Callable[[str], pt.Task]
+    design: str, compiler: str, tmp_path: Path, exported: Callable[[str], pt.Task]
 ) -> None:
-    export(design)
+    exported(design)
     differences = replayed(tmp_path / "law", compiler, "")
     assert differences == dict.fromkeys(("position", "velocity", "acceleration", "virtual force", "log level"), 0.0)
 
 
 @pytest.mark.parametrize("design", DESIGNS)
 def test_in_single_precision_outputs_agree_within_1e_4(
-    design: str, tmp_path: Path, export: Callable[[str], pt.Task]
+    design: str, tmp_path: Path, exported: Callable[[str], pt.Task]
 ) -> None:
-    export(design)
+    exported(design)
     differences = replayed(tmp_path / "law", "cc", "-DPRETOUCH_FLOAT") if shutil.which("cc") else pytest.skip("no cc")
     limited = {"velocity", "acceleration"} if design == "filters" else set()  # see test_law.c
     assert all(0 < value < 1e-4 for name, value in differences.items() if name not in limited)  # 0: double precision
 
 
-def test_sanitizers_find_nothing(tmp_path: Path, export: Callable[[str], pt.Task]) -> None:
+def test_sanitizers_find_nothing(tmp_path: Path, exported: Callable[[str], pt.Task]) -> None:
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
-    export("drag")
+    exported("drag")
     replayed(tmp_path / "law", "gcc", "-fsanitize=address,undefined -fno-sanitize-recover=all")
 
 
@@ -96,9 +96,9 @@ def test_sanitizers_find_nothing(tmp_path: Path, export: Callable[[str], pt.Task
     ids=["gain", "timeout"],
 )
 def test_the_exported_test_notices_a_changed_constant(
-    old: str, new: str, tmp_path: Path, export: Callable[[str], pt.Task]
+    old: str, new: str, tmp_path: Path, exported: Callable[[str], pt.Task]
 ) -> None:
-    export("damper")
+    exported("damper")
     header = tmp_path / "law/pretouch_design.h"
     text = header.read_text()
     assert text.count(old) == 1
@@ -112,10 +112,10 @@ def test_the_exported_test_notices_a_changed_constant(
     assert "FAILED" in run.stdout
 
 
-def test_the_header_compiles_in_c_plus_plus(tmp_path: Path, export: Callable[[str], pt.Task]) -> None:
+def test_the_header_compiles_in_c_plus_plus(tmp_path: Path, exported: Callable[[str], pt.Task]) -> None:
     if shutil.which("g++") is None:
         pytest.skip("g++ is not installed")
-    export("drag")
+    exported("drag")
     source = tmp_path / "use.cpp"
     source.write_text(
         '#include "pretouch_design.h"\n'
@@ -130,10 +130,10 @@ def test_the_header_compiles_in_c_plus_plus(tmp_path: Path, export: Callable[[st
 
 @pytest.mark.parametrize("design", DESIGNS)
 def test_vectors_restore_every_number_and_start_from_the_simulation(
-    design: str, tmp_path: Path, export: Callable[[str], pt.Task]
+    design: str, tmp_path: Path, exported: Callable[[str], pt.Task]
 ) -> None:
     """The vectors repeat the outputs of the controller, and their first case repeats the closed loop itself."""
-    task = export(design)
+    task = exported(design)
     lines = [line for line in (tmp_path / "law/vectors.csv").read_text().splitlines() if not line.startswith("#")]
     rows = list(csv.DictReader(lines))
     names = ("position", "velocity", "acceleration", "virtual_force", "log_level")
@@ -155,8 +155,8 @@ def test_vectors_restore_every_number_and_start_from_the_simulation(
     np.testing.assert_array_equal(first[: len(trace.virtual_force)], trace.virtual_force[: len(first)])
 
 
-def test_every_constant_has_its_comment_from_the_c_header(tmp_path: Path, export: Callable[[str], pt.Task]) -> None:
-    export("drag")
+def test_every_constant_has_its_comment_from_the_c_header(tmp_path: Path, exported: Callable[[str], pt.Task]) -> None:
+    exported("drag")
     text = (tmp_path / "law/pretouch_design.h").read_text()
     for kind in ("sensing", "drive", "drag", "admittance"):
         for field in structures()[f"pretouch_{kind}_numbers"]:
@@ -165,11 +165,13 @@ def test_every_constant_has_its_comment_from_the_c_header(tmp_path: Path, export
             assert field.comment or is_part, f"{kind}: {field.name} has no comment in pretouch_law.h"
 
 
-def test_parameters_in_the_header_are_those_of_the_controller(tmp_path: Path, export: Callable[[str], pt.Task]) -> None:
+def test_parameters_in_the_header_are_those_of_the_controller(
+    tmp_path: Path, exported: Callable[[str], pt.Task]
+) -> None:
     """Every number of the initializer, in its order, restores the memory of the parameters."""
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
-    task = export("damper")
+    task = exported("damper")
     program = tmp_path / "show.c"
     program.write_text(
         '#include "pretouch_design.h"\n#include <stdio.h>\n'
@@ -187,7 +189,7 @@ def test_a_hostile_file_name_cannot_end_the_comment(tmp_path: Path) -> None:
     task = DESIGNS["damper"]()
     path = tmp_path / "a" / name
     source = dataclasses.replace(task.source, path=path)
-    result = export_law(task.replace(source=source), tmp_path / "law", verify=False)
+    result = export(task.replace(source=source), tmp_path / "law", verify=False)
     assert result.is_written
     if shutil.which("gcc"):
         replayed(tmp_path / "law", "gcc", "")
@@ -201,7 +203,7 @@ def test_the_difference_equations_in_matlab_code_agree(design: str, tmp_path: Pa
     Octave is slow. The course, which alone has a reference that moves, runs its first case only, and the damper is
     left out, because it is the law of the filters.
     """
-    assert export_law(DESIGNS[design](), tmp_path / "law", "json", verify=False).is_written
+    assert export(DESIGNS[design](), tmp_path / "law", "json", verify=False).is_written
     if design == "course":
         vectors = tmp_path / "law/vectors.csv"
         lines = vectors.read_text().splitlines(keepends=True)
@@ -215,7 +217,7 @@ def test_the_difference_equations_in_matlab_code_agree(design: str, tmp_path: Pa
 
 def test_the_json_has_every_parameter_with_its_meaning(tmp_path: Path) -> None:
     task = DESIGNS["filters"]()
-    assert export_law(task, tmp_path / "law", "json", verify=False).is_written
+    assert export(task, tmp_path / "law", "json", verify=False).is_written
     content = json.loads((tmp_path / "law/design.json").read_text())
     assert content["parameters"]["law"]["gain"] == -0.86
     assert content["parameters"]["drive"]["limits"]["excursion"] == 0.04
@@ -245,9 +247,9 @@ def adversarial(folder: Path, flags: str = "") -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("design", ["filters", "drag"])
 def test_a_million_adversarial_steps_give_the_same_bits_as_the_package(
-    design: str, tmp_path: Path, export: Callable[[str], pt.Task]
+    design: str, tmp_path: Path, exported: Callable[[str], pt.Task]
 ) -> None:
-    task = export(design)
+    task = exported(design)
     rng, count = np.random.default_rng(26), 500_000
     level = 100 * np.exp(8 * rng.random(count // 100)).repeat(100)
     samples = np.column_stack([rng.random((count, 1)) * level[:, None], rng.normal(size=(count, 5))])
@@ -276,10 +278,10 @@ def test_a_million_adversarial_steps_give_the_same_bits_as_the_package(
 @pytest.mark.parametrize("precision", ["double", "float"])
 @pytest.mark.parametrize("design", DESIGNS)
 def test_outputs_stay_finite_and_within_limits_for_any_sample(
-    design: str, precision: str, tmp_path: Path, export: Callable[[str], pt.Task]
+    design: str, precision: str, tmp_path: Path, exported: Callable[[str], pt.Task]
 ) -> None:
     """A million samples here; docs/how-to/export/c.md has the number that was run once."""
-    export(design)
+    exported(design)
     flags = "-DPRETOUCH_FLOAT -Wno-float-conversion" if precision == "float" else ""
     program = adversarial(tmp_path / "law", flags)
     run = subprocess.run([str(program), "1000000", "1"], capture_output=True, text=True, check=False)
@@ -289,9 +291,9 @@ def test_outputs_stay_finite_and_within_limits_for_any_sample(
     assert forces > 5_000
 
 
-def test_the_search_for_outputs_beyond_a_limit_finds_one(tmp_path: Path, export: Callable[[str], pt.Task]) -> None:
+def test_the_search_for_outputs_beyond_a_limit_finds_one(tmp_path: Path, exported: Callable[[str], pt.Task]) -> None:
     """A law that exceeds its excursion by a millionth is noticed."""
-    export("filters")
+    exported("filters")
     source = tmp_path / "law/pretouch_law.c"
     text = source.read_text()
     old = "p->period * wanted->velocity / 2, p->excursion);"

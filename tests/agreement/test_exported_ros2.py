@@ -26,9 +26,9 @@ import pytest
 import yaml
 
 import pretouch as pt
-from pretouch.export import export_law
-from pretouch.export.ros2 import yaml_number
-from pretouch.verification.verify import chosen_gain
+from pretouch.exports import export
+from pretouch.exports.ros2 import yaml_number
+from pretouch.verification.verdict import chosen_gain
 from ros2_harness import HEADERS, PARAMETERS, STUBS, build, drive, leaves
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -67,7 +67,7 @@ def design(request: pytest.FixtureRequest) -> str:
 def packages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folders = {name: tmp_path_factory.mktemp(name) / "package" for name in DESIGNS}
     for name, folder in folders.items():
-        assert export_law(task(name), folder, "ros2", verify=False).is_written
+        assert export(task(name), folder, "ros2", verify=False).is_written
     return folders
 
 
@@ -670,7 +670,7 @@ def test_a_distance_sensor_and_an_admittance_without_stiffness(tmp_path: Path) -
     scenario = dataclasses.replace(
         made.scenario, admittance=dataclasses.replace(made.scenario.admittance, stiffness=0.0)
     )
-    export_law(made.replace(loop=loop, scenario=scenario), tmp_path / "package", "ros2", verify=False)
+    export(made.replace(loop=loop, scenario=scenario), tmp_path / "package", "ros2", verify=False)
     ((_, tree),) = yaml.safe_load((tmp_path / "package" / PARAMETERS).read_text()).items()
     found = dict(leaves(tree))
     assert found["reading.quantity"]["default_value"] == "distance"

@@ -80,7 +80,7 @@ def ringing_begins(law: Any, d: float, rate: float, frequency: float, a: pt.Admi
     )
     sensor = pt.InversePower(scale=1e3, distance_offset=offset, exponent=1.0)
     chain = pt.SensorChain(rate=rate, delay=0.5 / rate)
-    trace = pt.simulate(scenario, sensor, law(phi), chain=chain, horizon=4 * periods / rate).trace()
+    trace = pt.simulation.simulate_loop(scenario, sensor, law(phi), chain=chain, horizon=4 * periods / rate).trace()
     every = round(len(trace.time) / (trace.time[-1] * rate))
     distance, time, speed = trace.distance[::every], trace.time[::every], trace.virtual_velocity[::every]
     ripple = np.abs(np.diff(speed, 4))  # what changes slowly is gone from it
@@ -134,7 +134,7 @@ def test_a_steady_approach_rings_above_the_limit_and_not_below(smoothing: float)
         obstacle = pt.Obstacle(position=speed * many / rate, velocity=-speed, acceleration=-phi * speed**2)
         scenario = pt.Scenario(admittance=mass, obstacle=obstacle)
         law, sensor = drags(phi, smoothing, mass), pt.ExponentialFirstOrder(scale=1e3, rate=-1.0)
-        force = pt.simulate(scenario, sensor, law, chain=chain, horizon=8.0).trace().virtual_force
+        force = pt.simulation.simulate_loop(scenario, sensor, law, chain=chain, horizon=8.0).trace().virtual_force
         return float(np.ptp(force[-200:]) / (phi * speed**2))
 
     assert swing(0.95) < 0.01
@@ -256,6 +256,6 @@ def test_up_to_the_timely_speed_a_touch_is_at_most_a_little_softer(rate: float, 
     law, chain = drags(PHI, smoothing, rate=rate), pt.SensorChain(rate=rate, delay=delay, random_phase=True)
     timely = speed_limit(CURVE, LETTER, timing_of(chain, law), PHI, detection_distance=START).timely
     for part in (0.5, 1.0):
-        found = pt.simulate(approach(part * timely), CURVE, law, chain=chain, runs=20, seed=3)
+        found = pt.simulation.simulate_loop(approach(part * timely), CURVE, law, chain=chain, runs=20, seed=3)
         share = -np.asarray(found.relative_velocity).mean() / (part * timely)
         assert 1 - 0.15 * part <= share / 0.15 <= 1.01

@@ -9,7 +9,7 @@ import pytest
 import pretouch as pt
 import scenario_text
 from pretouch._core.files import as_json
-from pretouch.calibration import rank_models, read_calibration, read_calibrations
+from pretouch.calibration import fit, read_calibration, read_calibrations
 from pretouch.sensors import check_sensor
 
 FILE = Path(__file__).parents[2].parent / "shared" / "calibrations" / "khepera" / "khepera_ir.csv"
@@ -30,7 +30,7 @@ def test_there_are_forty(curves):
 @pytest.mark.parametrize("label", LABELS)
 def test_every_curve_comes_to_a_fit_or_a_verdict(curves, label):
     measured = curves[label]
-    report = rank_models(measured)
+    report = fit(measured)
     found = json.loads(json.dumps(report.to_dict(), allow_nan=False))
     # the offset lies near the plateau: the mean of the three farthest readings, of which a curve that falls as 1/l^2
     # from 250 counts at 10 mm still is some 25 counts above it, and a single bad reading moves by a third of itself
@@ -50,27 +50,27 @@ def test_every_curve_comes_to_a_fit_or_a_verdict(curves, label):
     assert report.verdict in {"usable", "usable with reservations"}
     assert report.window.l_min > clipped.max(initial=-1.0)
     assert len(report.window.distances) >= 3
-    for fit, entry in zip(report.fits, found["models"], strict=True):
-        assert check_sensor(fit.sensor).conforms
-        assert np.isfinite(fit.residuals).all()
+    for model, entry in zip(report.fits, found["models"], strict=True):
+        assert check_sensor(model.sensor).conforms
+        assert np.isfinite(model.residuals).all()
         assert all(value is not None for value in entry["parameters"].values())
         assert entry["middle_slope"]["value"] < 0
 
 
 @pytest.mark.slow
 def test_nearly_all_are_usable_and_none_is_taken_as_perfect(curves):
-    usable = [label for label in LABELS[:8] if rank_models(curves[label], ("exponential-1",)).best is not None]
+    usable = [label for label in LABELS[:8] if fit(curves[label], ("exponential-1",)).best is not None]
     assert len(usable) >= 7  # of eight sensors on the first day, sensor 0 is the noisiest
 
 
 def test_the_dropped_reading_is_left_out(curves):
-    report = rank_models(curves["day=30, sensor=4"], ("inverse-power",))
+    report = fit(curves["day=30, sensor=4"], ("inverse-power",))
     assert report.best.outliers == (9,)
 
 
 def test_a_pedestal_left_in_weakens_the_slope_of_a_real_sensor(curves):
     measured = curves["day=3, sensor=7"]
-    honest, naive = (rank_models(measured, ("inverse-power",), offset=o).best for o in ("auto", "zero"))
+    honest, naive = (fit(measured, ("inverse-power",), offset=o).best for o in ("auto", "zero"))
     at = 0.04
     assert 2.5 < honest.sensor.log_slope(at) / naive.sensor.log_slope(at) < 24
     assert naive.r_squared > 0.9
@@ -104,12 +104,16 @@ def test_a_real_sensor_comes_to_a_verdict_on_its_loop(tmp_path, sensor):
     """The readings of the loop stand on the plateau, scatter and step as those of the calibration."""
     (tmp_path / "loop.toml").write_text(LOOP.format(file=FILE.as_posix(), sensor=sensor))
     problem = pt.load_scenario(tmp_path / "loop.toml")
-    fit, chain = problem.calibration.best, problem.loop.chain
-    assert (chain.noise, chain.relative_noise, chain.offset) == (fit.noise.output, fit.noise.relative, fit.offset.value)
-    run = pt.simulate_encounter(problem)
+    best, chain = problem.calibration.best, problem.loop.chain
+    assert (chain.noise, chain.relative_noise, chain.offset) == (
+        best.noise.output,
+        best.noise.relative,
+        best.offset.value,
+    )
+    run = pt.simulate(problem)
     assert set(np.mod(run.trace.reading, 4)) == {0.0}  # steps of 4 counts
-    verdict = pt.verify_gain(problem.replace(verify=pt.VerifyOptions(runs=200)))
-    assert verdict.gain == pt.design_gain(problem).gain
+    verdict = pt.verify(problem.replace(verify=pt.designs.VerifyOptions(runs=200)))
+    assert verdict.gain == pt.design(problem).gain
     speed = verdict.comparison("relative_velocity")
     assert verdict.reached.simulated == 1
     assert speed.simulated.mean < 0.5 * speed.unmitigated.mean == pytest.approx(0.15, rel=1e-6)

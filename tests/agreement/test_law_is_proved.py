@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from exported_designs import DESIGNS
-from pretouch.export import export_law
+from pretouch.exports import export
 
 PROOF = Path(__file__).parents[1] / "embedded/proof.c"
 CHECKS = ("bounds", "pointer", "div-by-zero", "signed-overflow", "undefined-shift", "conversion", "pointer-overflow")
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(
 def exports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     root = tmp_path_factory.mktemp("proved")
     for name in ("damper", "drag"):
-        export_law(DESIGNS[name](), root / name, verify=False)
+        export(DESIGNS[name](), root / name, verify=False)
     return {name: root / name for name in ("damper", "drag")}
 
 

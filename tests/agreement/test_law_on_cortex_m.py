@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from exported_designs import DESIGNS
-from pretouch.export import export_law
+from pretouch.exports import export
 
 HERE = Path(__file__).parents[1] / "embedded"
 PAGE = (Path(__file__).parents[2] / "docs/how-to/export/c.md").read_text(encoding="utf-8")
@@ -46,7 +46,7 @@ def flags(board: str, precision: str) -> list[str]:
 def exports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     root = tmp_path_factory.mktemp("exports")
     for name in ("damper", "drag", "filters"):
-        assert export_law(DESIGNS[name](), root / name, verify=False).is_written
+        assert export(DESIGNS[name](), root / name, verify=False).is_written
     return {name: root / name for name in ("damper", "drag", "filters")}
 
 

@@ -19,7 +19,7 @@ from pretouch.letter.inputs import approach, disruption, f_1, f_2, sensor
 STEPS = (2e-4, 1e-4, 5e-5)
 ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
 CONTACT = pt.simulation.SpringDamper(stiffness=3e4, damping=60.0, obstacle_mass=1.0)
-ENCOUNTERS: dict[str, tuple[pt.Scenario, pt.SensorModel, Any, float]] = {
+ENCOUNTERS: dict[str, tuple[pt.Scenario, pt.sensors.SensorModel, Any, float]] = {
     "an obstacle approaches": (approach(), sensor("inverse-power"), f_1(), -3.0),
     "the robot moves": (disruption(), sensor("fingertip"), f_2(), -2.0),
 }
@@ -45,7 +45,7 @@ def controller(gain: float, period: float = 1e-3) -> control.Controller:
 def gain_of(name: str, strength: str) -> float:
     scenario, curve, objective, strong = ENCOUNTERS[name]
     if strength == "optimum":
-        return float(pt.design_gain(pt.Task(scenario, curve, objective, bounds=(-20.0, -0.01))).gain)
+        return float(pt.design(pt.Task(scenario, curve, objective, bounds=(-20.0, -0.01))).gain)
     return {"none": 0.0, "strong": strong}[strength]
 
 
@@ -83,11 +83,11 @@ def bounds_of(found: WitnessResult, step: float, contact: pt.simulation.SpringDa
 def test_mujoco_comes_to_the_same_encounter_the_closer_the_shorter_its_step(name: str, strength: str) -> None:
     scenario, curve, _, _ = ENCOUNTERS[name]
     law = controller(gain_of(name, strength))
-    ours = pt.simulate(scenario, curve, law, plant=ROBOT, contact=CONTACT)
+    ours = pt.simulation.simulate_loop(scenario, curve, law, plant=ROBOT, contact=CONTACT)
     errors: dict[str, list[float]] = {"time": [], "relative_velocity": []}
     for step in STEPS:
         found = witness_encounter(scenario, curve, law, plant=ROBOT, contact=CONTACT, time_step=step)
-        assert found.status is pt.ContactStatus.CONTACT
+        assert found.status is pt.motion.ContactStatus.CONTACT
         for quantity, bound in bounds_of(found, step, CONTACT, ROBOT.mass).items():
             assert abs(getattr(found, quantity) - getattr(ours, quantity)) <= bound, (quantity, step)
         for quantity, values in errors.items():
@@ -114,9 +114,9 @@ def test_a_course_is_that_of_mujoco(obstacle_mass: float) -> None:
     )
     scenario = replace(scenario, obstacle=replace(scenario.obstacle, course=course))
     contact, law, step = replace(CONTACT, obstacle_mass=obstacle_mass), controller(-0.7463), STEPS[-1]
-    ours = pt.simulate(scenario, curve, law, plant=ROBOT, contact=contact)
+    ours = pt.simulation.simulate_loop(scenario, curve, law, plant=ROBOT, contact=contact)
     found = witness_encounter(scenario, curve, law, plant=ROBOT, contact=contact, time_step=step)
-    assert found.status is pt.ContactStatus.CONTACT
+    assert found.status is pt.motion.ContactStatus.CONTACT
     for quantity, bound in bounds_of(found, step, contact, ROBOT.mass).items():
         assert abs(getattr(found, quantity) - getattr(ours, quantity)) <= bound, quantity
 
@@ -127,7 +127,7 @@ def test_a_driven_obstacle_pushes_as_in_mujoco() -> None:
     scenario, curve, _, _ = ENCOUNTERS["an obstacle approaches"]
     wall = pt.simulation.SpringDamper(stiffness=3e4, damping=60.0)
     law = controller(-0.7463)
-    ours = pt.simulate(scenario, curve, law, plant=ROBOT, contact=wall)
+    ours = pt.simulation.simulate_loop(scenario, curve, law, plant=ROBOT, contact=wall)
     impulses = []
     for step in STEPS:
         found = witness_encounter(scenario, curve, law, plant=ROBOT, contact=wall, time_step=step)
@@ -158,7 +158,7 @@ def test_robots_that_lag_and_rub_come_to_the_same_contact_in_mujoco(plant: Any) 
         reference=pt.Reference(position=0.0, velocity=0.03, acceleration=0.1),
     )
     curve, law = sensor("exponential-2"), controller(-0.5, 5e-4)
-    ours = pt.simulate(scenario, curve, law, plant=plant, contact=CONTACT, follow_time=0.05)
+    ours = pt.simulation.simulate_loop(scenario, curve, law, plant=plant, contact=CONTACT, follow_time=0.05)
     errors = []
     for step in STEPS[1:]:
         found = witness_encounter(scenario, curve, law, plant=plant, contact=CONTACT, time_step=step, follow_time=0.05)
@@ -204,7 +204,7 @@ def test_the_contact_of_mujoco_is_a_spring_with_a_damper(ratio: float, speed: fl
     assert found.peak_force == pytest.approx(peak, rel=error)
     assert found.impulse == pytest.approx(impulse, rel=error)
     assert found.rebound_velocity == pytest.approx(rebound, rel=2 * error)  # touch and release, a step each
-    ours = pt.simulate(scenario, curve, law, plant=free, contact=contact, follow_time=0.05)
+    ours = pt.simulation.simulate_loop(scenario, curve, law, plant=free, contact=contact, follow_time=0.05)
     assert found.peak_force == pytest.approx(ours.peak_force, rel=error)
 
 
@@ -233,7 +233,7 @@ def test_the_contact_of_mujoco_is_pressed_in_by_a_part_in_ten_thousand_less() ->
 def test_a_witness_that_sees_no_contact_says_so() -> None:
     scenario, curve, _, _ = ENCOUNTERS["an obstacle approaches"]
     found = witness_encounter(scenario, curve, controller(-0.7), plant=ROBOT, contact=CONTACT, horizon=0.05)
-    assert found.status is pt.ContactStatus.HORIZON
+    assert found.status is pt.motion.ContactStatus.HORIZON
     assert math.isnan(found.time)
     assert math.isnan(found.relative_velocity)
     assert found.peak_force == found.impulse == 0.0

@@ -82,7 +82,7 @@ def test_a_curve_that_equals_another_is_not_taken_for_it(recess: float) -> None:
         second = pt.find_contact(scene(), other, gains).end.time
         assert second == pytest.approx(first, rel=1e-9)  # the promise for times, on either side
         assert np.all(second != pt.find_contact(scene(), one, gains).end.time)
-    designs = [pt.design_gain(pt.Task(scene(), sensor, F_1, bounds=(-10.0, -1e-3))) for sensor in (one, other)]
+    designs = [pt.design(pt.Task(scene(), sensor, F_1, bounds=(-10.0, -1e-3))) for sensor in (one, other)]
     assert designs[0].gain == pytest.approx(2 * designs[1].gain, rel=1e-6)  # a flat optimum of objectives to 1e-12
     runs = [loop().run(scene(), sensor, gain) for sensor, gain in ((one, -0.8), (other, -0.8))]
     assert runs[0].relative_velocity != runs[1].relative_velocity

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import pretouch as pt
 from loop_samples import BareLaw
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
-from pretouch.design.objectives import excursion_objective
+from pretouch.designs.objectives import excursion_objective
 from pretouch.motion import ContactStatus, Stretch
 from pretouch.motion.guaranteed import drag_impulses
 from pretouch.motion.laws import continuous_law
@@ -44,7 +44,9 @@ def scene(course: tuple[Stretch, ...] = (), **others: float) -> pt.Scenario:
 
 
 def run(scenario: pt.Scenario, plant: str = "ideal", gain: float = -0.7) -> pt.simulation.SimulationResult:
-    return pt.simulate(scenario, SENSOR, BareLaw(gain=gain, period=1e-3), plant=PLANTS[plant], horizon=0.6)
+    return pt.simulation.simulate_loop(
+        scenario, SENSOR, BareLaw(gain=gain, period=1e-3), plant=PLANTS[plant], horizon=0.6
+    )
 
 
 def obstacle_by_hand(course: tuple[Stretch, ...], time: float, last: float = 0.0) -> tuple[float, float]:
@@ -97,7 +99,7 @@ def test_a_contact_is_where_an_integrator_of_its_own_has_it(name: str) -> None:
 def test_a_mitigated_motion_is_that_of_an_integrator(name: str) -> None:
     """As T goes to zero the loop meets L(1) with L(2): at T = 0.1 ms within the T / 2 that a force comes late by."""
     law, course = BareLaw(gain=-0.7, period=1e-4), COURSES[name]
-    found = pt.simulate(scene(course), SENSOR, law, horizon=0.6)
+    found = pt.simulation.simulate_loop(scene(course), SENSOR, law, horizon=0.6)
     end = float(found.time) if found.touched else 0.6
 
     def motion(time: float, state: np.ndarray) -> tuple[float, float]:
@@ -202,7 +204,7 @@ def test_a_design_on_the_loop_takes_a_course() -> None:
     loop = pt.ClosedLoop(law=law, chain=pt.SensorChain(rate=1000.0))
     scenario = scene((Stretch(until=0.05), Stretch(until=0.1, acceleration=-1.0)))
     objective = excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    design = pt.design_gain(pt.Task(scenario, SENSOR, objective, bounds=(-10.0, -0.01), evaluate=loop))
+    design = pt.design(pt.Task(scenario, SENSOR, objective, bounds=(-10.0, -0.01), evaluate=loop))
     assert "sampled loop" in str(design)
     rows = dict(scenario_rows(scenario))
     assert rows["obstacle: acceleration until 0.1 s"].value == -1.0
@@ -274,9 +276,7 @@ def test_a_course_of_constant_velocity_changes_nothing(law: str) -> None:
     found, expected = (pt.find_contact(scene(course), SENSOR, value, law=law) for course in (STEADY, ()))
     for name, result in found.end.as_dict().items():
         assert result == pytest.approx(getattr(expected.end, name), rel=TIGHT, abs=1e-12), name
-    designs = [
-        pt.design_gain(pt.Task(scene(course), SENSOR, OBJECTIVE, law=law, bounds=bounds)) for course in (STEADY, ())
-    ]
+    designs = [pt.design(pt.Task(scene(course), SENSOR, OBJECTIVE, law=law, bounds=bounds)) for course in (STEADY, ())]
     assert designs[0].gain == pytest.approx(designs[1].gain, rel=1e-7)
     assert designs[0].objective == pytest.approx(designs[1].objective, rel=TIGHT)
     assert designs[0].gain != designs[1].gain or designs[0].objective != designs[1].objective  # another solver
@@ -318,7 +318,9 @@ def random_courses(seed: int, n: int) -> pt.Scenario:
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("law", CUSTOM)
 @pytest.mark.parametrize("sensor", [SENSOR, pt.ExponentialFirstOrder(scale=1.0, rate=-60.0)], ids=["any", "constant"])
-def test_the_compiled_solver_agrees_with_the_numerical_integration(sensor: pt.SensorModel, law: str, seed: int) -> None:
+def test_the_compiled_solver_agrees_with_the_numerical_integration(
+    sensor: pt.sensors.SensorModel, law: str, seed: int
+) -> None:
     """The same encounters as of a custom law with the same force, which another method integrates."""
     scenario = random_courses(seed, 16)
     rng = np.random.default_rng(seed)
@@ -375,7 +377,7 @@ def test_many_curves_take_a_course(law: str) -> None:
 
 
 def test_an_obstacle_that_stops_before_contact_has_no_contact() -> None:
-    design = pt.design_gain(pt.Task(scene(STOPS), SENSOR, OBJECTIVE, bounds=(-10.0, -0.01), horizon=10.0))
+    design = pt.design(pt.Task(scene(STOPS), SENSOR, OBJECTIVE, bounds=(-10.0, -0.01), horizon=10.0))
     assert design.status.value == "no-contact"
     assert "without contact" in str(design)
     assert page_of(design).next_step.endswith("even without mitigation, it comes no nearer than 12 mm")
@@ -389,19 +391,17 @@ def test_fronts_robust_designs_and_sweeps_take_a_course() -> None:
     """Each gives what contacts at the same gains give."""
     course = COURSES["comes again"]
     task = pt.Task(scene(course), SENSOR, OBJECTIVE, bounds=(-10.0, -0.01), horizon=3.0)
-    front = pt.pareto_front(task)
+    front = pt.pareto(task)
     some = slice(None, None, max(1, len(front.gain) // 5))
     contact = pt.find_contact(scene(course), SENSOR, front.gain[some], horizon=3.0).contact
     np.testing.assert_allclose(front.of("relative_velocity")[some], np.abs(contact.relative_velocity), rtol=1e-12)
     swept = pt.sweep(task, {"obstacle.velocity": [-0.3, -0.25]}, results=["gain", "relative_velocity"])
     for i, velocity in enumerate((-0.3, -0.25)):
-        alone = pt.design_gain(task.replace(scenario=scene(course, velocity=velocity)))
+        alone = pt.design(task.replace(scenario=scene(course, velocity=velocity)))
         assert float(swept["gain"][i]) == pytest.approx(alone.gain, rel=1e-6)
-    uncertain = {"obstacle.velocity": pt.robust.Normal(mean=-0.3, deviation=0.02)}
-    robust = pt.robust.design_robust_gain(
-        task.replace(uncertainty=uncertain, robust=pt.robust.RobustOptions(samples=16))
-    )
-    assert robust.gain == pytest.approx(pt.design_gain(task).gain, rel=0.3)
+    uncertain = {"obstacle.velocity": pt.uncertainty.Normal(mean=-0.3, deviation=0.02)}
+    robust = pt.robust(task.replace(uncertainty=uncertain, robust=pt.designs.RobustOptions(samples=16)))
+    assert robust.gain == pytest.approx(pt.design(task).gain, rel=0.3)
 
 
 def test_a_verdict_takes_a_course() -> None:
@@ -415,8 +415,8 @@ def test_a_verdict_takes_a_course() -> None:
     loop = pt.ClosedLoop(law=law, chain=pt.SensorChain(rate=1000.0))
     course = (Stretch(until=0.05), Stretch(until=0.1, acceleration=-1.0))
     task = pt.Task(scene(course), SENSOR, OBJECTIVE, bounds=(-10.0, -0.01))
-    verdict = pt.verify_gain(task.replace(loop=loop, verify=pt.VerifyOptions(runs=20)), changes=False)
-    design = pt.design_gain(task)
+    verdict = pt.verify(task.replace(loop=loop, verify=pt.designs.VerifyOptions(runs=20)), changes=False)
+    design = pt.design(task)
     assert verdict.gain == pytest.approx(design.gain, rel=1e-9)
     speed = design.result.contact.relative_velocity
     assert verdict.mitigated.relative_velocity.mean() == pytest.approx(speed, rel=0.03)
@@ -425,7 +425,7 @@ def test_a_verdict_takes_a_course() -> None:
 
 def test_a_design_of_the_drag_for_its_effect_needs_a_constant_velocity() -> None:
     with pytest.raises(InvalidInputError, match="course"):
-        pt.design_drag(pt.Task(scene(STOPS), SENSOR, drag_effect=pt.DragEffect(ratio=0.2)))
+        pt.design(pt.Task(scene(STOPS), SENSOR, drag_effect=pt.DragEffect(ratio=0.2)))
 
 
 @pytest.mark.parametrize("method", ["closed-form", "uniform-motion"])

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from page_core import built_core, solve_in_node
-from pretouch.design import Constraint, DesignStatus, DragEffect, Task, design_drag, design_gain
-from pretouch.design.objectives import excursion_objective, time_objective
-from pretouch.design.problem import GainProblem
-from pretouch.design.search import GainAxis
-from pretouch.design.search.compiled import OPTIMAL, limit_rows, search_compiled, supported_terms
+from pretouch.designs import Constraint, DesignStatus, DragEffect, Task, design_drag, design_gain
+from pretouch.designs.objectives import excursion_objective, time_objective
+from pretouch.designs.problem import GainProblem
+from pretouch.designs.search import GainAxis
+from pretouch.designs.search.compiled import OPTIMAL, limit_rows, search_compiled, supported_terms
 from pretouch.motion import Admittance, Obstacle, Plant, Reference, Scenario, find_contact, solve_motion
 from pretouch.motion.laws import Drag
 from pretouch.motion.layout import COLUMNS

@@ -15,7 +15,7 @@ import pytest
 import pretouch as pt
 from page_core import PAGE, ROOT, built_core
 from pretouch._core.units import unit_tables
-from pretouch.design import design_drag, design_gain
+from pretouch.designs import design_drag, design_gain
 from pretouch.studio.field_rules import field_rules, largest_values
 
 COUNT = 60

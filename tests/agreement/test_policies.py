@@ -104,7 +104,7 @@ def test_the_law_that_knows_everything_reaches_the_bound() -> None:
 
 
 def test_on_an_ideal_loop_a_law_that_knows_everything_needs_half_of_the_drag() -> None:
-    drag = pt.design.drag.drag_by(loop.SENSOR, loop.START, loop.MASS, ratio=loop.RATIO)
+    drag = pt.designs.drag.drag_by(loop.SENSOR, loop.START, loop.MASS, ratio=loop.RATIO)
     v = 0.3
     ideal = loop.Outcome(np.array([drag.ratio]), np.array([drag.excursion]), np.array([drag.peak * v**2]))
     one = encounters(1)._replace(speed=np.array([v]), distance=np.array([loop.START]))

@@ -31,7 +31,7 @@ LOOP = Path(__file__).parents[2] / "examples/loop.toml"
 
 def simulated(controller: Any, task: Any, phase: float = 0.0) -> list[Any]:
     """Return the samples of a controller in one simulated encounter, whose readings come at whole microseconds."""
-    from pretouch.export.vectors import _approach
+    from pretouch.exports.vectors import _approach
 
     loop = replace(task.loop, chain=replace(task.loop.chain, random_phase=False, phase=phase), contact=None)
     return list(_approach(loop, controller, (task.scenario, task.sensor)))

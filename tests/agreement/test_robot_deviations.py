@@ -16,7 +16,7 @@ from pretouch.robots import (
     SiteLaw,
     load_model,
     make_data,
-    project,
+    project_site,
     simulate_robot,
 )
 from robot_scenes import ARM, CURVE, SLIDE, controller, share, slide_with_ball, with_object
@@ -42,7 +42,7 @@ def deviation(result: RobotSimulation) -> float:
 @pytest.mark.parametrize(("inertia", "height", "warns"), [(0.01, 0.0, False), (0.1, 0.1, False), (0.01, 0.1, True)])
 def test_a_base_that_turns_is_reported(inertia: float, height: float, warns: bool) -> None:
     text, start = turning_base(inertia, height)
-    projection = project(mujoco.MjModel.from_xml_string(text), start, TIP)
+    projection = project_site(mujoco.MjModel.from_xml_string(text), start, TIP)
     scene = with_object(text, start, "tip", 0.6)
     result = simulate_robot(*scene, [SiteLaw(site=TIP, controller=controller())])
     contact = result.contacts[0][0]
@@ -77,7 +77,7 @@ def stretched_arm(elbow: float, *, speed: float = 0.3, strength: float = 1.0, sh
 def test_a_posture_near_a_singularity_costs_nothing_with_strong_drives(elbow: float, error: float) -> None:
     """The reflected mass is 21, 47 and 185 kg."""
     scene = stretched_arm(elbow)
-    assert project(*scene, FINGERTIP).reflected_mass > 20
+    assert project_site(*scene, FINGERTIP).reflected_mass > 20
     tracking = OperationalSpace(model_error=error)
     result = simulate_robot(*scene, [SiteLaw(site=FINGERTIP, controller=controller())], tracking=tracking)
     assert deviation(result) < 0.005
@@ -146,6 +146,6 @@ def test_ground_may_overlap_a_body_without_a_sensor_only() -> None:
 def test_the_warnings_of_the_projection_are_repeated_with_the_name_of_the_site() -> None:
     scene = stretched_arm(-0.2)
     result = simulate_robot(*scene, [SiteLaw(site=FINGERTIP, controller=controller())])
-    (expected,) = project(*scene, FINGERTIP).warnings
+    (expected,) = project_site(*scene, FINGERTIP).warnings
     code, _, text = expected.partition(": ")
     assert result.warnings == (f"{code}: fingertip: {text}",)

@@ -18,7 +18,7 @@ from pretouch.robots import (
     SensorSite,
     SiteLaw,
     make_data,
-    project,
+    project_site,
     simulate_robot,
 )
 from pretouch.robots.sight import Sight
@@ -259,7 +259,7 @@ def test_a_sensor_chain_by_itself_delivers_the_readings_of_the_loop() -> None:
         obstacle=pt.Obstacle(position=0.05, velocity=-0.1),
     )
     law = controller(0.0, rate=250.0)
-    result = pt.simulation.simulate(scenario, CURVE, law, chain=chain, seed=3, runs=2)
+    result = pt.simulation.simulate_loop(scenario, CURVE, law, chain=chain, seed=3, runs=2)
     trace = result.trace(1)
     sensor = SensorRun(chain, CURVE, distance=0.05, farthest=0.2, period=1e-3, seed=3, run=1)
     for time, reading in zip(trace.time, trace.reading, strict=True):
@@ -276,7 +276,7 @@ def test_the_trace_and_the_prediction_start_from_the_scene() -> None:
     assert trace.distance[0, 0] == pytest.approx(DISTANCE, rel=1e-9)
     assert (detection.distance, detection.relative_velocity) == pytest.approx((DISTANCE, -0.3), rel=1e-9)
     assert detection.obstacle_mass == pytest.approx(0.5)
-    assert detection.reflected_mass == pytest.approx(project(model, data, ARM_SITE).reflected_mass)
+    assert detection.reflected_mass == pytest.approx(project_site(model, data, ARM_SITE).reflected_mass)
     assert "fingertip" in str(result)
     content = result.to_dict()["sites"]["fingertip"]
     assert content["simulated"][0]["relative_velocity"] == result.contacts[0][0].relative_velocity

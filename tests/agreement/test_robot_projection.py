@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from pretouch.robots import SensorSite, make_data, project
+from pretouch.robots import SensorSite, make_data, project_site
 from pretouch.robots.dynamics import drivetrain_of, posture_dynamics
 from random_robots import random_robot
 
@@ -78,7 +78,7 @@ def test_the_recoil_share_is_that_of_a_floating_robot_in_simulation(base: float,
     """
     model = model_of(FLOATING.format(base=base, gravity=gravity))
     data = make_data(model, {"a": 0.6, "b": -1.1, "c": 0.05})
-    projection = project(model, data, SensorSite("tip", axis="+x"))
+    projection = project_site(model, data, SensorSite("tip", axis="+x"))
     assert projection.base == 6
     wanted = np.array([projection.joint_motion[n] for n in "abc"])
 
@@ -107,7 +107,7 @@ def test_a_slide_on_a_sliding_base_recoils_by_its_share_of_the_mass() -> None:
         </worldbody><actuator><motor joint="leg" ctrlrange="-5 5"/></actuator></mujoco>"""
     )
     data = make_data(model)
-    projection = project(model, data, SensorSite("foot"))
+    projection = project_site(model, data, SensorSite("foot"))
     assert projection.recoil_share == pytest.approx(1 / 4)
     assert projection.reflected_mass == pytest.approx(1.0)  # a blow on the foot does not move the base
     assert projection.moved_mass == pytest.approx(3 / 4)  # the reduced mass of base and leg
@@ -132,7 +132,7 @@ def test_the_excursion_ends_where_the_elbow_reaches_its_range() -> None:
     """The distance from shoulder to tip follows from the elbow angle by the law of cosines."""
     model = model_of(TWO_LINKS.format(gravity=0, elbow="-1.6 -0.4"))
     shoulder, elbow = 0.9, -1.3
-    projection = project(model, make_data(model, {"shoulder": shoulder, "elbow": elbow}), SensorSite("tip"))
+    projection = project_site(model, make_data(model, {"shoulder": shoulder, "elbow": elbow}), SensorSite("tip"))
     assert projection.hold == "position"
     tip = 0.3 * np.array([math.cos(shoulder), math.sin(shoulder)])
     u = np.array([math.cos(shoulder + elbow), math.sin(shoulder + elbow)])
@@ -158,7 +158,7 @@ def test_a_joint_at_its_end_leaves_the_motion_to_the_others() -> None:
         range="-0.2 0.1"/><geom size="0.02" mass="2"/><site name="tip" pos="0.2 0 0"/></body></body></worldbody>
         <actuator><motor joint="a" ctrlrange="-5 5"/><motor joint="b" ctrlrange="-5 5"/></actuator></mujoco>"""
     )
-    projection = project(model, make_data(model), SensorSite("tip"))
+    projection = project_site(model, make_data(model), SensorSite("tip"))
     assert [path.length for path in projection.excursion] == pytest.approx([0.13, 0.21], abs=1e-7)
 
 
@@ -171,7 +171,7 @@ def test_gravity_leaves_less_acceleration_upward(angle: float) -> None:
         <site name="tip" pos="0.4 0 0"/></body></worldbody>
         <actuator><motor joint="a" gear="2" ctrlrange="-8 8" forcerange="-6 7"/></actuator></mujoco>"""
     )
-    projection = project(model, make_data(model, {"a": angle}), SensorSite("tip", axis="+z"))
+    projection = project_site(model, make_data(model, {"a": angle}), SensorSite("tip", axis="+z"))
     inertia, load = 2 * 0.4**2 + 1e-9, 2 * 9.81 * 0.4 * math.cos(angle)
     assert projection.acceleration.ahead == pytest.approx(0.4 * (2 * 7 - load) / inertia)
     assert projection.acceleration.back == pytest.approx(0.4 * (2 * 6 + load) / inertia)
@@ -189,12 +189,12 @@ def test_damping_and_servos_limit_the_speed() -> None:
         <actuator><velocity joint="a" kv="5" ctrlrange="-2 4" forcerange="-100 12"/></actuator></mujoco>"""
     )
     data = make_data(model)
-    projection = project(model, data, SensorSite("tip"))
+    projection = project_site(model, data, SensorSite("tip"))
     assert projection.speed.ahead == pytest.approx(5 * 4 / (3 + 5))
     assert projection.speed.back == pytest.approx(5 * 2 / (3 + 5))
     assert projection.acceleration.ahead == pytest.approx(12.0)  # the servo may ask for 5 * 4 N
     assert projection.acceleration.back == pytest.approx(10.0)
-    slow = project(model, data, SensorSite("tip"), joint_speeds={"a": 0.5})
+    slow = project_site(model, data, SensorSite("tip"), joint_speeds={"a": 0.5})
     assert (slow.speed.ahead, slow.speed.back) == pytest.approx((0.5, 0.5))
 
 
@@ -205,7 +205,7 @@ def test_the_acceleration_is_reached_and_not_exceeded_by_any_torques() -> None:
     """
     model = model_of(TWO_LINKS.format(gravity=-9.81, elbow="-2.2 -0.4"))
     data = make_data(model, {"shoulder": 0.9, "elbow": -1.3})
-    projection = project(model, data, SensorSite("tip", hold="axis"))
+    projection = project_site(model, data, SensorSite("tip", hold="axis"))
     rng = np.random.default_rng(1)
     highest = np.array([20.0, 10.0])
     corners = [np.array([a, b]) for a in (-20, 20) for b in (-10, 10)]
@@ -221,7 +221,8 @@ def test_the_acceleration_is_reached_and_not_exceeded_by_any_torques() -> None:
 def test_the_conditioning_falls_to_zero_as_the_arm_is_stretched() -> None:
     model = model_of(TWO_LINKS.format(gravity=0, elbow="-2.2 2.2"))
     values = [
-        project(model, make_data(model, {"elbow": angle}), SensorSite("tip")) for angle in (-1.5, -0.5, -0.1, -0.03)
+        project_site(model, make_data(model, {"elbow": angle}), SensorSite("tip"))
+        for angle in (-1.5, -0.5, -0.1, -0.03)
     ]
     conditioning = [p.conditioning for p in values]
     assert conditioning == sorted(conditioning, reverse=True)

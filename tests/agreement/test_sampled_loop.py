@@ -43,7 +43,9 @@ def limit_of(law: Any, chain: pt.SensorChain, guess: float, plant: Any = None, p
     def run(damping: float) -> float:
         horizon = 400 * chain.period
         return grows(
-            pt.simulate(scenario, sensor, law(-damping, step, chain.period), chain=chain, plant=plant, horizon=horizon)
+            pt.simulation.simulate_loop(
+                scenario, sensor, law(-damping, step, chain.period), chain=chain, plant=plant, horizon=horizon
+            )
         )
 
     return simulated_limit(run, guess)
@@ -146,7 +148,7 @@ def test_the_limit_of_a_curve_is_that_of_its_slope_there(distance: float, letter
 
     def run(gain: float) -> float:
         law = bare(-gain, 1 / rate / 25, 1 / rate)
-        return grows(pt.simulate(scenario, letter_power, law, chain=chain, horizon=300 / rate))
+        return grows(pt.simulation.simulate_loop(scenario, letter_power, law, chain=chain, horizon=300 / rate))
 
     assert simulated_limit(run, -limit.strongest) == pytest.approx(-limit.strongest, rel=0.01)
 
@@ -157,7 +159,7 @@ def test_the_impulse_of_the_force_is_exact_at_any_period(
 ) -> None:
     """Sum of F_p T = D_p (ln xi_n - ln xi_0): a quotient of differences over xi would lose 6.6 % at 10 ms."""
     for period in (1e-3, 1e-2):
-        trace = pt.simulate(letter_encounter, letter_power, law(-0.7, period, period)).trace()
+        trace = pt.simulation.simulate_loop(letter_encounter, letter_power, law(-0.7, period, period)).trace()
         change = math.log(trace.reading[-1] / trace.reading[0])
         assert trace.virtual_force.sum() * period == pytest.approx(-0.7 * change, rel=1e-12)
 
@@ -173,7 +175,7 @@ def test_an_array_of_encounters_is_each_of_them(letter_power: pt.InversePower) -
         pt.simulation.PositionPlant(mass=1.0, bandwidth=30.0),
         pt.simulation.SpringDamper(stiffness=1e5, damping=50.0),
     )
-    found = pt.simulate(many, letter_power, full(-0.7, 1e-3, 1e-3), plant=plant, contact=contact)
+    found = pt.simulation.simulate_loop(many, letter_power, full(-0.7, 1e-3, 1e-3), plant=plant, contact=contact)
     assert found.shape == (3, 2)
     for i, j in np.ndindex(3, 2):
         one = pt.Scenario(
@@ -181,7 +183,7 @@ def test_an_array_of_encounters_is_each_of_them(letter_power: pt.InversePower) -
             obstacle=pt.Obstacle(position=0.0422, velocity=float(speed[i, 0])),
             plant=pt.Plant(position=float(position[j])),
         )
-        alone = pt.simulate(one, letter_power, full(-0.7, 1e-3, 1e-3), plant=plant, contact=contact)
+        alone = pt.simulation.simulate_loop(one, letter_power, full(-0.7, 1e-3, 1e-3), plant=plant, contact=contact)
         for name in ("time", "relative_velocity", "peak_force", "largest_excursion"):
             # the table of ln xi reaches four times as far as the farthest start, so its nodes differ: 1e-12 in ln xi
             assert getattr(found, name)[i, j] == pytest.approx(getattr(alone, name), rel=1e-9)
@@ -203,7 +205,7 @@ def test_the_loop_converges_to_the_continuous_motion_with_the_first_order(
     bend = float(sensor.log_slope(1e-6) - sensor.log_slope(0.0)) / 1e-6
     force_rate = -0.7 * (bend * exact.relative_velocity**2 - float(sensor.log_slope(0.0)) * exact.acceleration)
     periods = np.array([2e-3, 1e-3, 5e-4, 2.5e-4])
-    runs = [pt.simulate(letter_encounter, sensor, law(-0.7, t, t)) for t in periods]
+    runs = [pt.simulation.simulate_loop(letter_encounter, sensor, law(-0.7, t, t)) for t in periods]
     for quantity in ("time", "position", "relative_velocity"):
         errors = np.array([getattr(run, quantity) - getattr(exact, quantity) for run in runs])
         if quantity == "relative_velocity":  # of which the first term nearly vanishes for one of the curves
@@ -224,7 +226,7 @@ def test_the_filters_of_the_letter_at_10_khz_reproduce_table_2(
     for gain in (-0.1, -0.6, -0.7, -0.8, -0.9, -1.0, -10.0):
         exact = pt.find_contact(letter_encounter, letter_power, gain).contact
         law = controller(gain, 1e-4, median_window=10, low_pass_order=5, cutoff=500.0)
-        run = pt.simulate(letter_encounter, letter_power, law)
+        run = pt.simulation.simulate_loop(letter_encounter, letter_power, law)
         assert run.time == pytest.approx(exact.time, rel=0.01)
         assert run.relative_velocity == pytest.approx(exact.relative_velocity, rel=0.01)
         assert objective(run) == pytest.approx(objective(exact), rel=0.01)
@@ -237,9 +239,9 @@ def test_the_filters_of_the_letter_at_10_khz_reproduce_table_2(
 def test_a_plant_that_follows_closely_comes_to_the_ideal_contact(
     letter_power: pt.InversePower, letter_encounter: pt.Scenario
 ) -> None:
-    ideal = pt.simulate(letter_encounter, letter_power, bare(-0.7, 1e-4, 1e-4))
+    ideal = pt.simulation.simulate_loop(letter_encounter, letter_power, bare(-0.7, 1e-4, 1e-4))
     stiff = pt.simulation.ImpedancePlant(mass=1.0, stiffness=1e6, damping=2e3)
-    close = pt.simulate(letter_encounter, letter_power, bare(-0.7, 1e-4, 1e-4), plant=stiff)
+    close = pt.simulation.simulate_loop(letter_encounter, letter_power, bare(-0.7, 1e-4, 1e-4), plant=stiff)
     # with feedforward the error stems from reference steps alone, M a / K ~ 1e-5 m
     assert close.time == pytest.approx(ideal.time, rel=1e-3)
     assert close.relative_velocity == pytest.approx(ideal.relative_velocity, rel=2e-3)
@@ -249,15 +251,21 @@ def test_ten_thousand_runs_are_the_runs_one_by_one(
     letter_power: pt.InversePower, letter_encounter: pt.Scenario
 ) -> None:
     chain = pt.SensorChain(rate=1000.0, exposure=2e-4, delay=3e-4, noise=1e-3, relative_noise=1e-3, jitter=1e-5)
-    many = pt.simulate(letter_encounter, letter_power, controller(-0.7, 1e-3), chain=chain, runs=10_000, seed=7)
-    few = pt.simulate(letter_encounter, letter_power, controller(-0.7, 1e-3), chain=chain, runs=3, seed=7)
+    many = pt.simulation.simulate_loop(
+        letter_encounter, letter_power, controller(-0.7, 1e-3), chain=chain, runs=10_000, seed=7
+    )
+    few = pt.simulation.simulate_loop(
+        letter_encounter, letter_power, controller(-0.7, 1e-3), chain=chain, runs=3, seed=7
+    )
     assert np.array_equal(many.time[:3], few.time)
     assert many.touched.all()
     assert len(np.unique(many.relative_velocity)) == 10_000
     trace = many.trace(4321)
     assert trace.time[-1] <= many.time[4321] <= trace.time[-1] + 1e-3
     # noise of 1 mV moves the mean by its square only, and the mean of 10^4 runs is known to a hundredth of its spread
-    quiet = pt.simulate(letter_encounter, letter_power, controller(-0.7, 1e-3), chain=pt.SensorChain(rate=1000.0))
+    quiet = pt.simulation.simulate_loop(
+        letter_encounter, letter_power, controller(-0.7, 1e-3), chain=pt.SensorChain(rate=1000.0)
+    )
     assert math.isclose(many.relative_velocity.mean(), quiet.relative_velocity, rel_tol=0.01)
 
 

@@ -161,7 +161,7 @@ def test_designs_with_stiff_motions_resolve_every_gain(tmp_path, old: str, new: 
     assert old in text
     path = tmp_path / "approach.toml"
     path.write_text(text.replace(old, new), encoding="utf-8")
-    design = pt.design_gain(load_scenario(path))
+    design = pt.design(load_scenario(path))
     assert "unresolved" not in str(design)
     if "1e-50" in new:
         assert design.status.value == "no-contact"

@@ -27,7 +27,7 @@ def admittance(**changed: float) -> pt.Admittance:
 
 
 @pytest.mark.parametrize("sensor", [CONSTANT, CURVED], ids=lambda s: s.name)
-def test_every_contact_is_the_one_of_its_encounter(sensor: pt.SensorModel) -> None:
+def test_every_contact_is_the_one_of_its_encounter(sensor: pt.sensors.SensorModel) -> None:
     axes = {
         "obstacle.velocity": [-0.6, -0.3, 0.1],
         "admittance.stiffness": [0.0, 25.0],
@@ -117,13 +117,13 @@ def test_designs_for_an_object_at_rest_or_with_a_scale_that_follows_are_made(
     found = pt.sweep(pt.Task(scenario, CURVED, objective, bounds=(-10.0, -0.01)), {"obstacle.velocity": speeds})
     for i, speed in enumerate(speeds):
         one = replace(scenario, obstacle=replace(scenario.obstacle, velocity=speed))
-        alone = pt.design_gain(pt.Task(one, CURVED, objective, bounds=(-10.0, -0.01)))
+        alone = pt.design(pt.Task(one, CURVED, objective, bounds=(-10.0, -0.01)))
         assert alone.gain is not None
         assert found["gain"].values[i] == pytest.approx(alone.gain, rel=GAIN)
 
 
 @pytest.mark.parametrize("sensor", [CONSTANT, CURVED], ids=lambda s: s.name)
-def test_every_design_is_the_one_of_its_encounter(sensor: pt.SensorModel) -> None:
+def test_every_design_is_the_one_of_its_encounter(sensor: pt.sensors.SensorModel) -> None:
     """Optimal, infeasible and without contact; over an input, a limit and a weight."""
     axes: dict[str, Any] = {
         "obstacle.velocity": [-3.0, -0.3, 0.3],
@@ -140,7 +140,7 @@ def test_every_design_is_the_one_of_its_encounter(sensor: pt.SensorModel) -> Non
         objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3, position_weight=weight)
         scenario = replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, velocity=v))
         limited = [pt.Constraint(name="relative_velocity", limit=limit)]
-        one = pt.design_gain(pt.Task(scenario, sensor, objective, constraints=limited, **options))
+        one = pt.design(pt.Task(scenario, sensor, objective, constraints=limited, **options))
         seen.add(one.status.value)
         assert words[int(found["status"].values[index])] == one.status.value
         gain, time = (one.gain, one.result.contact.time) if one.result else (np.nan, np.nan)
@@ -153,7 +153,7 @@ def test_every_design_is_the_one_of_its_encounter(sensor: pt.SensorModel) -> Non
 
 @pytest.mark.parametrize("sensor", [CONSTANT, CURVED], ids=lambda s: s.name)
 def test_numbers_do_not_depend_on_blocks_threads_or_store(
-    sensor: pt.SensorModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    sensor: pt.sensors.SensorModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To the last bit: what one call of the solver computes is fixed by the plan."""
     pytest.importorskip("zarr")

@@ -38,7 +38,7 @@ for name, sensor in curves.items():
         found[f"{name} {quantity}"] = getattr(contact.end, quantity)
     found[f"{name} status"] = contact.status
     found[f"{name} gradient"] = contact.gradients.of("relative_velocity", "gain")
-    found[f"{name} design"] = pt.design_gain(pt.Task(scenario, sensor, OBJECTIVE, bounds=(-10.0, -0.01))).gain
+    found[f"{name} design"] = pt.design(pt.Task(scenario, sensor, OBJECTIVE, bounds=(-10.0, -0.01))).gain
 np.savez(sys.argv[1], variant=native.variant(), **found)
 """
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch.calibration import Calibration, rank_models
-from pretouch.calibration.fit import model_names
+from pretouch.calibration import Calibration, fit
+from pretouch.calibration.model_fit import model_names
 from pretouch.motion.scenario import sensor_inputs
 from pretouch.sensors import SensorModel, parameter, sensor_curves
 from pretouch.sensors.registry import find_curve
@@ -86,7 +86,7 @@ def test_a_second_curve_of_the_same_name_is_named_with_the_first(curve: type[Sen
     assert all(f"{c.__module__}.{c.__qualname__}" in str(error.value) for c in (curve, Other))
     readings = Calibration(distances=[0.01, 0.02, 0.03, 0.04], outputs=[4.0, 3.0, 2.0, 1.5], unit="V")
     with pytest.raises(pt.errors.InvalidInputError, match="have the same name"):
-        rank_models(readings, ("two-sources",))
+        fit(readings, ("two-sources",))
 
 
 def test_a_curve_cannot_take_the_place_of_a_built_in_one() -> None:
@@ -127,7 +127,7 @@ def test_readings_are_fitted_by_it(curve: type[SensorModel]) -> None:
     noise = 1 + 2e-3 * np.random.default_rng(5).standard_normal(len(distance))
     outputs = 0.1 + curve(scale=2e-3, spread=0.031).output(distance) * noise
     readings = Calibration(distances=distance, outputs=outputs, no_object=[0.0999, 0.1, 0.1001], unit="V")
-    report = rank_models(readings, (*model_names(), "two-sources"))
+    report = fit(readings, (*model_names(), "two-sources"))
     assert report.best is not None
     assert report.best.model == "two-sources"
     found = report.best.parameters["spread"]
@@ -156,13 +156,13 @@ def test_a_design_with_it_prints_itself_and_makes_its_report(curve: type[SensorM
     """The scale changes no slope: what differences leave of it is rounding, which no polynomial meets."""
     objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
     task = pt.Task(SCENARIO, curve(scale=1.0, spread=0.02), objective, bounds=(-10.0, -0.01))
-    design = pt.design_gain(task)
+    design = pt.design(task)
     assert "D_p = -0.7121 N s" in str(design)
     assert design.to_dict()["gain"] == design.gain
     assert "<svg" in pt.write_report(design, tmp_path / "design.html").read_text(encoding="utf-8")
     assert design.gradient("sensor.scale") == 0.0
     assert "The optimal admittance has a natural frequency of" in str(
-        pt.design_admittance(task.replace(natural_frequency=(2.0, 20.0)))
+        pt.design(task.replace(natural_frequency=(2.0, 20.0)))
     )
 
 
@@ -243,7 +243,7 @@ def test_a_fitted_curve_whose_slope_is_not_that_of_its_output_is_refused() -> No
     noise = 1 + 2e-3 * np.random.default_rng(5).standard_normal(len(distance))
     outputs = 0.1 + 2.0 * np.exp(-40.0 * distance) * noise
     readings = Calibration(distances=distance, outputs=outputs, no_object=[0.0999, 0.1, 0.1001], unit="V")
-    report = rank_models(readings, ("exponential-1", "inconsistent"))
+    report = fit(readings, ("exponential-1", "inconsistent"))
     assert [fit.model for fit in report.fits] == ["exponential-1"]
     assert "derivative" in report.not_fitted["inconsistent"]
     gc.collect()
@@ -270,13 +270,13 @@ def test_a_family_whose_fit_fails_costs_no_other_its_fit(kind: str, reason: str,
     noise = 1 + 2e-3 * np.random.default_rng(5).standard_normal(len(distance))
     outputs = 0.1 + 1.3e-5 / (distance + 0.0419) ** 3.32 * noise
     readings = Calibration(distances=distance, outputs=outputs, no_object=[0.0999, 0.1, 0.1001], unit="V")
-    report = rank_models(readings, None if module.startswith("pretouch.") else (*model_names(), "failing"))
+    report = fit(readings, None if module.startswith("pretouch.") else (*model_names(), "failing"))
     assert list(report.not_fitted) == ["failing"]
     assert reason in report.not_fitted["failing"]
     assert f"failing: not fitted. Its fit raised {reason}" in str(report)
     assert report.best is not None
     assert len(report.fits) == len(set(model_names()) - {"failing"})
     with pytest.raises(pt.errors.ResultUnavailableError, match=r"failing cannot be fitted\. Its fit raised"):
-        pt.fit_sensor(readings, "failing")
+        pt.calibration.fit_sensor(readings, "failing")
     del made
     gc.collect()

@@ -69,18 +69,18 @@ TWO = {"approach": Followed(speed=SPEED, slope=-0.14)}
 KNOWN = {"one input": ONE, "several": TWO}
 
 
-def designed(known: Any, **options: Any) -> pt.robust.RobustDesign:
+def designed(known: Any, **options: Any) -> pt.designs.RobustDesign:
     given = {"bounds": BOUNDS, "uncertainty": known, "samples": 128, "validation": 128} | options
-    return pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **with_robust_options(**given)))
+    return pt.robust(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **with_robust_options(**given)))
 
 
 @pytest.mark.parametrize("sampling", ["sobol", "latin-hypercube", "random"])
 def test_it_is_sampled(sampling: str) -> None:
-    drawn = pt.robust.sample_inputs(ONE, 4096, sampling=sampling)["obstacle.velocity"]
+    drawn = pt.uncertainty.sample_inputs(ONE, 4096, sampling=sampling)["obstacle.velocity"]
     # the mean of 4096 independent samples is within five of its standard errors; the width is 0.1, its variance / 24
     assert SPEED.variance == pytest.approx(0.01 / 24, rel=1e-4)  # 200 nodes on a quantile with a root at both ends
     assert abs(drawn.mean() - SPEED.mean) < 5 * math.sqrt(SPEED.variance / 4096)
-    both = pt.robust.sample_inputs(TWO, 4096, sampling=sampling)
+    both = pt.uncertainty.sample_inputs(TWO, 4096, sampling=sampling)
     assert list(both) == ["obstacle.velocity", "obstacle.position"]
     np.testing.assert_array_equal(both["obstacle.position"], -0.14 * both["obstacle.velocity"])
 
@@ -88,7 +88,7 @@ def test_it_is_sampled(sampling: str) -> None:
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("name", KNOWN)
 def test_a_robust_gain_is_designed_for_it_and_pages_name_it(name: str, tmp_path: Path) -> None:
-    found = designed(KNOWN[name], measure=pt.robust.Quantile(probability=0.9))
+    found = designed(KNOWN[name], measure=pt.designs.Quantile(probability=0.9))
     assert found.gain is not None
     (one,) = found.importance  # all of the variance is its own, to both ways of telling
     assert one.total == pytest.approx(1.0, abs=6 * one.total_error + 1e-9)
@@ -116,11 +116,11 @@ def test_what_goes_together_is_priced_together() -> None:
 
 
 def test_its_bounds_are_those_of_a_worst_case() -> None:
-    planted = designed(ONE, measure=pt.robust.WorstCase())
-    interval = {"obstacle.velocity": pt.robust.Interval(low=-0.35, high=-0.25)}
-    assert planted.gain == designed(interval, measure=pt.robust.WorstCase()).gain
+    planted = designed(ONE, measure=pt.designs.WorstCase())
+    interval = {"obstacle.velocity": pt.uncertainty.Interval(low=-0.35, high=-0.25)}
+    assert planted.gain == designed(interval, measure=pt.designs.WorstCase()).gain
     with pytest.raises(pt.errors.InvalidInputError, match="approach: found Followed, which has no bounds"):
-        designed(TWO, measure=pt.robust.WorstCase())
+        designed(TWO, measure=pt.designs.WorstCase())
 
 
 @pytest.mark.slow

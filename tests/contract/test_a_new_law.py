@@ -22,8 +22,8 @@ BOUNDS = (1e-4, 0.1)
 TASK = pt.Task(SCENARIO, SENSOR, OBJECTIVE, law="virtual-drag", bounds=BOUNDS)
 LOOP = loop_of(noise=1e-3, relative_noise=2e-3)
 LOOP = replace(LOOP, law=replace(LOOP.law, law=VirtualDrag(drag=0.0, noise=1e-3, relative_noise=2e-3)))
-ON_LOOP = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=LOOP, bounds=BOUNDS, verify=pt.VerifyOptions(runs=12))
-SPEEDS = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
+ON_LOOP = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=LOOP, bounds=BOUNDS, verify=pt.designs.VerifyOptions(runs=12))
+SPEEDS = {"obstacle.velocity": pt.uncertainty.Uniform(low=-0.4, high=-0.2)}
 
 CUBE = Cube(rate=3.0)
 CUBES = TASK.replace(law=CUBE, bounds=(1e-3, 1.0))
@@ -35,35 +35,35 @@ DAMPERS = re.compile(r"D_p|D\u209a|\bN s(?![\u00b2\u00b3^/])|N\*s\b(?!\^|/)")
 """The number of the letter's damper and its unit; N s/m is that of a damping."""
 
 ANSWERS: dict[str, Callable[[], Any]] = {
-    "design": lambda: pt.design_gain(TASK),
-    "a limit": lambda: pt.design_gain(TASK.replace(constraints=(pt.Constraint(name="excursion", limit=0.03),))),
-    "infeasible": lambda: pt.design_gain(
+    "design": lambda: pt.design(TASK),
+    "a limit": lambda: pt.design(TASK.replace(constraints=(pt.Constraint(name="excursion", limit=0.03),))),
+    "infeasible": lambda: pt.design(
         TASK.replace(bounds=(1e-4, 1e-3), constraints=(pt.Constraint(name="relative_velocity", limit=0.1),))
     ),
-    "robust": lambda: pt.robust.design_robust_gain(
-        TASK.replace(uncertainty=SPEEDS, robust=pt.robust.RobustOptions(samples=16, validation=16))
+    "robust": lambda: pt.robust(
+        TASK.replace(uncertainty=SPEEDS, robust=pt.designs.RobustOptions(samples=16, validation=16))
     ),
-    "front": lambda: pt.pareto_front(TASK),
-    "encounter": lambda: pt.simulate_encounter(ON_LOOP),
-    "verdict": lambda: pt.verify_gain(ON_LOOP),
+    "front": lambda: pt.pareto(TASK),
+    "encounter": lambda: pt.simulate(ON_LOOP),
+    "verdict": lambda: pt.verify(ON_LOOP),
 }
 
 
 OF_CUBE: dict[str, Callable[[], Any]] = {
-    "design": lambda: pt.design_gain(CUBES),
-    "an objective and limits of the number": lambda: pt.design_gain(
-        CUBES.replace(objective=OF_GAIN, constraints=LIMITS)
+    "design": lambda: pt.design(CUBES),
+    "an objective and limits of the number": lambda: pt.design(CUBES.replace(objective=OF_GAIN, constraints=LIMITS)),
+    "infeasible": lambda: pt.design(CUBES.replace(constraints=(pt.Constraint(name="gain", limit=1e-4),))),
+    "admittance": lambda: pt.design(CUBES.replace(damping_ratio=(0.7, 1.3))),
+    "robust": lambda: pt.robust(
+        CUBES.replace(
+            uncertainty=SPEEDS, robust=pt.designs.RobustOptions(samples=16, validation=16), constraints=LIMITS
+        )
     ),
-    "infeasible": lambda: pt.design_gain(CUBES.replace(constraints=(pt.Constraint(name="gain", limit=1e-4),))),
-    "admittance": lambda: pt.design_admittance(CUBES.replace(damping_ratio=(0.7, 1.3))),
-    "robust": lambda: pt.robust.design_robust_gain(
-        CUBES.replace(uncertainty=SPEEDS, robust=pt.robust.RobustOptions(samples=16, validation=16), constraints=LIMITS)
+    "front": lambda: pt.pareto(
+        CUBES.replace(pareto=pt.designs.ParetoOptions(quantities=("gain", "relative_velocity")), constraints=LIMITS)
     ),
-    "front": lambda: pt.pareto_front(
-        CUBES.replace(pareto=pt.ParetoOptions(quantities=("gain", "relative_velocity")), constraints=LIMITS)
-    ),
-    "encounter": lambda: pt.simulate_encounter(CUBE_ON_LOOP),
-    "verdict": lambda: pt.verify_gain(CUBE_ON_LOOP.replace(constraints=LIMITS)),
+    "encounter": lambda: pt.simulate(CUBE_ON_LOOP),
+    "verdict": lambda: pt.verify(CUBE_ON_LOOP.replace(constraints=LIMITS)),
 }
 """The same of a law of which pretouch knows nothing, and of its number as a quantity."""
 
@@ -89,9 +89,9 @@ def test_text_and_page_name_the_number_of_the_law(answers, name, symbol, unit, t
 
 def test_a_number_that_is_optimal_is_the_letters_gain_over_the_cubes_factor():
     """A search ends where the objective no longer changes, which tells a minimum to the root of rounding, 1e-8."""
-    letter = pt.design_gain(TASK.replace(law="virtual-damper", bounds=(-9.0, -9e-3)))
-    assert pt.design_gain(CUBES).gain == pytest.approx(-letter.gain / 9, rel=1e-6)
-    assert pt.design_gain(CUBES).damping_at_contact == pytest.approx(letter.damping_at_contact, rel=1e-6)
+    letter = pt.design(TASK.replace(law="virtual-damper", bounds=(-9.0, -9e-3)))
+    assert pt.design(CUBES).gain == pytest.approx(-letter.gain / 9, rel=1e-6)
+    assert pt.design(CUBES).damping_at_contact == pytest.approx(letter.damping_at_contact, rel=1e-6)
 
 
 def test_the_drag_that_is_optimal_is_that_of_a_plain_scan():
@@ -99,17 +99,17 @@ def test_the_drag_that_is_optimal_is_that_of_a_plain_scan():
     end = find_contact(SCENARIO, SENSOR, drags, law=DRAG).end
     plain = (end.displacement / 0.5) ** 2 + (end.relative_velocity / 0.3) ** 2
     best = int(np.argmin(plain))
-    design = pt.design_gain(TASK)
+    design = pt.design(TASK)
     assert drags[best - 1] < design.gain < drags[best + 1]
     assert design.objective <= plain[best] <= design.objective * (1 + 1e-4)  # a step is 0.1 % of phi, and f is flat
 
 
 def test_a_mitigating_drag_is_not_said_to_drive_toward_the_object():
-    assert not [warning for warning in pt.design_gain(TASK).warnings if "moves the robot toward" in warning]
+    assert not [warning for warning in pt.design(TASK).warnings if "moves the robot toward" in warning]
 
 
 def test_the_damping_at_contact_is_that_of_the_law():
-    design = pt.design_gain(TASK)
+    design = pt.design(TASK)
     felt = 2 * design.gain * SENSOR.log_slope(0.0) ** 2 * abs(design.result.end.relative_velocity)
     assert design.damping_at_contact == pytest.approx(felt, rel=1e-12)
 
@@ -121,11 +121,11 @@ def test_one_more_entry_in_the_list_of_laws_is_all_that_files_need(monkeypatch, 
     path.write_text(bounds + '[law]\nkind = "cube"\nrate = "3 1/s"\n', encoding="utf-8")
     task = pt.load_scenario(path)
     assert task.law == CUBE
-    assert pt.design_gain(task).headline.startswith("Optimal cube c = 0.08293 N s\u00b3")
+    assert pt.design(task).headline.startswith("Optimal cube c = 0.08293 N s\u00b3")
     assert pt.Task(SCENARIO, SENSOR, law="cube").law == Cube(rate=1.0)
 
 
-@pytest.mark.parametrize("verb", [pt.design_admittance, pt.pareto_front])
+@pytest.mark.parametrize("verb", [pt.design, pt.pareto])
 def test_an_admittance_that_is_held_off_is_not_searched(verb):
     with pytest.raises(ValueError, match="stiffness and damping do not affect the encounter"):
         verb(TASK.replace(damping_ratio=(0.7, 2.0)))
@@ -133,7 +133,7 @@ def test_an_admittance_that_is_held_off_is_not_searched(verb):
 
 def test_bounds_are_refused_in_the_unit_of_the_law():
     with pytest.raises(ValueError, match=r"found \[0\.1, 0\.0001\] N\*s\^2"):
-        pt.design_gain(TASK.replace(bounds=(0.1, 1e-4)))
+        pt.design(TASK.replace(bounds=(0.1, 1e-4)))
 
 
 def test_a_sweep_says_the_unit_of_the_law():

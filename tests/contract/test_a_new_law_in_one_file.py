@@ -35,10 +35,10 @@ class SharedDamper:
     number: ClassVar[LawNumber] = LawNumber("gain", "D_s", "N*s", -1)
     degree: ClassVar[int] = 1
 
-    def contact(self, scenario: Any, sensor: Any, value: Any, **how: Any) -> pt.ContactResult:
+    def contact(self, scenario: Any, sensor: Any, value: Any, **how: Any) -> pt.motion.ContactResult:
         return DAMPER.contact(scenario, sensor, self.share * value, **how)
 
-    def motion(self, scenario: Any, sensor: Any, value: Any, **how: Any) -> pt.Motion:
+    def motion(self, scenario: Any, sensor: Any, value: Any, **how: Any) -> pt.motion.Motion:
         return DAMPER.motion(scenario, sensor, self.share * value, **how)
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
@@ -112,8 +112,8 @@ def task(law: ContinuousLaw, **asked: Any) -> pt.Task:
 
 def robust(law: ContinuousLaw) -> Any:
     speed = {"obstacle.velocity": pt.uncertainty.Uniform(low=-0.35, high=-0.25)}
-    options = pt.robust.RobustOptions(samples=16, validation=16)
-    return pt.robust.design_robust_gain(task(law, uncertainty=speed, robust=options)).gain
+    options = pt.designs.RobustOptions(samples=16, validation=16)
+    return pt.robust(task(law, uncertainty=speed, robust=options)).gain
 
 
 def swept(law: ContinuousLaw) -> Any:
@@ -121,13 +121,13 @@ def swept(law: ContinuousLaw) -> Any:
     return pt.sweep(task(law), axes, results=["gain"])["gain"].values
 
 
-QUANTITIES = pt.ParetoOptions(quantities=("relative_velocity", "largest_excursion"))
+QUANTITIES = pt.designs.ParetoOptions(quantities=("relative_velocity", "largest_excursion"))
 LIMIT = [pt.Constraint(name="excursion", limit=0.05)]
 VERBS: dict[str, Callable[[ContinuousLaw], Any]] = {
-    "design_gain": lambda law: pt.design_gain(task(law)).gain,
-    "design_gain with a limit": lambda law: pt.design_gain(task(law, constraints=LIMIT)).gain,
-    "pareto_front": lambda law: pt.pareto_front(task(law, pareto=QUANTITIES)).knee.gain,
-    "design_robust_gain": robust,
+    "design_gain": lambda law: pt.design(task(law)).gain,
+    "design_gain with a limit": lambda law: pt.design(task(law, constraints=LIMIT)).gain,
+    "pareto": lambda law: pt.pareto(task(law, pareto=QUANTITIES)).knee.gain,
+    "robust": robust,
     "sweep": swept,
 }
 
@@ -165,9 +165,9 @@ def test_a_loop_is_designed_for_and_judged_with_it(tmp_path: Path) -> None:
     found = verdict(LOOP, gain=-1.2, runs=8, changes=False)
     assert found.law == OWN
     assert found.predicted.end.relative_velocity == pt.find_contact(SCENARIO, SENSOR, -0.6).end.relative_velocity
-    one = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=LOOP, gain=-1.2))
+    one = pt.simulate(pt.Task(SCENARIO, SENSOR, loop=LOOP, gain=-1.2))
     assert one.law == OWN
-    for name, result in (("verdict", found), ("encounter", one), ("design", pt.design_gain(task(OWN)))):
+    for name, result in (("verdict", found), ("encounter", one), ("design", pt.design(task(OWN)))):
         write_report(result, tmp_path / f"{name}.html")
     for name in ("verdict", "encounter"):
         assert "Shared" in (tmp_path / f"{name}.html").read_text(encoding="utf-8")

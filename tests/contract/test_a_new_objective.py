@@ -35,7 +35,7 @@ SCENARIO_FILE = f"""
 {scenario_text.SENSOR}{scenario_text.ENCOUNTER}[uncertainty]
 obstacle.velocity = {{ uniform = ["-0.4 m/s", "-0.2 m/s"] }}
 """
-SPEED = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
+SPEED = {"obstacle.velocity": pt.uncertainty.Uniform(low=-0.4, high=-0.2)}
 SAME = pt.Objective(
     terms=(pt.Term(quantity="displacement", scale=40.0**-0.5), pt.Term(quantity="relative_velocity", scale=0.3))
 )
@@ -57,7 +57,7 @@ def task(objective: Any, **asked: Any) -> pt.Task:
 
 def test_one_gain_is_that_of_the_same_sum_of_terms(objective: Any) -> None:
     """A minimum is known to the root of the rounding of contacts, 1e-11."""
-    own, terms = pt.design_gain(task(objective)), pt.design_gain(task(SAME))
+    own, terms = pt.design(task(objective)), pt.design(task(SAME))
     assert own.gain == pytest.approx(terms.gain, rel=1e-5)
     assert own.objective == pytest.approx(terms.objective, rel=1e-9)
     assert own.gradient("obstacle.position") == pytest.approx(terms.gradient("obstacle.position"), rel=1e-3)
@@ -66,16 +66,16 @@ def test_one_gain_is_that_of_the_same_sum_of_terms(objective: Any) -> None:
     assert again == own
     assert again.certificate == own.certificate
     limited = task(objective, constraints=[velocity_limit(0.08)])
-    assert pt.design_gain(limited).certificate.at == "relative_velocity"
+    assert pt.design(limited).certificate.at == "relative_velocity"
 
 
 def test_many_gains_and_their_sweep_are_those_of_one(objective: Any, tmp_path: Path) -> None:
     speeds = np.array([-0.3, -0.25, -0.2])
     several = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=speeds))
-    many = pt.design_gain(pt.Task(several, SENSOR, objective, bounds=BOUNDS))
+    many = pt.design(pt.Task(several, SENSOR, objective, bounds=BOUNDS))
     for i, speed in enumerate(speeds):
         one = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=float(speed)))
-        assert many.gain[i] == pytest.approx(pt.design_gain(task(objective).replace(scenario=one)).gain, rel=1e-5)
+        assert many.gain[i] == pytest.approx(pt.design(task(objective).replace(scenario=one)).gain, rel=1e-5)
     pytest.importorskip("xarray")
     axes = {"obstacle.velocity": speeds}
     assert pt.sweep(task(objective), axes).gain.to_numpy() == pytest.approx(many.gain, rel=1e-9)
@@ -87,40 +87,40 @@ def test_many_gains_and_their_sweep_are_those_of_one(objective: Any, tmp_path: P
 
 
 def test_admittance_and_front_take_it(objective: Any) -> None:
-    together, terms = (pt.design_admittance(task(f, damping_ratio=(0.7, 1.3))) for f in (objective, SAME))
+    together, terms = (pt.design(task(f, damping_ratio=(0.7, 1.3))) for f in (objective, SAME))
     assert together.objective == pytest.approx(terms.objective, rel=1e-7)
-    front = pt.pareto_front(task(objective))
-    assert front.choice.gain == pt.design_gain(task(objective)).gain
+    front = pt.pareto(task(objective))
+    assert front.choice.gain == pt.design(task(objective)).gain
     assert str(front)
 
 
 @pytest.mark.parametrize(
     "measure",
     [
-        pt.robust.Expected(),
-        pt.robust.Quantile(probability=0.9),
-        pt.robust.ConditionalValueAtRisk(probability=0.9),
-        pt.robust.WorstCase(),
+        pt.designs.Expected(),
+        pt.designs.Quantile(probability=0.9),
+        pt.designs.ConditionalValueAtRisk(probability=0.9),
+        pt.designs.WorstCase(),
     ],
     ids=lambda measure: type(measure).__name__,
 )
-def test_every_measure_takes_it(objective: Any, measure: pt.robust.Measure) -> None:
+def test_every_measure_takes_it(objective: Any, measure: pt.designs.Measure) -> None:
     """As for the sum of terms, to what differences in the place of gradients leave: 1e-4 of an input's range."""
-    options = pt.robust.RobustOptions(measure=measure, samples=128, validation=128)
+    options = pt.designs.RobustOptions(measure=measure, samples=128, validation=128)
     asked = {"uncertainty": SPEED, "robust": options}
-    limits = [] if isinstance(measure, pt.robust.WorstCase) else [velocity_limit(0.12, 0.8)]
-    found = pt.robust.design_robust_gain(task(objective, constraints=limits, **asked))
+    limits = [] if isinstance(measure, pt.designs.WorstCase) else [velocity_limit(0.12, 0.8)]
+    found = pt.robust(task(objective, constraints=limits, **asked))
     assert found.gain is not None
     assert float(measure.of(found.outcomes().objective)) == pytest.approx(found.validation.value)
     assert found.price("obstacle.velocity", count=3).loss.min() > -1e-6
     assert [one.name for one in found.importance] == ["obstacle.velocity"]
     assert str(found)
-    if not isinstance(measure, pt.robust.WorstCase):
+    if not isinstance(measure, pt.designs.WorstCase):
         return
     assert found.worst.value <= found.worst.bound
     if not callable(objective):  # which takes the obstacle's own speed
         return
-    assert found.gain == pytest.approx(pt.robust.design_robust_gain(task(SAME, **asked)).gain, rel=1e-3)
+    assert found.gain == pytest.approx(pt.robust(task(SAME, **asked)).gain, rel=1e-3)
 
 
 @pytest.mark.slow
@@ -128,15 +128,15 @@ def test_a_loop_is_designed_and_judged_by_it(objective: Any) -> None:
     asked = task(
         objective,
         loop=NOISY,
-        verify=pt.VerifyOptions(runs=20),
+        verify=pt.designs.VerifyOptions(runs=20),
         constraints=[velocity_limit(0.2, 0.5)],
         uncertainty=SPEED,
     )
-    found = pt.verify_gain(asked)
+    found = pt.verify(asked)
     assert found.loss.objective > 0
     assert getattr(objective, "__name__", "Comfort") in str(found)
-    assert pt.simulate_encounter(asked).gain == found.gain
-    on_loop = pt.design_gain(task(objective, evaluate=replace(NOISY, seed=1), bounds=(-1.0, -0.5)))
+    assert pt.simulate(asked).gain == found.gain
+    on_loop = pt.design(task(objective, evaluate=replace(NOISY, seed=1), bounds=(-1.0, -0.5)))
     assert on_loop.ideal is not None
     assert on_loop.ideal.loss >= 0  # of the same run, where the design is the best
 
@@ -145,7 +145,7 @@ def test_a_file_gives_all_else_and_does_not_name_it(objective: Any, tmp_path: Pa
     path = tmp_path / "mine.toml"
     path.write_text(SCENARIO_FILE, encoding="utf-8")
     read = pt.load_scenario(path).replace(objective=objective)
-    assert pt.design_gain(read).gain == pytest.approx(pt.design_gain(task(objective)).gain, rel=1e-9)
+    assert pt.design(read).gain == pytest.approx(pt.design(task(objective)).gain, rel=1e-9)
     path.write_text(SCENARIO_FILE.replace('"excursion"', '"comfort"'), encoding="utf-8")
     with pytest.raises(
         pt.errors.ScenarioFileError, match=r'line 15: objective.kind: found "comfort", expected one of "exc'
@@ -161,9 +161,9 @@ def test_one_for_a_single_contact_is_refused_where_many_are_asked_for() -> None:
         "objective: the user-defined objective mine failed with the error .* many contacts in one call: "
         ".* contact states had the shape"
     )
-    options = {"robust": pt.robust.RobustOptions(samples=8, validation=8), "verify": pt.VerifyOptions(runs=2)}
+    options = {"robust": pt.designs.RobustOptions(samples=8, validation=8), "verify": pt.designs.VerifyOptions(runs=2)}
     asked = task(mine, uncertainty=SPEED, loop=NOISY, damping_ratio=(0.7, 1.3), **options)
-    verbs = (pt.design_gain, pt.design_admittance, pt.robust.design_robust_gain, pt.verify_gain, pt.pareto_front)
+    verbs = (pt.design, pt.design, pt.robust, pt.verify, pt.pareto)
     for verb in verbs:
         with pytest.raises(pt.errors.InvalidInputError, match=words):
             verb(asked)

@@ -90,7 +90,7 @@ def test_the_numbers_of_both_are_the_same() -> None:
 def test_encounters_are_run_with_them() -> None:
     law = NOISY.law.with_value(-0.6)
     theirs, ours = (
-        pt.simulate(MANY, SENSOR, law, chain=NOISY.chain, runs=2, seed=3, plant=plant, contact=contact)
+        pt.simulation.simulate_loop(MANY, SENSOR, law, chain=NOISY.chain, runs=2, seed=3, plant=plant, contact=contact)
         for plant, contact in (OWN, OURS)
     )
     for name in ("time", "relative_velocity", "peak_force", "impulse", "rebound_velocity"):
@@ -118,7 +118,7 @@ def test_a_gain_is_designed_and_judged_with_them_and_pages_name_them(tmp_path: P
     for said in ("a motor behind a gear", "pitch radius", "100 mm", "Felt", "the same at any depth"):
         assert said in words
     quiet = replace(LOOP, chain=replace(LOOP.chain, noise=0.0, relative_noise=0.0))
-    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=quiet))
+    design = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=quiet))
     assert BOUNDS[0] < design.gain < BOUNDS[1]
 
 

@@ -15,11 +15,11 @@ import pretouch as pt
 import scenario_text
 from installed import install
 from pretouch._core.vocabulary import QUANTITIES
-from pretouch.design import CONSTRAINT_NAMES, QUANTITY_UNITS, ContactQuantity
+from pretouch.designs import CONSTRAINT_NAMES, QUANTITY_UNITS, ContactQuantity
 from verification_samples import BOUNDS, NOISY, SCENARIO, SENSOR
 
 SOURCE = """
-from pretouch.design import ContactQuantity
+from pretouch.designs import ContactQuantity
 
 def energy(state, impact):
     return 0.5 * impact.robot_mass * state.relative_velocity**2
@@ -28,7 +28,7 @@ ENERGY = ContactQuantity("energy", energy, unit="J", symbol="E", words="energy o
 """
 MASS = 4.0
 IMPACT = pt.SpringImpact(robot_mass=MASS, stiffness=1e4)
-SPEED = {"obstacle.velocity": pt.robust.Uniform(low=-0.35, high=-0.25)}
+SPEED = {"obstacle.velocity": pt.uncertainty.Uniform(low=-0.35, high=-0.25)}
 TERMS = """\
 kind = "custom"
 terms = [{ quantity = "displacement", scale = "0.5 m" }, { quantity = "energy", scale = "0.1 J" }]
@@ -91,14 +91,14 @@ def test_a_design_with_it_is_that_with_the_square_of_the_speed(quantity: Contact
     """A limit of 12 mJ of 4 kg is one of the speed; an optimum on a limit is known to 1e-9."""
     price = pt.Term(quantity="displacement", scale=0.5)
     limit = pt.Constraint(name=quantity, limit=0.012)
-    own = pt.design_gain(task(price, constraints=[limit]))
+    own = pt.design(task(price, constraints=[limit]))
     speed = pt.Constraint(name="relative_velocity", limit=(2 * 0.012 / MASS) ** 0.5)
-    assert own.gain == pytest.approx(pt.design_gain(task(price, constraints=[speed])).gain, rel=1e-8)
+    assert own.gain == pytest.approx(pt.design(task(price, constraints=[speed])).gain, rel=1e-8)
     assert (own.constraints[0].unit, own.certificate.at) == ("J", "energy")
     again = pickle.loads(pickle.dumps(own))  # noqa: S301 - our own
     assert again == own
     with pytest.raises(pt.errors.InvalidInputError, match="energy: this quantity depends on the physical masses"):
-        pt.design_gain(task(price, constraints=[limit], impact=None))
+        pt.design(task(price, constraints=[limit], impact=None))
 
 
 def test_another_process_knows_it(quantity: ContactQuantity) -> None:
@@ -106,7 +106,7 @@ def test_another_process_knows_it(quantity: ContactQuantity) -> None:
     forget()
     with pytest.raises(pt.errors.InvalidInputError, match="quantity: found 'energy', expected one of time, position"):
         pt.Term(quantity="energy", scale=0.1)
-    assert pt.design_gain(pickle.loads(kept)).gain == BOUNDS[0]  # noqa: S301 - our own
+    assert pt.design(pickle.loads(kept)).gain == BOUNDS[0]  # noqa: S301 - our own
 
 
 @pytest.mark.slow
@@ -114,13 +114,13 @@ def test_it_is_shown_wherever_quantities_are(quantity: ContactQuantity, tmp_path
     both = pt.Term(quantity="displacement", scale=0.5), pt.Term(quantity=quantity, scale=0.1)
     asked = task(*both, constraints=[pt.Constraint(name="energy", limit=0.02)])
     answers = {
-        "design": pt.design_gain(asked),
-        "front": pt.pareto_front(asked.replace(pareto=pt.ParetoOptions(quantities=("displacement", quantity)))),
-        "robust": pt.robust.design_robust_gain(
-            asked.replace(uncertainty=SPEED, robust=pt.robust.RobustOptions(samples=16, validation=16))
+        "design": pt.design(asked),
+        "front": pt.pareto(asked.replace(pareto=pt.designs.ParetoOptions(quantities=("displacement", quantity)))),
+        "robust": pt.robust(
+            asked.replace(uncertainty=SPEED, robust=pt.designs.RobustOptions(samples=16, validation=16))
         ),
-        "admittance": pt.design_admittance(asked.replace(damping_ratio=(0.7, 1.3))),
-        "verdict": pt.verify_gain(asked.replace(loop=NOISY, verify=pt.VerifyOptions(runs=12))),
+        "admittance": pt.design(asked.replace(damping_ratio=(0.7, 1.3))),
+        "verdict": pt.verify(asked.replace(loop=NOISY, verify=pt.designs.VerifyOptions(runs=12))),
     }
     for name, answer in answers.items():
         page = pt.write_report(answer, tmp_path / f"{name}.html").read_text(encoding="utf-8")
@@ -139,9 +139,9 @@ def test_a_signed_one_is_not_taken_by_its_magnitude(quantity: ContactQuantity) -
     """The farther the robot has retreated, the smaller x - x_d is: it is below every positive limit."""
     signed = ContactQuantity("retreat", lambda state, _: state.displacement, unit="m", is_magnitude=False)
     speed = pt.Term(quantity="relative_velocity", scale=0.3)
-    free = pt.design_gain(task(speed))
-    assert pt.design_gain(task(speed, constraints=[pt.Constraint(name=signed, limit=1e-6)])).gain == free.gain
-    front = pt.pareto_front(task(speed, pareto=pt.ParetoOptions(quantities=(signed, "relative_velocity"))))
+    free = pt.design(task(speed))
+    assert pt.design(task(speed, constraints=[pt.Constraint(name=signed, limit=1e-6)])).gain == free.gain
+    front = pt.pareto(task(speed, pareto=pt.designs.ParetoOptions(quantities=(signed, "relative_velocity"))))
     assert front.of("retreat").max() < 0  # both are best at the strongest gain
     assert front.gain.tolist() == pytest.approx([BOUNDS[0]])
 

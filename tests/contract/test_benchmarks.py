@@ -227,7 +227,7 @@ def test_the_compiled_search_decides_tasks_with_a_narrow_band() -> None:
     """The studio has no other search."""
     from benchmarks import narrow_bands
 
-    from pretouch.design.search.compiled import OPTIMAL, search_compiled
+    from pretouch.designs.search.compiled import OPTIMAL, search_compiled
 
     tasks = [task for _, task, _ in narrow_bands.tasks(narrow_bands.KINDS[0], 20, 7)]
     found = [search_compiled(narrow_bands.problem_of(task).within_gain_limit()) for task in tasks]

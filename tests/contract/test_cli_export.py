@@ -18,8 +18,8 @@ import pretouch as pt
 from pretouch.cli.export import Target
 from pretouch.control import Limits, VirtualDamper
 from pretouch.errors import InvalidInputError, OutputError, OutputExistsError
-from pretouch.export import TARGETS, export_law
-from pretouch.export.folder import MANIFEST, write_folder
+from pretouch.exports import TARGETS, export
+from pretouch.exports.folder import MANIFEST, write_folder
 from pretouch.report.pages import page_of
 
 ROOT = Path(__file__).parents[2]
@@ -79,14 +79,14 @@ def test_an_unverified_law_that_pulls_toward_the_object_needs_an_option_that_nam
 ) -> None:
     task = pt.load_scenario(LOOP).replace(gain=0.5)
     with pytest.raises(InvalidInputError, match=r"makes the robot chase the object.*--toward-object"):
-        export_law(task, tmp_path / "law", target, verify=False)
+        export(task, tmp_path / "law", target, verify=False)
     assert not list(tmp_path.iterdir())
     if target == "fmu":  # compiling takes long, and the rule is that of all targets
         return
-    export = export_law(task, tmp_path / "law", target, verify=False, toward_object=True)
-    assert export.is_written
-    assert export.attraction
-    (text,) = [text for text in page_of(export).warnings if "chase" in text]
+    written = export(task, tmp_path / "law", target, verify=False, toward_object=True)
+    assert written.is_written
+    assert written.attraction
+    (text,) = [text for text in page_of(written).warnings if "chase" in text]
     assert text.startswith("PT316")
     told = "".join(p.read_text(errors="ignore") for p in (tmp_path / "law").rglob("*") if p.is_file())
     assert "Not verified" in told
@@ -95,17 +95,17 @@ def test_an_unverified_law_that_pulls_toward_the_object_needs_an_option_that_nam
 
 @pytest.mark.parametrize(("gain", "count"), [(-0.7, 1), (0.0, 2)])
 def test_an_unverified_export_says_what_nobody_knows(gain: float, count: int, tmp_path: Path) -> None:
-    export = export_law(pt.load_scenario(LOOP).replace(gain=gain), tmp_path / "law", "json", verify=False)
-    assert sum(text.startswith("PT316") for text in page_of(export).warnings) == count
-    assert export.is_idle == (gain == 0)
-    assert "verify" in export.next_step
+    written = export(pt.load_scenario(LOOP).replace(gain=gain), tmp_path / "law", "json", verify=False)
+    assert sum(text.startswith("PT316") for text in page_of(written).warnings) == count
+    assert written.is_idle == (gain == 0)
+    assert "verify" in written.next_step
 
 
 def test_a_number_that_no_law_can_have_is_not_exported(tmp_path: Path) -> None:
     drag = pt.load_scenario(LOOP.with_name("drag.toml"))
     for task in (pt.load_scenario(LOOP).replace(gain=float("nan")), drag.replace(gain=-0.01)):
         with pytest.raises(InvalidInputError, match=r"must be finite|must not be negative"):
-            export_law(task, tmp_path / "law", verify=False, toward_object=True)
+            export(task, tmp_path / "law", verify=False, toward_object=True)
     assert not list(tmp_path.iterdir())
 
 
@@ -119,18 +119,18 @@ def test_a_law_without_limits_is_written_with_a_warning_and_the_reason_of_its_ve
     task = pt.load_scenario(LOOP).replace(constraints=(), gain=-0.86)
     free = replace(task.loop.law, limits=Limits())
     for law, gain, warned in ((task.loop.law, -0.86, False), (free, -0.86, True), (free, -1.2, True)):
-        export = export_law(task.replace(loop=replace(task.loop, law=law), gain=gain), tmp_path / f"{gain}{warned}")
-        assert ("PT416" in str(export)) == warned
-        assert export.verdict is not None
-        narrow = "".join(f" (holds narrowly: {reason})." for reason in export.verdict.reasons[:1])
+        written = export(task.replace(loop=replace(task.loop, law=law), gain=gain), tmp_path / f"{gain}{warned}")
+        assert ("PT416" in str(written)) == warned
+        assert written.verdict is not None
+        narrow = "".join(f" (holds narrowly: {reason})." for reason in written.verdict.reasons[:1])
         assert bool(narrow) == (gain == -1.2)
-        assert export.headline.endswith(narrow or " (holds).")
+        assert written.headline.endswith(narrow or " (holds).")
 
 
 def test_the_same_design_gives_the_same_files(tmp_path: Path) -> None:
     task = pt.load_scenario(LOOP).replace(gain=-0.86)
     for name in ("a", "b"):
-        export_law(task, tmp_path / name, verify=False)
+        export(task, tmp_path / name, verify=False)
     for path in (tmp_path / "a").iterdir():
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
@@ -198,7 +198,7 @@ def test_the_command_line_has_every_target(tmp_path: Path) -> None:
     """The command line lists the targets without importing the exports, so that --help is quick."""
     assert [target.value for target in Target] == list(TARGETS)
     with pytest.raises(InvalidInputError, match="fmu"):
-        export_law(pt.load_scenario(LOOP), tmp_path / "law", "matlab")
+        export(pt.load_scenario(LOOP), tmp_path / "law", "matlab")
     assert not list(tmp_path.iterdir())
 
 
@@ -206,7 +206,7 @@ def test_the_command_line_has_every_target(tmp_path: Path) -> None:
 def test_files_with_a_parameter_for_the_gain_say_that_a_weaker_one_is_not_verified(
     target: str, path: str, tmp_path: Path
 ) -> None:
-    export_law(pt.load_scenario(LOOP).replace(gain=-0.86), tmp_path / "law", target, verify=False)
+    export(pt.load_scenario(LOOP).replace(gain=-0.86), tmp_path / "law", target, verify=False)
     text = " ".join((tmp_path / "law" / path).read_text().split())
     assert re.search(r"weaker gain .*harder.* verification", text)
 
@@ -224,7 +224,7 @@ def test_a_custom_law_has_no_c_source(tmp_path: Path) -> None:
     task = pt.load_scenario(LOOP)
     loop = replace(task.loop, law=replace(task.loop.law, law=Own(gain=-0.86)))
     with pytest.raises(InvalidInputError, match="Own"):
-        export_law(task.replace(loop=loop), tmp_path / "law")
+        export(task.replace(loop=loop), tmp_path / "law")
     assert not list(tmp_path.iterdir())
 
 
@@ -239,7 +239,7 @@ def test_the_sessions_of_the_pages_run(session: str, tmp_path: Path) -> None:
     words = shlex.split(command)[1:]
     if words[0] == "make":
         task = pt.load_scenario(LOOP).replace(gain=-0.86)
-        export_law(task, tmp_path / "law", verify=False)
+        export(task, tmp_path / "law", verify=False)
         done = subprocess.run([*words, "-s"], capture_output=True, text=True, check=True, cwd=tmp_path).stdout
     else:
         done = run(*words[1:], folder=tmp_path).stdout
@@ -262,7 +262,7 @@ def test_the_python_example_of_the_page_runs(
 def test_the_c_example_of_the_page_compiles(tmp_path: Path) -> None:
     if shutil.which("cc") is None:
         pytest.skip("no compiler")
-    export_law(pt.load_scenario(LOOP).replace(gain=-0.86), tmp_path / "law", verify=False)
+    export(pt.load_scenario(LOOP).replace(gain=-0.86), tmp_path / "law", verify=False)
     (source,) = re.findall(r"```c\n(.*?)```", PAGES["c"], re.DOTALL)
     (tmp_path / "use.c").write_text(source)
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{tmp_path / 'law'}", "-c", "-o", str(tmp_path / "use.o")]

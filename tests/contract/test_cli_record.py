@@ -95,7 +95,7 @@ def test_a_stage_records_a_calibration_that_fit_reads(sensor: PtySensor, tmp_pat
     for distance in curve.distinct_distances:
         mean = float(np.mean(curve.outputs[curve.distances == distance]))
         assert abs(mean - OFFSET - signal(distance)) < 5 * 6 / np.sqrt(10) + 0.5  # and half a count of rounding
-    report = pt.rank_models(curve)
+    report = pt.fit(curve)
     assert report.best is not None
     middle = report.best.middle_slope
     distance = float(np.mean(report.best.sensor.valid_range))
@@ -204,7 +204,7 @@ def test_a_scenario_decides_what_is_enough(sensor: PtySensor, tmp_path: Path) ->
     result = json.loads(done.stdout)
     assert (done.returncode, result["status"]) == (0, "enough")
     assert result["distances"][-1] == pytest.approx(0.032)  # although the list goes on
-    assert pt.design_gain(pt.load_scenario(tmp_path / "approach.toml")).status == "optimal"
+    assert pt.design(pt.load_scenario(tmp_path / "approach.toml")).status == "optimal"
 
 
 @pytest.mark.slow

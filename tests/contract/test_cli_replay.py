@@ -20,7 +20,7 @@ from pretouch.errors import OutputExistsError
 from pretouch.recording import read_recording, replay
 from pretouch.recording.mcap_output import series_of_replay, series_of_trace, write_mcap
 from pretouch.recording.reading import read_recordings
-from pretouch.verification import simulate_encounter
+from pretouch.verification import simulate
 
 ROOT = Path(__file__).parents[2]
 LOOP, TABLE = ROOT / "examples/loop.toml", ROOT / "examples/approaches.csv"
@@ -97,7 +97,7 @@ def test_a_simulation_that_is_written_and_replayed_is_the_same_run(tmp_path: Pat
     """Its own readings, as the law got them, give its own forces bit for bit; until contact, which moves the flags."""
     pytest.importorskip("mcap", reason="needs the extra ros")
     task = pt.load_scenario(LOOP).replace(gain=-0.86)
-    encounter = simulate_encounter(task)
+    encounter = simulate(task)
     path, _ = write_mcap(tmp_path / "sim.mcap", series_of_trace(encounter.trace, 100.0))
     reading, force, distance = read_recordings(
         path, ("/pretouch/law.reading", "/pretouch/law.virtual_force", "/pretouch/encounter.distance [m]")

@@ -22,7 +22,7 @@ from pretouch.errors import InvalidInputError
 from pretouch.simulation import PARTS
 from pretouch.simulation.detection import detection_distance
 from pretouch.studio import page_file
-from pretouch.verification import VerdictStatus, compare_candidates
+from pretouch.verification import VerdictStatus, compare
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -44,7 +44,7 @@ def test_a_first_scenario_is_read_designed_and_commented(part: str, law: list[st
     answer = run("init", *words, *law, folder=tmp_path)
     assert answer.returncode == 0, answer.stderr
     task = pt.load_scenario(tmp_path / "scenario.toml")
-    design = pt.design_drag(task) if law else pt.design_gain(task)
+    design = pt.design(task)
     assert design.holds if law else design.status == "optimal"
     assert task.loop is not None
     assert task.uncertainty
@@ -160,10 +160,10 @@ def test_whatever_is_chosen_the_file_runs_and_starts_where_its_floor_detects(see
     assert answer.returncode == 0, answer.stderr
     task = pt.load_scenario(tmp_path / "scenario.toml")
     assert task.start_warnings(None) == ()
-    task = task.replace(verify=pt.VerifyOptions(runs=3))
+    task = task.replace(verify=pt.designs.VerifyOptions(runs=3))
     if not drag:
-        task = task.replace(gain=pt.design_gain(task).gain or -0.1)
-    for answer in (pt.simulate_encounter(task), pt.verify_gain(task, changes=False)):
+        task = task.replace(gain=pt.design(task).gain or -0.1)
+    for answer in (pt.simulate(task), pt.verify(task, changes=False)):
         assert not any(text.startswith("PT421") for text in answer.warnings)
 
 
@@ -212,7 +212,7 @@ def test_the_options_on_a_calibration_are_keys_of_the_file(
     assert answer.returncode == 0, answer.stderr
     section = tomllib.loads((tmp_path / "scenario.toml").read_text(encoding="utf-8"))["sensor"]
     assert {key: section[key] for key in ("select", "columns", "labels") if key in section} == keys
-    assert pt.design_gain(pt.load_scenario(tmp_path / "scenario.toml")).status == "optimal"
+    assert pt.design(pt.load_scenario(tmp_path / "scenario.toml")).status == "optimal"
 
 
 class Answers(StringIO):
@@ -379,7 +379,7 @@ def test_a_better_verdict_is_better_than_a_lower_speed() -> None:
     """The stronger gain meets the limit in 95 % of the runs; the weaker one and the ideal one do not."""
     loop = pt.load_scenario(EXAMPLES / "loop.toml")
     gains = {"weak": -0.3, "ideal": None, "strong": -0.86}
-    result = compare_candidates({name: loop.replace(gain=gain) for name, gain in gains.items()}, runs=200)
+    result = compare({name: loop.replace(gain=gain) for name, gain in gains.items()}, runs=200)
     assert [c.name for c in result.candidates] == ["strong", "ideal", "weak"]
     assert result.best is result.candidates[0]
     assert not result.warnings
@@ -395,7 +395,7 @@ def test_a_gain_that_avoids_every_contact_is_best() -> None:
     task = pt.load_scenario(EXAMPLES / "loop.toml").replace(constraints=(), uncertainty={}, gain=-0.5)
     obstacle = pt.Obstacle(position=0.0422, velocity=-0.3, acceleration=1.0)
     turning = task.replace(scenario=replace(task.scenario, obstacle=obstacle))
-    result = compare_candidates({"approaching": task, "turning": turning}, runs=20)
+    result = compare({"approaching": task, "turning": turning}, runs=20)
     assert [c.name for c in result.candidates] == ["turning", "approaching"]
     assert result.headline == (
         "Candidate turning is best of 2 and holds: no simulated run ends in contact. 2 candidates hold."
@@ -453,7 +453,7 @@ def test_a_mistake_of_compare_is_one_sentence(words: list[object], told: str, tm
 
 def test_a_candidate_alone_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="two"):
-        compare_candidates({"one": pt.load_scenario(EXAMPLES / "loop.toml")})
+        compare({"one": pt.load_scenario(EXAMPLES / "loop.toml")})
 
 
 # --- doctor

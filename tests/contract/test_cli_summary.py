@@ -124,7 +124,7 @@ def test_the_help_of_a_verb_has_two_examples_that_run_and_a_page(verb: str, tmp_
 
 
 def test_a_wrong_name_of_the_package_suggests_the_right_one() -> None:
-    for wrong, right in (("verify", "verify_gain"), ("pareto", "pareto_front"), ("Taks", "Task")):
+    for wrong, right in (("verfy", "verify"), ("paretto", "pareto"), ("Taks", "Task")):
         with pytest.raises(AttributeError, match=rf"has no attribute '{wrong}'; did you mean .*{right}"):
             getattr(pt, wrong)
     with pytest.raises(AttributeError, match=r"has no attribute 'zzzz'$"):
@@ -243,8 +243,10 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
     [
         (
             lambda: (
-                pt.verify_gain(
-                    two_sided(with_floor(loop_task(), 100.0)).replace(verify=pt.VerifyOptions(runs=2), gain=-0.7),
+                pt.verify(
+                    two_sided(with_floor(loop_task(), 100.0)).replace(
+                        verify=pt.designs.VerifyOptions(runs=2), gain=-0.7
+                    ),
                     changes=False,
                 ).warnings
             ),
@@ -253,8 +255,10 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
         ),
         (
             lambda: (
-                pt.verify_gain(
-                    two_sided(with_floor(loop_task(), 100.0)).replace(verify=pt.VerifyOptions(runs=2), gain=-0.7),
+                pt.verify(
+                    two_sided(with_floor(loop_task(), 100.0)).replace(
+                        verify=pt.designs.VerifyOptions(runs=2), gain=-0.7
+                    ),
                     changes=False,
                 ).warnings
             ),
@@ -262,12 +266,12 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
             "set largest_rate of the controller",
         ),
         (
-            lambda: pt.simulate_encounter(with_floor(loop_task(), 6e4).replace(gain=-0.7)).warnings,
+            lambda: pt.simulate(with_floor(loop_task(), 6e4).replace(gain=-0.7)).warnings,
             "so there was no virtual force",
             "check floor, offset and sensor range",
         ),
         (
-            lambda: pt.simulate_encounter(with_floor(loop_task(), 15e3).replace(gain=-0.7)).warnings,
+            lambda: pt.simulate(with_floor(loop_task(), 15e3).replace(gain=-0.7)).warnings,
             "detects the object only at",
             "or set floor = 1980 in [controller], and design again",
         ),

@@ -17,7 +17,7 @@ import pretouch as pt
 from figure_checks import assert_legible
 from pretouch import load_scenario, sweep
 from pretouch._core.errors import InvalidInputError
-from pretouch.design import Task
+from pretouch.designs import Task
 from pretouch.report import plots
 from pretouch.sweeps import results
 from pretouch.sweeps.axes import read_axis
@@ -75,7 +75,7 @@ def test_the_object_of_a_sweep_has_each_ending_where_there_are_few_and_none_wher
     asked = ("sweep", "approach.toml", "--gain", "-0.5", "--axis", "obstacle.velocity=-0.3 m/s,0.3 m/s", "--json")
     monkeypatch.setattr(results, "_MOST_VALUES", 2)
     told = strict(run(*asked)[1])
-    contact, never = (pt.ContactStatus.CONTACT, pt.ContactStatus.NEVER)
+    contact, never = (pt.motion.ContactStatus.CONTACT, pt.motion.ContactStatus.NEVER)
     assert told["statuses"] == [contact, never]
     task = load_scenario("approach.toml")
     time = pt.find_contact(task.scenario, task.sensor, -0.5).end.time

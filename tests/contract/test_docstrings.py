@@ -22,17 +22,17 @@ VERBS = (
     "solve_motion",
     "design_gain",
     "design_admittance",
-    "pareto_front",
+    "pareto",
     "check_sensor",
-    "rank_models",
+    "fit",
     "fit_sensor",
     "read_calibration",
     "sweep",
     "simulate",
-    "simulate_encounter",
+    "simulate",
     "gain_limit",
     "lowest_rate",
-    "verify_gain",
+    "verify",
 )
 # "safe" and "compliant" are verdicts of standards on whole machines, which no program about a gain can give
 FORBIDDEN = re.compile(r"\b(safe|compliant)\b", re.IGNORECASE)

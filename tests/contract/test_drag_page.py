@@ -20,8 +20,8 @@ from page_checks import assert_sound
 from page_rows import line, row, table
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch.cli import main
-from pretouch.design.drag import drag_by, drag_trade_off
-from pretouch.design.drag.page import drag_page
+from pretouch.designs.drag import drag_by, drag_trade_off
+from pretouch.designs.drag.page import drag_page
 from pretouch.report import plots, report_html
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR
 
@@ -83,7 +83,7 @@ PHI = np.log(1 / 0.15) / (N**2 * (1 / L_0 - U_OF))
 
 @pytest.fixture(scope="module")
 def design() -> Any:
-    return pt.design_drag(TASK)
+    return pt.design(TASK)
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,7 @@ def page(design: Any) -> str:
 
 
 def test_the_contact_stands_beside_none_and_the_letters_optimum(design: Any, page: str) -> None:
-    gain = pt.design_gain(TASK).result.contact
+    gain = pt.designs.design_gain(TASK).result.contact
     assert design.drag == pytest.approx(PHI, rel=1e-12)
     assert design.gain == design.drag
     assert table(page, "The contact")[0][1:] == [
@@ -124,7 +124,7 @@ def test_every_speed_has_its_row(page: str) -> None:
         v, *found = shown(cells)
         assert found[:4] == near(0.15 * v, excursion(PHI), peak(PHI) * v**2, followed(PHI, 0.0, v)[1])
         encounter = replace(SCENARIO, obstacle=pt.Obstacle(position=L_D, velocity=-v))
-        letter = pt.find_contact(encounter, SENSOR, pt.design_gain(TASK).gain).contact
+        letter = pt.find_contact(encounter, SENSOR, pt.designs.design_gain(TASK).gain).contact
         assert found[4:] == near(-letter.relative_velocity, -letter.displacement, letter.largest_acceleration)
 
 
@@ -144,7 +144,7 @@ def test_what_is_seen_nearer_is_touched_faster(page: str) -> None:
         far = part * L_D
         assert shown(cells)[1:4] == near(V * share(PHI, far), excursion(PHI, far), peak(PHI, far) * V**2)
         encounter = replace(SCENARIO, obstacle=pt.Obstacle(position=far, velocity=-V))
-        letter = pt.find_contact(encounter, SENSOR, pt.design_gain(TASK).gain).contact
+        letter = pt.find_contact(encounter, SENSOR, pt.designs.design_gain(TASK).gain).contact
         assert shown(cells)[4:] == near(-letter.relative_velocity, -letter.displacement, letter.largest_acceleration)
 
 
@@ -183,7 +183,7 @@ OTHERS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 def test_pages_and_figures_are_sound_whatever_was_asked(name: str) -> None:
-    found = pt.design_drag(OTHERS[name])
+    found = pt.design(OTHERS[name])
     assert_sound(report_html(found))
     assert_legible(plots.drag(found))
     assert str(found).startswith("With the virtual drag φ = ")
@@ -191,7 +191,7 @@ def test_pages_and_figures_are_sound_whatever_was_asked(name: str) -> None:
 
 def test_the_weakest_by_force_shows_its_force() -> None:
     task = OTHERS["by force"]
-    found = pt.design_drag(task)
+    found = pt.design(task)
     assert found.largest_speed == V  # that of the encounter, where none was said
     assert row(report_html(found), "impact force", "The contact")[1] == "5 N"
     w = 5.0 / np.sqrt(2.0 * 1e4)  # v sqrt(m k) for a spring
@@ -200,14 +200,14 @@ def test_the_weakest_by_force_shows_its_force() -> None:
 
 
 def test_what_does_not_hold_is_said() -> None:
-    broken = pt.design_drag(OTHERS["a limit"])
+    broken = pt.design(OTHERS["a limit"])
     assert row(report_html(broken), "acceleration", "Constraints") == ["2.016 m/s\u00b2", "1 m/s\u00b2", "exceeded"]
     assert not broken.holds
-    pushed = pt.design_drag(OTHERS["pushed"])
+    pushed = pt.design(OTHERS["pushed"])
     assert "accelerates toward the robot at 0.5 m/s\u00b2" in str(pushed)
     assert shown(row(report_html(pushed), "contact speed", "The contact")[1:2]) == near(followed(PHI, 0.5)[0])
-    assert "no contact" in pt.design_drag(OTHERS["braking"]).headline
-    slow = pt.design_drag(TASK.replace(drag_effect=pt.DragEffect(acceleration=2.0, largest_speed=0.1)))
+    assert "no contact" in pt.design(OTHERS["braking"]).headline
+    slow = pt.design(TASK.replace(drag_effect=pt.DragEffect(acceleration=2.0, largest_speed=0.1)))
     assert "for approach speeds up to 0.1 m/s, but this object approaches at 0.3 m/s" in str(slow)
 
 
@@ -221,7 +221,7 @@ def test_what_accelerates_is_the_object_relative_to_the_reference() -> None:
             "obstacle": replace(SCENARIO.obstacle, acceleration=theirs),
             "reference": pt.Reference(acceleration=own),
         }
-        warnings = drag_page(pt.design_drag(TASK.replace(scenario=replace(SCENARIO, **bodies)))).warnings
+        warnings = drag_page(pt.design(TASK.replace(scenario=replace(SCENARIO, **bodies)))).warnings
         assert len(warnings) == len(said)
         assert all(words in text for words, text in zip(said, warnings, strict=True))
 
@@ -246,7 +246,7 @@ def test_a_drag_is_warned_of_where_it_must_be_and_nowhere_else(
     effect = pt.DragEffect(ratio=0.15)
     if largest_speed is not None:  # the same drag at the speed of the encounter
         effect = pt.DragEffect(contact_speed=0.15 * largest_speed, largest_speed=largest_speed)
-    found = pt.design_drag(TASK.replace(scenario=scenario, constraints=limits, drag_effect=effect))
+    found = pt.design(TASK.replace(scenario=scenario, constraints=limits, drag_effect=effect))
     page = drag_page(found)
     assert (page.good, page.status) == (good, "drag found" if good else "a limit is exceeded")
     assert len(page.warnings) == len(said)
@@ -269,7 +269,7 @@ def test_a_drag_keeps_the_limit_that_it_is_made_for(effect: str, name: str, limi
         constraints=[pt.Constraint(name=name, limit=limit), pt.Constraint(name="gain", limit=0.1)],
         impact=pt.SpringImpact(robot_mass=2.0, stiffness=1e4),
     )
-    found = pt.design_drag(task)
+    found = pt.design(task)
     assert found.holds
     cells = row(report_html(found), name, "Constraints")
     assert shown(cells[:2]) == near(limit, limit)
@@ -299,7 +299,7 @@ def test_a_drag_keeps_the_limit_that_it_is_made_for(effect: str, name: str, limi
 )
 def test_a_task_without_a_drag_is_refused(task: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        pt.design_drag(task)
+        pt.designs.design_drag(task)
 
 
 def test_a_drag_without_an_encounter_has_no_page() -> None:
@@ -311,7 +311,7 @@ def test_a_drag_without_an_encounter_has_no_page() -> None:
 
 
 def test_a_gain_says_what_a_drag_would_do() -> None:
-    design = pt.design_gain(TASK)
+    design = pt.designs.design_gain(TASK)
     own = design.result.contact
     phi = brentq(lambda phi: excursion(phi) + own.displacement, 1e-4, 0.1, xtol=1e-16, rtol=1e-14)
     found = report_html(design)
@@ -332,7 +332,7 @@ def test_a_gain_says_what_a_drag_would_do() -> None:
 
 
 def test_an_object_that_accelerates_is_compared_as_it_does() -> None:
-    design = pt.design_gain(OTHERS["pushed"])
+    design = pt.designs.design_gain(OTHERS["pushed"])
     own = design.result.contact
 
     def gone(phi: float) -> float:
@@ -363,7 +363,7 @@ SILENT = {
 @pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("name", SILENT)
 def test_nothing_is_said_of_a_drag_where_it_is_not_known_or_no_better(name: str) -> None:
-    assert "virtual drag" not in str(pt.design_gain(SILENT[name]))
+    assert "virtual drag" not in str(pt.designs.design_gain(SILENT[name]))
 
 
 def test_a_custom_curve_that_turns_before_the_start_has_neither_gain_nor_drag() -> None:
@@ -373,9 +373,9 @@ def test_a_custom_curve_that_turns_before_the_start_has_neither_gain_nor_drag() 
         log_slope_function=lambda distance: 1400 * distance - 40,
     )
     with pytest.raises(pt.errors.InvalidInputError, match="must not be positive"):
-        pt.design_gain(TASK.replace(sensor=turning))
+        pt.designs.design_gain(TASK.replace(sensor=turning))
     nearer = replace(SCENARIO, obstacle=pt.Obstacle(position=0.028, velocity=-0.3))
-    assert "Optimal gain" in str(pt.design_gain(TASK.replace(sensor=turning, scenario=nearer)))
+    assert "Optimal gain" in str(pt.designs.design_gain(TASK.replace(sensor=turning, scenario=nearer)))
 
 
 @pytest.mark.slow

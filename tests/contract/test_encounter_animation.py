@@ -25,9 +25,9 @@ PIXEL = 0.1  # positions are written with one decimal
 
 
 @pytest.fixture(scope="module")
-def design() -> pt.GainDesign:
+def design() -> pt.designs.GainDesign:
     objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    return pt.design_gain(pt.Task(SCENARIO, CURVE, objective, bounds=(-10.0, -0.01)))
+    return pt.design(pt.Task(SCENARIO, CURVE, objective, bounds=(-10.0, -0.01)))
 
 
 def frames(page: str, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -40,7 +40,7 @@ def frames(page: str, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
-def test_frames_show_the_distance_and_speed_of_the_motion(design: pt.GainDesign, number: int) -> None:
+def test_frames_show_the_distance_and_speed_of_the_motion(design: pt.designs.GainDesign, number: int) -> None:
     lanes, _ = lanes_of(design)
     page, shown = report_html(design), lanes[number]
     end = max(lane.time[-1] for lane in lanes)
@@ -57,7 +57,7 @@ def test_frames_show_the_distance_and_speed_of_the_motion(design: pt.GainDesign,
     assert times[-1] >= shown.time[-1]
 
 
-def test_runs_have_the_colors_and_the_contacts_of_the_figure(design: pt.GainDesign) -> None:
+def test_runs_have_the_colors_and_the_contacts_of_the_figure(design: pt.designs.GainDesign) -> None:
     lanes, _ = lanes_of(design)
     assert [lane.style for lane in lanes] == [1, 0]
     page = report_html(design)
@@ -105,7 +105,7 @@ def test_the_field_of_a_curve_that_is_valid_on_a_short_range_only_is_drawn() -> 
 
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
-def test_the_animation_moves_unless_the_reader_prefers_no_motion(design: pt.GainDesign) -> None:
+def test_the_animation_moves_unless_the_reader_prefers_no_motion(design: pt.designs.GainDesign) -> None:
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])

@@ -90,7 +90,7 @@ def test_the_file_sets_what_the_law_declares(folder):
     task = pt.load_scenario("cube.toml")
     assert (task.law.kind, task.law.rate, task.bounds) == ("cube", 3.0, (0.0025, 2.5))
     assert task.loop.continuous == task.law
-    assert pt.design_gain(task).headline.startswith("Optimal cube c = 0.08293 N s\u00b3")
+    assert pt.design(task).headline.startswith("Optimal cube c = 0.08293 N s\u00b3")
     Path("cube.toml").write_text(FILE + 'cube = "0.05 N*s^3"\n', encoding="utf-8")
     task = pt.load_scenario("cube.toml")
     assert (task.gain, task.loop.law.law.value) == (0.05, 0.05)
@@ -175,7 +175,7 @@ def test_a_law_without_a_sampled_form_is_refused_on_a_loop(folder, monkeypatch):
 OTHERS = """
 from dataclasses import dataclass
 import numpy as np
-from pretouch import SensorModel
+from pretouch.sensors import SensorModel
 from pretouch.fields import INPUT, check_declared, quantity
 from pretouch.sensors import parameter
 from pretouch.simulation import PlantModel
@@ -318,7 +318,7 @@ def test_a_fit_takes_an_installed_curve(others, monkeypatch, capsys):
     assert code in {0, 1}, err
     assert "installed-sources" in out
     with pytest.raises(pt.errors.InvalidInputError, match=r"model: found 'other', expected one of .*installed-sources"):
-        pt.fit_sensor(pt.read_calibration("sensor.csv"), "other")
+        pt.calibration.fit_sensor(pt.read_calibration("sensor.csv"), "other")
 
 
 def test_a_function_is_an_objective_without_keys(others):

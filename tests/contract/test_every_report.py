@@ -129,7 +129,7 @@ def test_a_figure_that_cannot_be_drawn_is_replaced_by_its_reason(run: Any, broke
 
 
 def test_python_is_warned_of_such_a_figure(broken_figure: None) -> None:
-    design = pt.design_gain(pt.load_scenario(EXAMPLES / "approach.toml"))
+    design = pt.design(pt.load_scenario(EXAMPLES / "approach.toml"))
     with pytest.warns(UserWarning, match="PT423"):
         assert "-0.7463" in pt.report.report_html(design)
     assert "-0.7463" in design._repr_html_()

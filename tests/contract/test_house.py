@@ -16,7 +16,7 @@ import pytest
 from pretouch._core import arguments
 from pretouch._core.display import Described
 from pretouch.config import load_scenario
-from pretouch.design import design_gain
+from pretouch.designs import design_gain
 from pretouch.errors import InvalidInputError
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.report import report_html
@@ -120,7 +120,7 @@ def imports_by_string(source: str) -> Iterator[str]:
 @pytest.mark.parametrize(
     "source",
     [
-        'page = "pretouch.design.page:gain_page"',
+        'page = "pretouch.designs.page:gain_page"',
         'from importlib import import_module; import_module("pretouch.report.html")',
         'import importlib; importlib.import_module(f"{__package__}.table_1")',
         '__import__("pretouch.report")',
@@ -133,7 +133,7 @@ def test_imports_by_string_are_seen(source: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "source", ['Extensions(group="pretouch.sensors")', 'require("mujoco")', "import pretouch.design"]
+    "source", ['Extensions(group="pretouch.sensors")', 'require("mujoco")', "import pretouch.designs"]
 )
 def test_other_strings_are_no_imports(source: str) -> None:
     assert not list(imports_by_string(source))
@@ -197,7 +197,7 @@ def test_the_text_of_a_design_loads_no_figure_and_no_other_verb() -> None:
     code = (
         "import pretouch as pt, sys; from pretouch.letter.inputs import approach, sensor;"
         "objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3);"
-        "text = str(pt.design_gain(pt.Task(approach(), sensor('inverse-power'), objective, bounds=(-10.0, -0.01))));"
+        "text = str(pt.design(pt.Task(approach(), sensor('inverse-power'), objective, bounds=(-10.0, -0.01))));"
         "print(text[:12], *sys.modules, sep='\\n')"
     )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -29,7 +29,7 @@ HEAVY = {"scipy", "matplotlib", "pydantic", "typer", *EXTRA}
         ".sensors",
         ".control",
         ".motion",
-        ".design",
+        ".designs",
         ".simulation",
         ".robots",
         ".sweeps",
@@ -111,7 +111,7 @@ def test_public_names_are_the_same_objects_as_in_their_folders() -> None:
     for folder in (
         "sensors",
         "motion",
-        "design",
+        "designs",
         "calibration",
         "config",
         "report",
@@ -132,7 +132,7 @@ ROOMS = [name for name in pretouch.__all__ if isinstance(getattr(pretouch, name)
     "code", ["import pretouch.{room} as room; import pretouch", "import pretouch; room = pretouch.{room}"]
 )
 def test_a_room_can_be_imported_by_the_name_that_the_docs_write(code: str) -> None:
-    """`import pretouch.robust` works like `pretouch.robust`."""
+    """`import pretouch.plots` works like `pretouch.plots`."""
     lines = ["import sys, importlib"]
     for room in ROOMS:
         lines += [
@@ -145,7 +145,7 @@ def test_a_room_can_be_imported_by_the_name_that_the_docs_write(code: str) -> No
     command = [sys.executable, "-W", "error", "-c", "\n".join(lines)]
     answer = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (answer.stdout.split(), answer.stderr) == (["True"] * 2 * len(ROOMS), "")
-    assert len(ROOMS) == 12
+    assert len(ROOMS) == 17
 
 
 @pytest.mark.parametrize("name", ["Admittance", "nonsense", "errors.nonsense", "plots.motion"])

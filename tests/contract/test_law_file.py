@@ -12,7 +12,7 @@ import pretouch as pt
 from pretouch.config import load_scenario
 from pretouch.config.schema import keys_of
 from pretouch.control import VirtualDrag
-from pretouch.design import DragEffect
+from pretouch.designs import DragEffect
 from pretouch.motion import DAMPER, DRAG
 from scenario_text import ADMITTANCE, GAIN, SENSOR, STILL, WHOLE, replaced
 
@@ -77,7 +77,7 @@ def test_every_key_arrives_in_the_sampled_law(read):
     assert task.law is DRAG
     assert task.loop.law.law == DRAG_LAW
     assert (task.gain, task.drag_effect) == (0.02, None)
-    assert pt.simulate_encounter(task).gain == 0.02
+    assert pt.simulate(task).gain == 0.02
     keys = {line.split(" = ")[0] for line in SAMPLED.splitlines()}
     assert keys | {"kind", "largest_speed", *DragEffect.__dataclass_fields__} == set(keys_of("law"))
     assert {f.name for f in dataclasses.fields(VirtualDrag)} == keys
@@ -107,27 +107,27 @@ def test_an_effect_arrives_and_chooses_the_drag(read, text, effect):
     speed = effect.get("largest_speed", 0.3)  # that of the encounter
     with_loop = task.replace(loop=read(TEXT).loop, sensor=read(TEXT).sensor)
     expected, _ = DragEffect(**{**effect, "largest_speed": speed}).drag(with_loop.sensor, 0.0422, 1.0, task.impact)
-    assert pt.simulate_encounter(with_loop).gain == expected
+    assert pt.simulate(with_loop).gain == expected
 
 
 def test_bounds_and_choice_are_drags(read):
     drags = replaced(GAIN, '[gain]\nbounds = ["1 g*m", "0.2 kg*m"]\n[pareto]\nchoice = "0.0144 N*s^2"\n', WHOLE)
     task = read(drags + f"[law]\n{LAW}")
     assert (task.bounds, task.pareto.choice, task.drag_effect) == ((0.001, 0.2), 0.0144, None)
-    assert pt.pareto_front(task).choice.gain == 0.0144
-    assert 0.001 < pt.design_gain(task).gain < 0.2
+    assert pt.pareto(task).choice.gain == 0.0144
+    assert 0.001 < pt.design(task).gain < 0.2
 
 
 def test_a_verdict_is_of_the_drag_that_the_effect_chooses(read):
     task = read(TEXT)
-    found = pt.verify_gain(task.replace(verify=pt.VerifyOptions(runs=20)), changes=False)
+    found = pt.verify(task.replace(verify=pt.designs.VerifyOptions(runs=20)), changes=False)
     assert found.gain == DragEffect(ratio=0.15).drag(task.sensor, 0.0422, 1.0)[0]
     assert found.status.value == "holds"
     assert found.stability.margin > task.stability_margin
-    assert pt.verify_gain(task.replace(verify=pt.VerifyOptions(runs=20), gain=0.01), changes=False).gain == 0.01
+    assert pt.verify(task.replace(verify=pt.designs.VerifyOptions(runs=20), gain=0.01), changes=False).gain == 0.01
     line = TEXT.splitlines().index("[law]") + 1
     with pytest.raises(pt.errors.ScenarioFileError, match=rf"line {line}: law: found no objective or no bounds"):
-        pt.verify_gain(task.replace(bounds=None))
+        pt.verify(task.replace(bounds=None))
 
 
 def test_a_gain_of_the_command_line_has_the_unit_of_the_law(run):

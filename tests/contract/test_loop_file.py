@@ -168,7 +168,7 @@ def test_every_key_arrives_in_the_objects(read):
     asked = read("".join(f"[{name}]\n{text}" for name, text in ALL_OF.items()))
     assert asked.loop == LOOP
     assert (asked.gain, asked.sensor_part, asked.stability_margin) == (-0.6, sensor_part("VCNL4040"), 1.5)
-    assert asked.verify == pt.VerifyOptions(runs=20, confidence=0.9, speed_tolerance=0.2)
+    assert asked.verify == pt.designs.VerifyOptions(runs=20, confidence=0.9, speed_tolerance=0.2)
 
 
 def test_the_texts_above_have_every_key():
@@ -242,7 +242,7 @@ def test_what_is_left_out_follows_from_the_chain(read):
     assert law.conditioning == Conditioning(floor=30.0, offset=150.0, saturation=65535.0, sensor_period=1 / 250.0)
     assert law.law == VirtualDamper(gain=0.0)
     assert law.limits == Limits()
-    assert (asked.gain, asked.verify, asked.stability_margin) == (None, pt.VerifyOptions(), None)
+    assert (asked.gain, asked.verify, asked.stability_margin) == (None, pt.designs.VerifyOptions(), None)
     # the defaults of the loop are written down twice, and must be the same
     bare = ClosedLoop(law=law, chain=asked.loop.chain)
     assert asked.loop == bare
@@ -290,7 +290,7 @@ def test_a_calibration_gives_noise_offset_steps_and_saturation(read, tmp_path):
 
 def test_a_margin_keeps_the_gain_from_the_limit(read):
     slow = '[chain]\npart = "VL53L5CX-8x8"\n[controller]\nrate = "1 kHz"\nfloor = "1 count"\n'
-    free = pt.design_gain(read(slow))
+    free = pt.design(read(slow))
     problem = read(slow + "[loop]\nstability_margin = 2.0\n")
     loop = problem.loop
     expected = gain_limit(
@@ -305,17 +305,17 @@ def test_a_margin_keeps_the_gain_from_the_limit(read):
     assert limit.damping.is_certified
     assert -0.4 < limit.strongest < -0.3  # docs/explanation/simulation.md: -0.33 N s, where the optimum is -0.746 N s
     assert free.gain < limit.strongest
-    held = pt.design_gain(problem)
+    held = pt.design(problem)
     assert problem.stable_bounds() == (limit.strongest / 2, -0.01)
     assert held.gain == pytest.approx(limit.strongest / 2, rel=1e-6)  # the objective falls up to the bound
     quick = read(CHAIN + CONTROLLER + "[loop]\nstability_margin = 2.0\n")
-    assert pt.design_gain(quick).gain == pytest.approx(free.gain, rel=1e-6)  # the margin does not act
+    assert pt.design(quick).gain == pytest.approx(free.gain, rel=1e-6)  # the margin does not act
     assert quick.bounds == (-10.0, -0.01)
 
 
 def test_the_loop_of_a_file_runs(read):
     problem = read(CHAIN + CONTROLLER + "[verify]\nruns = 8\n")
-    found = problem.loop.run(problem.scenario, problem.sensor, pt.design_gain(problem).gain, runs=problem.verify.runs)
+    found = problem.loop.run(problem.scenario, problem.sensor, pt.design(problem).gain, runs=problem.verify.runs)
     assert found.relative_velocity.shape == (8,)
     # the continuous optimum leaves 0.079 m/s; a force that acts 3 ms late (0.9 ms, and half of the 4 ms that it is
     # held) changes that by up to D_p g l' / M = 4.7 m/s^2 times 3 ms
@@ -334,20 +334,18 @@ def test_the_sample_of_the_reference_is_read(read):
 def test_every_example_is_read_and_designed(file):
     problem = load_scenario(file)
     assert (problem.loop is not None) == (file.name in {"course.toml", "drag.toml", "loop.toml"})
-    assert pt.design_gain(problem.replace(evaluate=None)).status.value == "optimal"
+    assert pt.designs.design_gain(problem.replace(evaluate=None)).status.value == "optimal"
 
 
 def test_the_example_of_a_loop_is_one_for_every_verb():
     problem = load_scenario(ROOT / "examples" / "loop.toml")
     assert problem.sensor.output(0.0) == pytest.approx(20_000, rel=1e-3)
     assert (
-        pt.robust.design_robust_gain(
-            problem.replace(robust=dataclasses.replace(problem.robust, samples=256, validation=256))
-        ).status.value
+        pt.robust(problem.replace(robust=dataclasses.replace(problem.robust, samples=256, validation=256))).status.value
         == "optimal"
     )
     assert problem.stable_bounds()[0] == problem.loop.stability_limit(problem.scenario, problem.sensor).strongest / 2
-    found = problem.loop.run(problem.scenario, problem.sensor, pt.design_gain(problem).gain, runs=50)
+    found = problem.loop.run(problem.scenario, problem.sensor, pt.design(problem).gain, runs=50)
     assert np.all(np.abs(found.relative_velocity) < 0.1)  # its own limit
     assert np.all(found.impact_force > 0)
 

@@ -33,12 +33,12 @@ LOOP = pt.ClosedLoop(
 )
 
 
-def theirs(scenario: pt.Scenario, sensor: pt.SensorModel, gain: Any) -> pt.ContactResult:
+def theirs(scenario: pt.Scenario, sensor: pt.sensors.SensorModel, gain: Any) -> pt.motion.ContactResult:
     return pt.find_contact(scenario, sensor, gain)
 
 
-def design(evaluate: Any) -> pt.GainDesign:
-    return pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), evaluate=evaluate))
+def design(evaluate: Any) -> pt.designs.GainDesign:
+    return pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), evaluate=evaluate))
 
 
 @pytest.mark.slow
@@ -85,7 +85,7 @@ def test_the_motion_of_a_loop_is_its_trace_up_to_contact() -> None:
 
 @pytest.mark.slow
 def test_a_robust_report_names_the_ideal_design() -> None:
-    found = pt.robust.design_robust_gain(
+    found = pt.robust(
         pt.Task(
             SCENARIO,
             SENSOR,
@@ -93,7 +93,7 @@ def test_a_robust_report_names_the_ideal_design() -> None:
             bounds=(-2.0, -0.2),
             uncertainty={},
             evaluate=LOOP,
-            robust=pt.robust.RobustOptions(samples=32),
+            robust=pt.designs.RobustOptions(samples=32),
         )
     )
     page = report_html(found)

@@ -18,7 +18,7 @@ import pretouch as pt
 from page_rows import line, row, table
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.vocabulary import words_for
-from pretouch.design import ImpactModel
+from pretouch.designs import ImpactModel
 from pretouch.motion import ContactState
 from pretouch.report import write_report
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, verdict
@@ -103,7 +103,7 @@ def page(write: Callable[..., Any], found: Any, folder: Path) -> str:
 @pytest.mark.slow
 def test_a_design_says_what_was_minimized(given: tuple[Any, str, set[str]], tmp_path: Path) -> None:
     objective, name, items = given
-    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS))
+    design = pt.design(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS))
     assert design.objective == pytest.approx(float(whole(design.result.end)), rel=1e-9)
     for gain in (0.9 * design.gain, 1.1 * design.gain):
         assert float(whole(pt.find_contact(SCENARIO, SENSOR, gain).contact)) > design.objective
@@ -128,24 +128,24 @@ def test_a_design_says_what_was_minimized(given: tuple[Any, str, set[str]], tmp_
 @pytest.mark.parametrize("case", ["subclass with items", "class", "function"])
 def test_other_verbs_say_it_too(case: str, tmp_path: Path) -> None:
     objective, name, _ = GIVEN[case]
-    robust = pt.robust.design_robust_gain(
+    robust = pt.robust(
         pt.Task(
             SCENARIO,
             SENSOR,
             objective,
             bounds=BOUNDS,
-            uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
-            robust=pt.robust.RobustOptions(samples=32, validation=32),
+            uncertainty={"obstacle.velocity": pt.uncertainty.Uniform(low=-0.4, high=-0.2)},
+            robust=pt.designs.RobustOptions(samples=32, validation=32),
         )
     )
     assert robust.to_dict()["objective_name"] == robust.definition.name == name
     assert row(page(write_report, robust, tmp_path), f"{name}: a user-defined objective") == ["", ""]
     assert str(robust).startswith("Robust gain")
-    together = pt.design_admittance(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS, damping_ratio=(0.7, 1.3)))
+    together = pt.design(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS, damping_ratio=(0.7, 1.3)))
     assert together.to_dict()["objective_name"] == name
     assert line(str(together), f"objective f ({name})") == f"{together.objective:.5g}"
-    assert together.objective <= pt.design_gain(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS)).objective
-    front = pt.pareto_front(pt.Task(SCENARIO, SENSOR, bounds=BOUNDS, pareto=pt.ParetoOptions(choice=together)))
+    assert together.objective <= pt.design(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS)).objective
+    front = pt.pareto(pt.Task(SCENARIO, SENSOR, bounds=BOUNDS, pareto=pt.designs.ParetoOptions(choice=together)))
     assert front.choice.gain == together.gain
     assert "knee" in page(write_report, front, tmp_path)
 
@@ -155,8 +155,8 @@ def test_other_verbs_say_it_too(case: str, tmp_path: Path) -> None:
 def test_a_verdict_is_given_by_the_same_objective(name: str, tmp_path: Path) -> None:
     """On a loop that is as good as ideal, what runs come to is what was predicted: to a step of the loop, 1e-4 s."""
     objective, called, _ = GIVEN[name]
-    found = pt.verify_gain(
-        pt.Task(SCENARIO, SENSOR, objective, loop=QUICK, bounds=BOUNDS, verify=pt.VerifyOptions(runs=2))
+    found = pt.verify(
+        pt.Task(SCENARIO, SENSOR, objective, loop=QUICK, bounds=BOUNDS, verify=pt.designs.VerifyOptions(runs=2))
     )
     assert found.loss.objective == pytest.approx(found.loss.predicted, rel=5e-3)
     assert found.loss.predicted == pytest.approx(found.design.objective, rel=1e-9)
@@ -167,7 +167,7 @@ def test_a_verdict_is_given_by_the_same_objective(name: str, tmp_path: Path) -> 
 
 @pytest.mark.slow
 def test_a_sum_of_terms_stays_what_it_was(tmp_path: Path) -> None:
-    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
+    design = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
     assert design.definition is OBJECTIVE
     assert design.to_dict()["objective_name"] == "excursion"
     assert "L(20) and L(22)" in page(write_report, design, tmp_path)
@@ -177,8 +177,8 @@ def test_a_sum_of_terms_stays_what_it_was(tmp_path: Path) -> None:
 
 def test_terms_without_a_weight_count_nothing_and_are_shown_as_that(tmp_path: Path) -> None:
     terms = (*OBJECTIVE.terms, pt.Term(quantity="time", scale=1.0, weight=0.0))
-    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, pt.Objective(terms=terms, name="mine"), bounds=BOUNDS))
-    same = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
+    design = pt.design(pt.Task(SCENARIO, SENSOR, pt.Objective(terms=terms, name="mine"), bounds=BOUNDS))
+    same = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
     assert design.gain == pytest.approx(same.gain, rel=1e-7)  # where f is flat to rounding, a gain is known to its root
     assert design.objective_parts["time"] == 0
     assert sum(design.objective_parts.values()) == pytest.approx(design.objective, rel=1e-9)
@@ -192,8 +192,8 @@ def test_terms_without_a_weight_count_nothing_and_are_shown_as_that(tmp_path: Pa
 def test_two_terms_of_one_quantity_both_count(tmp_path: Path) -> None:
     twice = pt.Objective(terms=(*OBJECTIVE.terms, pt.Term(quantity="displacement", scale=0.25)))
     once = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3, position_weight=5.0)
-    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, twice, bounds=BOUNDS))
-    same = pt.design_gain(pt.Task(SCENARIO, SENSOR, once, bounds=BOUNDS))
+    design = pt.design(pt.Task(SCENARIO, SENSOR, twice, bounds=BOUNDS))
+    same = pt.design(pt.Task(SCENARIO, SENSOR, once, bounds=BOUNDS))
     assert design.gain == pytest.approx(same.gain, rel=1e-7)
     assert sum(design.objective_parts.values()) == pytest.approx(design.objective, rel=1e-9)
     text = page(write_report, design, tmp_path)
@@ -205,7 +205,7 @@ def test_two_terms_of_one_quantity_both_count(tmp_path: Path) -> None:
 
 def test_a_term_of_ones_own_is_no_square(tmp_path: Path) -> None:
     objective = pt.Objective(terms=(Rough(quantity="displacement", scale=0.5), *OBJECTIVE.terms[1:]), name="rough")
-    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS))
+    design = pt.design(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS))
     assert design.definition.name == "rough"
     end = design.result.end
     assert design.objective == pytest.approx(abs(end.displacement) / 0.5 + (end.relative_velocity / 0.3) ** 2, rel=1e-9)
@@ -215,7 +215,7 @@ def test_a_term_of_ones_own_is_no_square(tmp_path: Path) -> None:
 
 def test_an_objective_that_is_nothing_at_its_best_is_designed(tmp_path: Path) -> None:
     """Every gain is as good as any other: a design without a loss, not a division by 0."""
-    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, lambda state: 0 * state.time, bounds=BOUNDS, evaluate=NOISY))
+    design = pt.design(pt.Task(SCENARIO, SENSOR, lambda state: 0 * state.time, bounds=BOUNDS, evaluate=NOISY))
     assert design.objective == 0
     assert str(design)
     assert json.dumps(design.to_dict(), allow_nan=False)
@@ -237,15 +237,13 @@ def test_an_objective_that_is_nothing_at_its_best_is_designed(tmp_path: Path) ->
 )
 def test_what_is_no_objective_is_refused(objective: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        pt.design_gain(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS))
+        pt.design(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS))
 
 
 def test_arrays_and_sweeps_of_designs_take_one() -> None:
     several = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.3, -0.25])))
-    designs = pt.design_gain(pt.Task(several, SENSOR, whole, bounds=BOUNDS))
-    assert designs.gain[0] == pytest.approx(
-        pt.design_gain(pt.Task(SCENARIO, SENSOR, whole, bounds=BOUNDS)).gain, rel=1e-6
-    )
+    designs = pt.design(pt.Task(several, SENSOR, whole, bounds=BOUNDS))
+    assert designs.gain[0] == pytest.approx(pt.design(pt.Task(SCENARIO, SENSOR, whole, bounds=BOUNDS)).gain, rel=1e-6)
     pytest.importorskip("xarray")
     swept = pt.sweep(pt.Task(SCENARIO, SENSOR, objective=whole, bounds=BOUNDS), {"obstacle.velocity": [-0.3, -0.25]})
     assert swept.gain.to_numpy() == pytest.approx(designs.gain, rel=1e-6)
@@ -255,18 +253,18 @@ def test_arrays_and_sweeps_of_designs_take_one() -> None:
     assert json.loads(other.attrs["inputs"])["objective"]["values"] != inputs["values"]
 
 
-class OwnMean(pt.robust.Expected):
+class OwnMean(pt.designs.Expected):
     def of(self, values: Any) -> Any:
         return 2 * np.mean(values, axis=-1)
 
 
-class OwnWorst(pt.robust.WorstCase):
+class OwnWorst(pt.designs.WorstCase):
     label = "own"
 
     def of(self, values: Any) -> Any:
         return np.mean(values, axis=-1)
 
-    estimate = pt.robust.WorstCase.estimate
+    estimate = pt.designs.WorstCase.estimate
 
 
 @pytest.mark.parametrize(
@@ -274,13 +272,13 @@ class OwnWorst(pt.robust.WorstCase):
 )
 def test_a_measure_that_would_be_told_as_another_is_refused(measure: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        pt.robust.design_robust_gain(
+        pt.robust(
             pt.Task(
                 SCENARIO,
                 SENSOR,
                 OBJECTIVE,
                 bounds=BOUNDS,
-                uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
-                robust=pt.robust.RobustOptions(measure=measure),
+                uncertainty={"obstacle.velocity": pt.uncertainty.Uniform(low=-0.4, high=-0.2)},
+                robust=pt.designs.RobustOptions(measure=measure),
             )
         )

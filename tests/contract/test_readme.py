@@ -100,7 +100,7 @@ def test_the_numbers_under_the_figure_are_those_of_the_example() -> None:
     """141 ms at 0.3 m/s without, 464 ms at 0.079 m/s with, after 97 mm."""
     import pretouch as pt
 
-    design = pt.design_gain(pt.load_scenario(ROOT / "examples" / "approach.toml"))
+    design = pt.design(pt.load_scenario(ROOT / "examples" / "approach.toml"))
     before, after = design.no_mitigation.contact, design.result.contact
     assert (round(before.time, 3), round(after.time, 3)) == (0.141, 0.464)
     assert (round(before.relative_velocity, 3), round(after.relative_velocity, 3)) == (-0.3, -0.079)
@@ -112,7 +112,7 @@ def test_the_numbers_about_the_drag_are_those_of_the_example() -> None:
     import pretouch as pt
 
     task = pt.load_scenario(ROOT / "examples" / "approach.toml")
-    drag, gain = pt.design_drag(task.replace(drag_effect=pt.DragEffect(ratio=0.15))), pt.design_gain(task)
+    drag, gain = pt.design(task.replace(drag_effect=pt.DragEffect(ratio=0.15))), pt.design(task)
     own, admittance = gain.result.contact, task.scenario.admittance
     assert (round(drag.ratio, 2), round(drag.excursion, 3)) == (0.15, 0.060)
     assert (round(own.relative_velocity / -0.3, 2), round(own.displacement, 3)) == (0.26, -0.097)

@@ -22,9 +22,9 @@ from page_checks import EVIL, assert_sound, parse
 from page_rows import row, table
 from pretouch._core.errors import OutputExistsError
 from pretouch._core.files import is_own_unchanged
-from pretouch.calibration import Calibration, CalibrationReport, rank_models
+from pretouch.calibration import Calibration, CalibrationReport, fit
 from pretouch.config import load_scenario
-from pretouch.design import (
+from pretouch.designs import (
     Constraint,
     GainDesign,
     Objective,
@@ -111,13 +111,13 @@ def measured(label: str = "", unit: str = "V", *, offset: float = 0.25) -> Calib
 
 @pytest.fixture(scope="module")
 def usable() -> CalibrationReport:
-    return rank_models(measured(), ("inverse-power", "exponential-1"))
+    return fit(measured(), ("inverse-power", "exponential-1"))
 
 
 @pytest.fixture(scope="module")
 def useless() -> CalibrationReport:
     noise = np.random.default_rng(0).normal(1.0, 0.01, 10)
-    return rank_models(Calibration(distances=np.arange(10) * 0.01, outputs=noise, unit="V"))
+    return fit(Calibration(distances=np.arange(10) * 0.01, outputs=noise, unit="V"))
 
 
 @pytest.mark.slow(keep=1)
@@ -164,17 +164,17 @@ def test_the_section_for_the_scenario_file_is_the_fitted_curve(model: str, tmp_p
     distances = np.repeat(np.arange(0.004, 0.045, 0.004), 5)
     signal = 2.0 * np.exp(-55 * distances) if model != "inverse-power" else 3e-4 / (distances + 0.02) ** 2.4
     outputs = signal + 0.002 * np.random.default_rng(3).standard_normal(len(distances))
-    report = rank_models(Calibration(distances=distances, outputs=outputs, unit="V"), (model,), offset="zero")
-    (fit,) = report.fits
+    report = fit(Calibration(distances=distances, outputs=outputs, unit="V"), (model,), offset="zero")
+    (best,) = report.fits
     (section,) = re.findall(r"\[sensor\]\nmodel = .*?(?=</)", html.unescape(report_html(report)), re.DOTALL)
     file = tmp_path / "fitted.toml"
     encounter = ENCOUNTER.replace('"42.2 mm"', '"25 mm"')
     assert encounter != ENCOUNTER
     file.write_text(f"{section}\n{encounter}", encoding="utf-8")
     sensor = load_scenario(file).sensor
-    distance = np.linspace(0.0, fit.window.l_max - fit.window.l_min, 50)
+    distance = np.linspace(0.0, best.window.l_max - best.window.l_min, 50)
     for quantity in ("log_output", "log_slope"):
-        expected = getattr(fit.sensor, quantity)(fit.window.l_min + distance[:-1])
+        expected = getattr(best.sensor, quantity)(best.window.l_min + distance[:-1])
         np.testing.assert_allclose(getattr(sensor, quantity)(distance[:-1]), expected, rtol=1e-12)
     assert sensor.valid_range[1] == pytest.approx(distance[-1], rel=1e-5)  # six digits
 
@@ -306,7 +306,7 @@ def test_reports_do_not_overwrite_unasked(usable: CalibrationReport, tmp_path: P
 
 @pytest.mark.slow
 def test_reports_escape_what_users_wrote(letter: GainDesign) -> None:
-    report = rank_models(measured(label=EVIL, unit=EVIL), ("exponential-1",))
+    report = fit(measured(label=EVIL, unit=EVIL), ("exponential-1",))
     page = report_html(report)
     assert_sound(page)
     assert "<script" not in page

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch.design.robust.outcomes import RobustTradeOff
+from pretouch.designs.robust.outcomes import RobustTradeOff
 from verification_samples import NOISY, velocity_limit, verdict
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def test_results_show_one_line_and_print_a_report() -> None:
-    report = pt.rank_models(pt.read_calibration(EXAMPLES / "sensor.csv"))
+    report = pt.fit(pt.read_calibration(EXAMPLES / "sensor.csv"))
     problem = pt.load_scenario(EXAMPLES / "approach.toml")
-    design = pt.design_gain(problem)
+    design = pt.design(problem)
     motion = pt.solve_motion(problem.scenario, problem.sensor, [-0.5, -0.7], samples=5)
     shown = {
         report: "<CalibrationReport sensor.csv: usable, best inverse-power>",
@@ -39,7 +39,7 @@ def test_results_show_one_line_and_print_a_report() -> None:
 def test_a_scan_shows_how_many_values_it_has_and_between_which() -> None:
     robust = RobustTradeOff(gain=np.array([-3.0, -1.0, -0.25]), value=np.ones(3), feasible=np.ones(3, dtype=bool))
     assert repr(robust) == "<RobustTradeOff: 3 gains from -3 to -0.25>"
-    scan = pt.design_gain(pt.load_scenario(EXAMPLES / "approach.toml")).trade_off
+    scan = pt.design(pt.load_scenario(EXAMPLES / "approach.toml")).trade_off
     assert repr(scan) == f"<TradeOff: {len(scan.gain)} gains from -10 to -0.01>"
 
 
@@ -74,7 +74,7 @@ def test_notebooks_show_a_table_of_inputs_and_results_and_the_figure_of_what_has
         (task.scenario, ("approaches at a speed of 0.3 m/s", "42.2 mm", "25 N/m"), False),
         (contact, (f"{contact.end.relative_velocity:.4g} m/s", "largest virtual force"), False),
         (motion, (f"{1e3 * motion.time[-1]:.4g} ms",), True),
-        (pt.design_gain(task), ("-0.7463 N s",), True),
+        (pt.design(task), ("-0.7463 N s",), True),
     ):
         html = value._repr_html_()
         assert "<table>" in html

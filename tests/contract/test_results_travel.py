@@ -24,7 +24,13 @@ from result_samples import BOUNDS, OBJECTIVE, REQUESTS, RESULTS, SCENARIO, SENSO
 
 ROOMS = (
     *("pretouch", "pretouch.sensors", "pretouch.calibration", "pretouch.motion", "pretouch.control"),
-    *("pretouch.uncertainty", "pretouch.sweeps", "pretouch.design", "pretouch.design.robust", "pretouch.design.drag"),
+    *(
+        "pretouch.uncertainty",
+        "pretouch.sweeps",
+        "pretouch.designs",
+        "pretouch.designs.robust",
+        "pretouch.designs.drag",
+    ),
     *("pretouch.simulation", "pretouch.verification", "pretouch.config", "pretouch.report", "pretouch.letter"),
 )
 BEHIND = {"columns", "solution", "trace_of", "figure"}
@@ -170,7 +176,7 @@ def test_what_was_not_computed_yet_is_computed_after_the_journey() -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OwnSensor(pt.SensorModel):
+class OwnSensor(pt.sensors.SensorModel):
     """A sensor of a user's own."""
 
     rate: float = -50.0
@@ -195,11 +201,11 @@ class CustomObjective(pt.Objective):
 
 def test_what_a_user_has_made_travels_along() -> None:
     objective = CustomObjective(terms=OBJECTIVE.terms)
-    design = pt.design_gain(pt.Task(SCENARIO, OwnSensor(), objective, bounds=BOUNDS))
+    design = pt.design(pt.Task(SCENARIO, OwnSensor(), objective, bounds=BOUNDS))
     check(design)
     printed(design)
     check(design)
-    check(pt.design_gain(pt.Task(SCENARIO, OwnSensor(), OBJECTIVE, bounds=BOUNDS, evaluate=half)))
+    check(pt.design(pt.Task(SCENARIO, OwnSensor(), OBJECTIVE, bounds=BOUNDS, evaluate=half)))
 
 
 def test_what_cannot_be_pickled_is_named_by_pickle() -> None:

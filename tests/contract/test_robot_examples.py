@@ -19,7 +19,7 @@ from pretouch.robots import (
     load_model,
     make_data,
     project,
-    project_all,
+    project_site,
     simulate_robot,
 )
 from robot_scenes import CURVE, DISTANCE, arm_with_ball, controller, share
@@ -32,7 +32,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples/robots"
 @pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.xml")), ids=lambda path: path.stem)
 def test_an_example_is_projected(path: Path) -> None:
-    table = project_all(load_model(path))
+    table = project(load_model(path))
     assert table.projections
     assert all(p.reflected_mass > 0 for _, p in table.projections)
 
@@ -67,7 +67,7 @@ def test_a_hopping_leg_lands_with_its_designed_gain(monkeypatch: pytest.MonkeyPa
     speeds = landing.simulated("sole", "relative_velocity"), landing.predicted("sole", "relative_velocity")
     assert share(*speeds) < 0.01
     assert abs(speeds[0][0]) < 0.25 * np.sqrt(0.7**2 + 2 * 9.81 * DISTANCE)
-    projection = project(landing.model, make_data(landing.model, keyframe="crouched"), SensorSite("sole", CURVE))
+    projection = project_site(landing.model, make_data(landing.model, keyframe="crouched"), SensorSite("sole", CURVE))
     assert landing.simulated("sole", "excursion")[0] < projection.retreat
     assert not landing.warnings
     course = landing.predicted_courses()[0]

@@ -68,7 +68,7 @@ def test_robot_prints_the_contact_next_to_its_prediction(run, folder) -> None:
     assert (code, err) == (0, "")
     assert len(out.splitlines()) <= 15
     task = pt.load_scenario("arm.toml")
-    speed = abs(float(pt.find_contact(task.scenario, task.sensor, pt.design_gain(task).gain).contact.relative_velocity))
+    speed = abs(float(pt.find_contact(task.scenario, task.sensor, pt.design(task).gain).contact.relative_velocity))
     # 1 kHz: the sampled law deviates by less than 0.5 % from the law in continuous time
     assert float(re.search(r"touches the object at ([\d.]+) m/s", out)[1]) == pytest.approx(speed, rel=0.005)
     assert not (folder / "arm-robot.html").exists()

@@ -13,7 +13,7 @@ from command_text import command
 
 import pretouch as pt
 from pretouch.errors import InvalidInputError, ScenarioFileError
-from pretouch.robots import SensorSite, load_model, make_data, project
+from pretouch.robots import SensorSite, load_model, make_data, project_site
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 
@@ -68,7 +68,7 @@ def read(tmp_path: Path):
 
 def arm_projection(**options):
     model = load_model(ARM)
-    return project(model, make_data(model, keyframe="bent"), SensorSite("fingertip", SENSOR), **options)
+    return project_site(model, make_data(model, keyframe="bent"), SensorSite("fingertip", SENSOR), **options)
 
 
 def test_a_task_has_the_limits_of_the_robot() -> None:
@@ -82,7 +82,7 @@ def test_a_task_has_the_limits_of_the_robot() -> None:
     assert projection.speed.least < 2.0
     assert task.sensor == SENSOR
     assert task.scenario == SCENARIO  # a fixed base does not recoil
-    assert pt.design_gain(task).gain == pytest.approx(-0.7463, abs=1e-4)
+    assert pt.design(task).gain == pytest.approx(-0.7463, abs=1e-4)
 
 
 def test_the_tighter_one_of_two_limits_remains() -> None:
@@ -97,7 +97,7 @@ def test_the_tighter_one_of_two_limits_remains() -> None:
 def test_a_floating_base_divides_the_admittance_by_one_minus_its_recoil() -> None:
     """The controller moves the foot relative to the base, which recoils by a quarter of it."""
     model = mujoco.MjModel.from_xml_string(FLOATING)
-    projection = project(model, make_data(model), SensorSite("foot", SENSOR))
+    projection = project_site(model, make_data(model), SensorSite("foot", SENSOR))
     task = projection.task(SCENARIO, OBJECTIVE, bounds=(-10.0, -0.01))
     a = task.scenario.admittance
     assert (a.mass, a.damping, a.stiffness) == pytest.approx((4 / 3, 40 / 3, 100 / 3))
@@ -128,7 +128,7 @@ def _contact_speed_with_recoil(share: float, gain: float) -> float:
 
 def test_a_sampled_loop_on_a_floating_base_is_refused() -> None:
     model = mujoco.MjModel.from_xml_string(FLOATING)
-    projection = project(model, make_data(model), SensorSite("foot"))
+    projection = project_site(model, make_data(model), SensorSite("foot"))
     with pytest.raises(InvalidInputError, match="loop"):
         projection.apply(pt.load_scenario(ROOT / "examples/loop.toml"))
 
@@ -137,7 +137,7 @@ def test_a_file_gives_the_task_of_the_robot(read) -> None:
     task = read(BENT + 'posture = { elbow = "-80 deg" }\njoint_speeds = { wrist = "90 deg/s" }')
     model = load_model(ARM)
     data = make_data(model, {"elbow": -80 * np.pi / 180}, keyframe="bent")
-    projection = project(model, data, SensorSite("fingertip"), joint_speeds={"wrist": np.pi / 2})
+    projection = project_site(model, data, SensorSite("fingertip"), joint_speeds={"wrist": np.pi / 2})
     assert task.limits == projection.constraints()
     assert task.impact.robot_mass == projection.reflected_mass
     assert ARM in task.source.inputs
@@ -196,7 +196,7 @@ def test_the_answers_repeat_the_warnings_about_the_robot(verb, tmp_path, read) -
     chain = '[chain]\nrate = "250 Hz"\n[controller]\nrate = "1 kHz"\nfloor = 0.0455\n[verify]\nruns = 5\n'
     task = read(BENT.replace("bent", "stretched"), FILE + chain)
     assert any("singularity" in text for text in task.warnings)
-    answer = pt.design_gain(task) if verb == "design" else pt.verify_gain(task, changes=False)
+    answer = pt.design(task) if verb == "design" else pt.verify(task, changes=False)
     assert set(task.warnings) <= set(answer.warnings)
     assert "singularity" in str(answer)
     assert "singularity" in pt.report.html.report_html(answer)

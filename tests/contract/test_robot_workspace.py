@@ -7,7 +7,7 @@ import pytest
 
 import pretouch as pt
 from pretouch.report import plots
-from pretouch.robots import SensorSite, load_model, make_data, project, project_workspace, random_postures
+from pretouch.robots import SensorSite, load_model, make_data, project_site, project_workspace, random_postures
 from robot_scenes import ARM, CURVE, SLIDE
 
 pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
@@ -38,7 +38,7 @@ def test_a_sweep_over_postures_says_where_one_gain_holds(tmp_path) -> None:
     stored = pt.sweep(task, axes, results=RESULTS, output=tmp_path / "map.zarr", progress=progress.append)
     dataset = found.describe(stored)
     place = 1
-    projection = project(model, make_data(model, postures[0]), SensorSite("fingertip", CURVE, axis="+z"))
+    projection = project_site(model, make_data(model, postures[0]), SensorSite("fingertip", CURVE, axis="+z"))
     assert float(dataset["reflected_mass"][place]) == pytest.approx(projection.reflected_mass, rel=1e-12)
     single = pt.find_contact(
         pt.Scenario(

@@ -16,9 +16,19 @@ from page_rows import line, row, table
 from pretouch._core.errors import OutputExistsError, ResultUnavailableError
 from pretouch._core.files import is_own_unchanged
 from pretouch._core.warning_codes import split_code
-from pretouch.design import Constraint, DesignStatus, SpringImpact, Task, excursion_objective
-from pretouch.design.robust import ConditionalValueAtRisk, Quantile, Required, RobustDesign, design_robust_gain
-from pretouch.design.robust.worst_case import WorstEncounter
+from pretouch.designs import (
+    ConditionalValueAtRisk,
+    Constraint,
+    DesignStatus,
+    Quantile,
+    Required,
+    RobustDesign,
+    SpringImpact,
+    Task,
+    excursion_objective,
+)
+from pretouch.designs.robust import robust
+from pretouch.designs.robust.worst_case import WorstEncounter
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.report import plots, report_html, write_report
 from pretouch.sensors import ExponentialFirstOrder, InversePower
@@ -47,7 +57,7 @@ def design(sensor: Any = CONSTANT, **given: Any) -> RobustDesign:
     asked = {"uncertainty": SPEED, "samples": 256, "validation": 256, "bounds": (-10.0, -0.01), **given}
     objective = excursion_objective(position_scale=0.5, velocity_scale=0.3)
     scenario = asked.pop("scenario", SCENARIO)
-    return design_robust_gain(Task(scenario, sensor, objective, **with_robust_options(**asked)))
+    return robust(Task(scenario, sensor, objective, **with_robust_options(**asked)))
 
 
 DESIGNS: dict[str, Callable[[], RobustDesign]] = {

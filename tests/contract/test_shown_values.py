@@ -11,7 +11,7 @@ import pretouch as pt
 from pretouch._core.blocks import Measured
 from pretouch.cli.sweep import _present as present_sweep
 from pretouch.cli.terminal import Presentation
-from pretouch.design.impact import impact_rows
+from pretouch.designs.impact import impact_rows
 from pretouch.motion.page_sections import scenario_rows
 from pretouch.uncertainty.correlated import CorrelatedNormal
 from verification_samples import SCENARIO, SENSOR
@@ -69,7 +69,7 @@ def test_bounds_are_two_numbers(wrong: object) -> None:
 
 
 def test_a_robust_page_ranks_its_uncertain_inputs(tmp_path: Path) -> None:
-    uniform = pt.robust.Uniform
+    uniform = pt.uncertainty.Uniform
     task = pt.Task(
         SCENARIO,
         SENSOR,
@@ -79,9 +79,9 @@ def test_a_robust_page_ranks_its_uncertain_inputs(tmp_path: Path) -> None:
             "obstacle.velocity": uniform(low=-0.35, high=-0.25),
             "obstacle.position": uniform(low=0.041, high=0.043),
         },
-        robust=pt.robust.RobustOptions(samples=32, validation=32),
+        robust=pt.designs.RobustOptions(samples=32, validation=32),
     )
-    page = pt.write_report(pt.robust.design_robust_gain(task), tmp_path / "page.html").read_text(encoding="utf-8")
+    page = pt.write_report(pt.robust(task), tmp_path / "page.html").read_text(encoding="utf-8")
     _, _, section = page.partition("Importance of the uncertain inputs</")
     assert section.index("obstacle.velocity") < section.index("obstacle.position")  # the more important one first
 

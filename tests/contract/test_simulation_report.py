@@ -50,18 +50,18 @@ def law(period: float = 1e-3, *, stiffness: float = 25.0, limits: Limits | None 
 
 
 def run(
-    sensor: pt.SensorModel = VOLTS,
+    sensor: pt.sensors.SensorModel = VOLTS,
     gain: float = -0.7463,
     *,
     scenario: pt.Scenario = SCENARIO,
     impact: Any = None,
     **given: Any,
-) -> pt.SimulatedEncounter:
+) -> pt.verification.SimulatedEncounter:
     built = ClosedLoop(**{"law": law(), "chain": pt.SensorChain(rate=1000.0), **given})
-    return pt.simulate_encounter(pt.Task(scenario, sensor, loop=built, gain=gain, impact=impact))
+    return pt.simulate(pt.Task(scenario, sensor, loop=built, gain=gain, impact=impact))
 
 
-CASES: dict[str, Callable[[], pt.SimulatedEncounter]] = {
+CASES: dict[str, Callable[[], pt.verification.SimulatedEncounter]] = {
     "VCNL4010 that pushes": lambda: run(
         COUNTS,
         law=law(floor=460.0, sensor_period=4e-3),
@@ -103,21 +103,23 @@ CASES: dict[str, Callable[[], pt.SimulatedEncounter]] = {
 
 
 @pytest.fixture(scope="module", params=CASES)
-def encounter(request: pytest.FixtureRequest) -> pt.SimulatedEncounter:
+def encounter(request: pytest.FixtureRequest) -> pt.verification.SimulatedEncounter:
     return CASES[request.param]()
 
 
 @pytest.fixture(scope="module")
-def pushing() -> pt.SimulatedEncounter:
+def pushing() -> pt.verification.SimulatedEncounter:
     return CASES["VCNL4010 that pushes"]()
 
 
 @pytest.mark.slow(keep=1)
-def test_figures_are_legible(encounter: pt.SimulatedEncounter) -> None:
+def test_figures_are_legible(encounter: pt.verification.SimulatedEncounter) -> None:
     assert_legible(plots.simulation(encounter))
 
 
-def test_panels_share_their_time_and_the_force_of_the_contact_has_its_own(pushing: pt.SimulatedEncounter) -> None:
+def test_panels_share_their_time_and_the_force_of_the_contact_has_its_own(
+    pushing: pt.verification.SimulatedEncounter,
+) -> None:
     *shared, impact = plots.simulation(pushing).axes
     assert [axes.get_ylabel() for axes in (*shared, impact)] == [
         "distance l [mm]",
@@ -134,7 +136,7 @@ def test_panels_share_their_time_and_the_force_of_the_contact_has_its_own(pushin
     assert len(plots.simulation(CASES["ideal at 10 kHz"]()).axes) == 4
 
 
-def test_curves_end_at_the_numbers_of_the_contact(pushing: pt.SimulatedEncounter) -> None:
+def test_curves_end_at_the_numbers_of_the_contact(pushing: pt.verification.SimulatedEncounter) -> None:
     """The lines of the loop pass through the first contact, those of the prediction end there."""
     distance, velocity, *_, impact = plots.simulation(pushing).axes
     free, loop, predicted = (line.get_data() for line in distance.lines[:3])
@@ -150,7 +152,7 @@ def test_curves_end_at_the_numbers_of_the_contact(pushing: pt.SimulatedEncounter
     assert forces == pytest.approx([pushing.unmitigated.impact_force, pushing.run.impact_force], rel=2e-3)
 
 
-def test_figures_show_the_numbers_of_the_run(pushing: pt.SimulatedEncounter) -> None:
+def test_figures_show_the_numbers_of_the_run(pushing: pt.verification.SimulatedEncounter) -> None:
     texts = " ".join(text for text, _ in visible_texts(plots.simulation(pushing)))
     assert pushing.detection is not None
     for shown in (
@@ -169,7 +171,7 @@ def test_figures_show_the_numbers_of_the_run(pushing: pt.SimulatedEncounter) -> 
 
 
 @pytest.mark.slow(keep=1)
-def test_reports_are_sound_however_a_run_ends(encounter: pt.SimulatedEncounter) -> None:
+def test_reports_are_sound_however_a_run_ends(encounter: pt.verification.SimulatedEncounter) -> None:
     page = report_html(encounter)
     words = assert_sound(page).words
     assert encounter.headline in words
@@ -187,7 +189,7 @@ def test_reports_are_sound_however_a_run_ends(encounter: pt.SimulatedEncounter) 
         assert (key_figure in words) == (of_contact == bool(encounter.run.touched))
 
 
-def test_a_report_contains_the_numbers_of_the_run(pushing: pt.SimulatedEncounter) -> None:
+def test_a_report_contains_the_numbers_of_the_run(pushing: pt.verification.SimulatedEncounter) -> None:
     page, loop, free = report_html(pushing), pushing.run, pushing.unmitigated
     assert row(page, "relative velocity at contact l\u2032") == [
         f"{loop.relative_velocity:.4g} m/s",
@@ -235,7 +237,7 @@ def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_reports_escape_what_users_wrote_and_show_where_a_curve_is_from() -> None:
     made = CASES["never seen"]()
-    report = pt.rank_models(pt.read_calibration(Path(__file__).parents[2] / "examples" / "sensor.csv"))
+    report = pt.fit(pt.read_calibration(Path(__file__).parents[2] / "examples" / "sensor.csv"))
     source = {"name": f"{EVIL}.toml".replace("/", ""), "text": f"# {EVIL}", "sha256": "abc"}
     page = report_html(made, calibration=report, source=source)
     words = assert_sound(page).words

@@ -170,7 +170,7 @@ def test_a_fit_follows_the_window(studio):
     content = (EXAMPLES / "sensor.csv").read_bytes()
     status, _, found = studio.ask("POST", "/api/calibration", content, **{"X-Name": "own.csv"})
     data = json.loads(found)
-    report = pt.rank_models(pt.read_calibration(EXAMPLES / "sensor.csv"))
+    report = pt.fit(pt.read_calibration(EXAMPLES / "sensor.csv"))
     assert status == 200
     assert data["fit"]["slope"]["value"] == pytest.approx(report.best.middle_slope.value, rel=1e-9)
     assert data["fit"]["offset"]["value"] == pytest.approx(report.best.offset.value, rel=1e-9)

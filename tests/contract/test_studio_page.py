@@ -107,7 +107,7 @@ def drag(page, selector, across, *, start=0.4):
 def test_the_page_shows_the_design_of_python(open_page, static_file):
     page = open_page(static_file)
     task = pt.load_scenario(ROOT / "examples/approach.toml")
-    design = pt.design_gain(task)
+    design = pt.design(task)
     assert page.evaluate("pretouch.solved.gain") == pytest.approx(design.gain, rel=1e-9)
     speed = page.evaluate("pretouch.solved.contact.relative_velocity")
     assert speed == pytest.approx(design.result.contact.relative_velocity, rel=1e-9)
@@ -122,7 +122,7 @@ def test_the_range_of_contact_speeds_stands_next_to_the_result(open_page, tmp_pa
         page = open_page(running.address)
         wait(page, "pretouch.reservation && !pretouch.frame")
         task = pt.load_scenario(tmp_path / "task.toml")
-        found = reservations_of(task.calibration, pt.design_gain(task))
+        found = reservations_of(task.calibration, pt.design(task))
         assert page.inner_text("#reservation") == (found.headline or "")
         assert headline(page).endswith(found.spread or "without mitigation.")
         page.evaluate("pretouch.change((state) => (state.chosen = -0.001))")
@@ -144,7 +144,7 @@ def test_a_page_without_server_starts_with_the_scenario_of_a_file(open_page, tmp
         done = subprocess.run([sys.executable, "-m", "pretouch", *words], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
     task = pt.load_scenario(scenario)
-    design = pt.design_drag(task) if kind == "drag" else pt.design_gain(task)
+    design = pt.design(task)
     page = open_page(target.as_uri())
     assert page.evaluate("pretouch.solved.gain") == pytest.approx(design.gain, rel=1e-6)
     speed = page.evaluate("pretouch.solved.contact.relative_velocity")
@@ -157,7 +157,7 @@ def test_a_page_without_server_starts_with_the_scenario_of_a_file(open_page, tmp
     again = pt.load_scenario(written)
     assert again.scenario == task.scenario
     if kind != "drag":
-        assert pt.design_gain(again).gain == pytest.approx(design.gain, rel=1e-6)
+        assert pt.design(again).gain == pytest.approx(design.gain, rel=1e-6)
     assert page.mistakes == []
 
 
@@ -296,7 +296,7 @@ def test_the_copied_python_and_the_scenario_do_the_same(open_page, static_file, 
     file = tmp_path / "scenario.toml"
     file.write_text(shown_text(page, "#toml"), encoding="utf-8")
     task = pt.load_scenario(file)
-    found = pt.design_drag(task).drag if law == "virtual-drag" else pt.design_gain(task).gain
+    found = pt.design(task).drag if law == "virtual-drag" else pt.design(task).gain
     assert found == pytest.approx(number, rel=1e-9)
 
 

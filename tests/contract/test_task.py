@@ -23,9 +23,9 @@ TASK = pt.Task(
     bounds=BOUNDS,
     constraints=[velocity_limit(0.1, 0.9)],
     damping_ratio=(0.7, 2.0),
-    uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
+    uncertainty={"obstacle.velocity": pt.uncertainty.Uniform(low=-0.4, high=-0.2)},
     loop=NOISY,
-    verify=pt.VerifyOptions(runs=2),
+    verify=pt.designs.VerifyOptions(runs=2),
 )
 
 
@@ -35,7 +35,7 @@ class WithoutContinuous(BareLaw):
     continuous = None  # type: ignore[assignment]
 
 
-DESIGNS = (pt.design_gain, pt.design_admittance, pt.pareto_front, pt.robust.design_robust_gain, pt.verify_gain)
+DESIGNS = (pt.design, pt.designs.design_gain, pt.pareto, pt.robust, pt.verify)
 
 
 @pytest.mark.parametrize("verb", DESIGNS, ids=lambda verb: verb.__name__)
@@ -44,7 +44,7 @@ def test_a_design_without_bounds_is_refused(verb: Callable[[pt.Task], Any]) -> N
         verb(TASK.replace(bounds=None))
 
 
-@pytest.mark.parametrize("verb", [pt.verify_gain, pt.simulate_encounter], ids=lambda verb: verb.__name__)
+@pytest.mark.parametrize("verb", [pt.verify, pt.simulate], ids=lambda verb: verb.__name__)
 def test_a_run_without_a_loop_is_refused(verb: Callable[[pt.Task], Any]) -> None:
     with pytest.raises(pt.errors.InvalidInputError, match=r"^loop: found none, expected the sampled loop"):
         verb(TASK.replace(loop=None))
@@ -55,24 +55,24 @@ def test_a_margin_cuts_the_bounds_and_needs_a_loop() -> None:
     assert TASK.replace(stability_margin=20.0).stable_bounds() == (strongest / 20, BOUNDS[1])
     assert TASK.stable_bounds() == BOUNDS
     with pytest.raises(pt.errors.InvalidInputError, match=r"^stability_margin: found one without a loop"):
-        pt.design_gain(TASK.replace(stability_margin=20.0, loop=None))
+        pt.design(TASK.replace(stability_margin=20.0, loop=None))
 
 
 def test_a_limit_with_a_probability_is_a_limit_of_a_design() -> None:
     (limit,) = TASK.limits
-    assert pt.design_gain(TASK).gain == pt.design_gain(TASK.replace(constraints=[limit])).gain
+    assert pt.design(TASK).gain == pt.design(TASK.replace(constraints=[limit])).gain
 
 
 def test_the_gain_is_the_designed_one_where_none_is_named() -> None:
-    gain = pt.design_gain(TASK).gain
-    assert pt.simulate_encounter(TASK).gain == pt.verify_gain(TASK, changes=False).gain == gain
-    assert pt.simulate_encounter(TASK.replace(gain=-0.5)).gain == -0.5
+    gain = pt.designs.design_gain(TASK).gain  # verify keeps the admittance of the task, and design chooses one
+    assert pt.simulate(TASK).gain == pt.verify(TASK, changes=False).gain == gain
+    assert pt.simulate(TASK.replace(gain=-0.5)).gain == -0.5
 
 
 def test_a_front_marks_the_designed_gain_where_no_choice_is_named() -> None:
     alone = TASK.replace(damping_ratio=None)
-    assert pt.pareto_front(alone).choice.gain == pt.design_gain(alone).gain
-    assert pt.pareto_front(alone.replace(objective=None)).choice is None
+    assert pt.pareto(alone).choice.gain == pt.design(alone).gain
+    assert pt.pareto(alone.replace(objective=None)).choice is None
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_a_name_in_the_wrong_place_is_explained(name: str, where: str) -> None:
 
 def test_a_misspelled_option_is_explained() -> None:
     with pytest.raises(TypeError, match=r"^VerifyOptions: found an unknown name 'run'; did you mean runs\?$"):
-        pt.VerifyOptions(run=1)  # type: ignore[call-arg]
+        pt.designs.VerifyOptions(run=1)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match=r"^Task: found an unknown name 'xyz'$"):
         pt.Task(SCENARIO, SENSOR, xyz=1)  # type: ignore[call-arg]
 
@@ -105,16 +105,19 @@ def test_a_misspelled_option_is_explained() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: pt.VerifyOptions(runs=0), "runs: found 0, expected a positive whole number"),
-        (lambda: pt.VerifyOptions(confidence=1.0), "confidence: found 1, expected a number between 0 and 1"),
-        (lambda: pt.VerifyOptions(speed_tolerance=-0.1), "speed_tolerance: found -0.1, which must not be negative"),
-        (lambda: pt.robust.RobustOptions(confidence=0.0), "confidence: found 0, expected a number between 0 and 1"),
+        (lambda: pt.designs.VerifyOptions(runs=0), "runs: found 0, expected a positive whole number"),
+        (lambda: pt.designs.VerifyOptions(confidence=1.0), "confidence: found 1, expected a number between 0 and 1"),
         (
-            lambda: pt.ParetoOptions(quantities=["time"]),
+            lambda: pt.designs.VerifyOptions(speed_tolerance=-0.1),
+            "speed_tolerance: found -0.1, which must not be negative",
+        ),
+        (lambda: pt.designs.RobustOptions(confidence=0.0), "confidence: found 0, expected a number between 0 and 1"),
+        (
+            lambda: pt.designs.ParetoOptions(quantities=["time"]),
             "quantities: found time, expected two or three different names",
         ),
         (
-            lambda: pt.ParetoOptions(quantities=["time", "xi"]),
+            lambda: pt.designs.ParetoOptions(quantities=["time", "xi"]),
             "quantities: found 'xi', expected one of time, position",
         ),
         (lambda: TASK.replace(robust=512), "robust: found 512, expected options such as RobustOptions(samples=512)"),
@@ -127,12 +130,12 @@ def test_options_are_checked_when_they_are_made(make: Callable[[], Any], message
 
 def test_each_verb_reads_its_own_confidence() -> None:
     sure = TASK.replace(
-        robust=pt.robust.RobustOptions(samples=16, validation=16, confidence=0.6),
+        robust=pt.designs.RobustOptions(samples=16, validation=16, confidence=0.6),
         verify=replace(TASK.verify, confidence=0.8),
     )
-    validation = pt.robust.design_robust_gain(sure).validation
+    validation = pt.robust(sure).validation
     assert validation is not None
-    assert (validation.confidence, pt.verify_gain(sure, changes=False).confidence) == (0.6, 0.8)
+    assert (validation.confidence, pt.verify(sure, changes=False).confidence) == (0.6, 0.8)
 
 
 def test_the_law_is_that_of_the_loop_unless_it_is_given() -> None:
@@ -163,4 +166,4 @@ def test_where_a_task_was_read_does_not_change_what_it_asks(tmp_path: Path) -> N
     task = pt.load_scenario(file)
     assert task.source is not None
     assert task.replace(source=None) == task
-    assert pt.design_gain(task.replace(source=None)) == pt.design_gain(task)
+    assert pt.design(task.replace(source=None)) == pt.design(task)

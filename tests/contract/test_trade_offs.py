@@ -41,11 +41,11 @@ def problem():
 
 
 def front_of(problem, quantities=("displacement", "relative_velocity"), choice=None, **more):
-    return pt.pareto_front(
+    return pt.pareto(
         pt.Task(
             problem.scenario,
             problem.sensor,
-            pareto=pt.ParetoOptions(quantities=quantities, choice=choice),
+            pareto=pt.designs.ParetoOptions(quantities=quantities, choice=choice),
             bounds=problem.bounds,
             **more,
         )
@@ -80,11 +80,11 @@ def test_the_python_of_the_page_runs(monkeypatch):
 @pytest.mark.slow
 def test_the_numbers_in_the_text_of_the_page_hold(problem):
     """35 times in the letter's case; two thirds of the way in the example."""
-    design = pt.design_gain(problem)
+    design = pt.design(problem)
     assert "takes 35 times the smallest possible excursion" in " ".join(PAGE.split())
     assert round(front_of(problem, choice=design).choice.bound.ratio) == 35
     example = pt.load_scenario(ROOT / "examples" / "tradeoff.toml")
-    front = pt.pareto_front(example)
+    front = pt.pareto(example)
     least = front.of("displacement")[front.meets(relative_velocity=front.choice.values["relative_velocity"])].min()
     assert least / front.choice.values["displacement"] == pytest.approx(2 / 3, abs=0.03)
 
@@ -211,12 +211,12 @@ FRONTS = {
     "gain": lambda p: front_of(p, choice=-0.7),
     "limits": lambda p: front_of(p, constraints=[pt.Constraint(name="acceleration", limit=5.0)], choice=-0.3),
     "three": lambda p: front_of(p, ("time", "relative_velocity", "largest_acceleration"), choice=-0.7),
-    "admittance": lambda p: front_of(p, choice=pt.design_gain(p), **FREE),
+    "admittance": lambda p: front_of(p, choice=pt.design(p), **FREE),
     "surface": lambda p: front_of(
         p, ("displacement", "relative_velocity", "acceleration"), natural_frequency=(3.0, 10.0)
     ),
     "one point": lambda p: front_of(p, ("time", "displacement")),
-    "no bound": lambda p: pt.pareto_front(
+    "no bound": lambda p: pt.pareto(
         pt.Task(
             p.scenario,
             pt.ExponentialSecondOrder(scale=0.48, rate=-74.0, curvature=474.0),
@@ -311,9 +311,7 @@ def test_reports_of_fronts_are_whole_pages(front):
 @pytest.mark.slow
 @pytest.mark.parametrize("free", [{"natural_frequency": (3.0, 10.0)}, {"damping_ratio": (0.7, 1.5)}, FREE])
 def test_a_designed_admittance_is_drawn_and_reported(problem, free):
-    design = pt.design_admittance(
-        pt.Task(problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, **free)
-    )
+    design = pt.design(pt.Task(problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, **free))
     figure = plots.admittance(design)
     assert_legible(figure)
     assert {"chosen", "without change"} <= {text for text, _ in visible_texts(figure)}
@@ -328,7 +326,7 @@ def test_what_cannot_be_drawn_is_refused(problem):
     limits = [pt.Constraint(name="excursion", limit=1e-6)]
     with pytest.raises(InvalidInputError, match="this Pareto front has no points"):
         plots.pareto(front_of(problem, constraints=limits))
-    design = pt.design_admittance(
+    design = pt.design(
         pt.Task(problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, constraints=limits, **FREE)
     )
     with pytest.raises(InvalidInputError, match="found no feasible admittance"):

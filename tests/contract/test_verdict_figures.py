@@ -18,12 +18,12 @@ from verification_samples import NOISY, verdict
 
 
 @pytest.fixture(scope="module", params=CASES)
-def found(request: pytest.FixtureRequest) -> pt.Verdict:
+def found(request: pytest.FixtureRequest) -> pt.verification.Verdict:
     return case(request.param)
 
 
 @pytest.fixture(scope="module")
-def one() -> pt.Verdict:
+def one() -> pt.verification.Verdict:
     return case("VCNL4010 that pushes")
 
 
@@ -33,7 +33,7 @@ def texts_of(figure: Any) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", DRAWERS)
-def test_figures_are_legible(draw: Any, found: pt.Verdict) -> None:
+def test_figures_are_legible(draw: Any, found: pt.verification.Verdict) -> None:
     figure = drawn(draw, found)
     if figure is not None:
         assert_legible(figure)
@@ -41,13 +41,13 @@ def test_figures_are_legible(draw: Any, found: pt.Verdict) -> None:
 
 def test_the_cases_have_every_status() -> None:
     assert {case(name).status.value for name in ("no gain", "ideal robot")} == {"no-gain", "holds"}
-    assert case("8x8 that is too slow").status is pt.VerdictStatus.DOES_NOT_HOLD
-    assert case("4x4 that oscillates").status is pt.VerdictStatus.DOES_NOT_HOLD
-    assert case("a law of one's own").status is pt.VerdictStatus.HOLDS_NARROWLY
+    assert case("8x8 that is too slow").status is pt.verification.VerdictStatus.DOES_NOT_HOLD
+    assert case("4x4 that oscillates").status is pt.verification.VerdictStatus.DOES_NOT_HOLD
+    assert case("a law of one's own").status is pt.verification.VerdictStatus.HOLDS_NARROWLY
     assert case("a law of one's own").stability is None
 
 
-def test_curves_of_shares_are_the_distribution_of_the_runs(one: pt.Verdict) -> None:
+def test_curves_of_shares_are_the_distribution_of_the_runs(one: pt.verification.Verdict) -> None:
     """Every point of a staircase says in how many runs the quantity is no larger, or just smaller."""
     figure = plots.verdict(one)
     assert [axes.get_xlabel() for axes in figure.axes] == [
@@ -71,7 +71,7 @@ def test_curves_of_shares_are_the_distribution_of_the_runs(one: pt.Verdict) -> N
         assert share[-1] == 100
 
 
-def test_the_value_that_is_predicted_with_the_gain_is_the_one_that_is_named(one: pt.Verdict) -> None:
+def test_the_value_that_is_predicted_with_the_gain_is_the_one_that_is_named(one: pt.verification.Verdict) -> None:
     axes = plots.verdict(one).axes[0]
     rings = {float(line.get_xdata()[0]): line for line in axes.lines if len(line.get_xdata()) == 1}
     predicted = abs(float(one.predicted.end.relative_velocity))
@@ -95,7 +95,9 @@ def test_runs_that_end_without_contact_leave_a_curve_below_the_whole() -> None:
     assert "5 end without the predicted contact" in parse(report_html(none)).words
 
 
-def test_the_two_runs_are_the_median_and_the_worst_by_speed_and_end_where_they_touch(one: pt.Verdict) -> None:
+def test_the_two_runs_are_the_median_and_the_worst_by_speed_and_end_where_they_touch(
+    one: pt.verification.Verdict,
+) -> None:
     distance, velocity = plots.verdict_run(one).axes
     speed = np.sort(np.abs(one.mitigated.relative_velocity))
     marked = [tuple(map(float, np.ravel(line.get_data()))) for line in velocity.lines if len(line.get_xdata()) == 1]
@@ -113,7 +115,7 @@ def test_the_two_runs_are_the_median_and_the_worst_by_speed_and_end_where_they_t
     assert y[before] == pytest.approx(own, abs=1e-9)  # the obstacle moves uniformly: its difference is its velocity
 
 
-def test_the_figure_of_stability_shows_the_limit_half_of_it_and_the_gain(one: pt.Verdict) -> None:
+def test_the_figure_of_stability_shows_the_limit_half_of_it_and_the_gain(one: pt.verification.Verdict) -> None:
     axes = plots.verdict_stability(one).axes[0]
     limits, half, own = (line.get_data() for line in axes.lines[:3])
     assert limits[0] == pytest.approx(1e3 * one.stability.limit.distance)
@@ -125,7 +127,7 @@ def test_the_figure_of_stability_shows_the_limit_half_of_it_and_the_gain(one: pt
         assert text in texts
 
 
-def test_the_figure_of_the_gain_shows_ideal_and_loop_with_their_optima(one: pt.Verdict) -> None:
+def test_the_figure_of_the_gain_shows_ideal_and_loop_with_their_optima(one: pt.verification.Verdict) -> None:
     figure = plots.verdict_gain(one)
     texts = texts_of(figure).replace("\u2212", "-")
     for text in ("ideal", "on the loop", f"verified {one.gain:.4g} N s", f"best on the loop {one.loss.loop_gain:.4g}"):

@@ -19,17 +19,17 @@ from verification_samples import loop_of, verdict
 
 
 @pytest.fixture(scope="module", params=CASES)
-def found(request: pytest.FixtureRequest) -> pt.Verdict:
+def found(request: pytest.FixtureRequest) -> pt.verification.Verdict:
     return case(request.param)
 
 
 @pytest.fixture(scope="module")
-def one() -> pt.Verdict:
+def one() -> pt.verification.Verdict:
     return case("VCNL4010 that pushes")
 
 
 @pytest.mark.slow
-def test_reports_are_sound_for_every_status(found: pt.Verdict) -> None:
+def test_reports_are_sound_for_every_status(found: pt.verification.Verdict) -> None:
     page = report_html(found)
     words = assert_sound(page).words
     assert STATUS[found.status.value] in words
@@ -55,7 +55,7 @@ def test_reports_are_sound_for_every_status(found: pt.Verdict) -> None:
     assert page.count("<figure") == sum(drawn(draw, found) is not None for draw in DRAWERS)
 
 
-def test_the_assumptions_name_the_number_of_runs_and_their_seed(one: pt.Verdict) -> None:
+def test_the_assumptions_name_the_number_of_runs_and_their_seed(one: pt.verification.Verdict) -> None:
     alone = case("one run, no changes")
     assert any("40 independent runs with the random seed 0" in text for text in one.assumptions)
     assert any("a single run with the random seed 0" in text for text in alone.assumptions)
@@ -66,7 +66,7 @@ def sections_of(page: str) -> list[str]:
 
 
 @pytest.mark.slow
-def test_a_report_contains_the_numbers_of_the_verdict(one: pt.Verdict) -> None:
+def test_a_report_contains_the_numbers_of_the_verdict(one: pt.verification.Verdict) -> None:
     page, s, loss = report_html(one), one.stability, one.loss
     shown = {
         "relative_velocity": "relative velocity at contact |l\u2032|",
@@ -147,7 +147,7 @@ def test_a_contact_that_is_harder_than_without_mitigation_is_why_it_does_not_hol
 
 
 @pytest.mark.slow
-def test_a_push_that_is_larger_with_mitigation_than_without_is_named(one: pt.Verdict) -> None:
+def test_a_push_that_is_larger_with_mitigation_than_without_is_named(one: pt.verification.Verdict) -> None:
     peak = one.comparison("peak_force")
     assert peak.simulated.mean > peak.unmitigated.mean
     assert "After the impact, " in parse(report_html(one)).words
@@ -193,7 +193,7 @@ def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_reports_escape_what_users_wrote_and_show_where_a_curve_is_from() -> None:
     made = case("no gain")
-    report = pt.rank_models(pt.read_calibration(Path(__file__).parents[2] / "examples" / "sensor.csv"))
+    report = pt.fit(pt.read_calibration(Path(__file__).parents[2] / "examples" / "sensor.csv"))
     source = {"name": f"{EVIL}.toml".replace("/", ""), "text": f"# {EVIL}", "sha256": "abc"}
     page = report_html(made, calibration=report, source=source)
     words = assert_sound(page).words

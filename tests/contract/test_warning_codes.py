@@ -96,7 +96,7 @@ def test_a_code_is_split_from_its_text() -> None:
 
 def test_terminal_json_and_report_name_the_code() -> None:
     task = pt.load_scenario(ROOT / "examples/approach.toml").replace(bounds=(-0.5, -0.01))
-    design = pt.design_gain(task)
+    design = pt.design(task)
     assert split_code(design.warnings[0])[0] == "PT301"
     assert design.to_dict()["warnings"][0].startswith("PT301: ")
     assert "warning PT301: the optimal gain" in str(design)

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
-from pretouch.design import DesignStatus, Task, design_gain, excursion_objective, time_objective
+from pretouch.designs import DesignStatus, Task, design_gain, excursion_objective, time_objective
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
 

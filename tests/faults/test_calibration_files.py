@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pretouch._core.errors import CalibrationDataError, ResultUnavailableError
-from pretouch.calibration import Calibration, fit_sensor, rank_models, read_calibration, read_calibrations
+from pretouch.calibration import Calibration, fit, fit_sensor, read_calibration, read_calibrations
 from pretouch.config.sensor import FitRequest
 
 PLAIN = "distance [mm],output [V]\n0,2.0\n10,1.0\n42.2,0.5\n"
@@ -253,7 +253,7 @@ def flat(level=50.0, noise=0.0, points=12):
     ids=["constant", "noise", "zero", "one point", "three points", "rising", "stuck", "one distance"],
 )
 def test_what_is_no_signal_is_called_so(measured):
-    report = rank_models(measured)
+    report = fit(measured)
     few = len(measured.distinct_distances) < 4  # "stuck" is clipped at all of its distances, which are enough
     verdict = "too few distances" if few else "no usable signal"
     assert report.verdict == verdict
@@ -279,7 +279,7 @@ def test_a_report_reads_well_and_is_plain_json():
         unit="V",
         no_object=[0.1, 0.102, 0.098],
     )
-    report = rank_models(measured)
+    report = fit(measured)
     found = json.loads(json.dumps(report.to_dict(), allow_nan=False))
     assert found["best"] == report.best.model
     assert found["window"] == [0.0, 0.045]

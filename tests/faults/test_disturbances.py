@@ -79,9 +79,7 @@ def test_a_file_with_disturbances_alone_asks_for_the_loop(write) -> None:
 
 
 def test_simulate_runs_the_disturbance(write) -> None:
-    plain, broken = (
-        pt.simulate_encounter(load_scenario(write(LOOPED + more)).replace(gain=-0.7)).run for more in ("", CABLE)
-    )
+    plain, broken = (pt.simulate(load_scenario(write(LOOPED + more)).replace(gain=-0.7)).run for more in ("", CABLE))
     before, after = plain.trace(), broken.trace()
     at = int((after.distance <= 0.02).argmax())
     assert (before.reading[:at] == after.reading[:at]).all()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch.design import excursion_objective
+from pretouch.designs import excursion_objective
 from pretouch.motion import ContactStatus, CustomLaw, LawNumber, Reference
 from pretouch.sensors import SensorModel
 
@@ -128,7 +128,7 @@ def test_designs_end_with_a_status(extreme: tuple[str, str, float]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            design = pt.design_gain(pt.Task(scenario, SENSORS["inverse-power"], objective, bounds=(-10.0, -0.01)))
+            design = pt.design(pt.Task(scenario, SENSORS["inverse-power"], objective, bounds=(-10.0, -0.01)))
         except pt.errors.InvalidInputError:
             return
     assert design.status.value in {"optimal", "no-contact", "at-bound", "infeasible"}

@@ -159,7 +159,7 @@ def test_nor_by_a_sweep_its_figure_or_python(run: Any, folder: Path) -> None:
     assert code == 2
     assert "sensor.png: the output would overwrite the input file " in err
     task = pt.load_scenario("fingertip.toml")
-    design = pt.design_gain(task)
+    design = pt.design(task)
     for path in ("sensor.png", "fingertip.toml"):
         with pytest.raises(pt.errors.OutputExistsError, match="the output would overwrite the input file "):
             write_report(design, path, source=task.source, overwrite=True)

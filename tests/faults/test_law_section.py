@@ -107,7 +107,7 @@ def test_whatever_stands_in_the_section_is_read_or_refused(write, value):
 def test_a_margin_that_leaves_no_drag_is_placed(write):
     text = replaced("stability_margin = 2.0", "stability_margin = 1e6", LOOP)
     with pytest.raises(ScenarioFileError) as refused:
-        pt.design_gain(load_scenario(write(text)))
+        pt.design(load_scenario(write(text)))
     told = str(refused.value)
     assert told.startswith(f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: no drag within ")
     assert "has the required gain margin of 1e+06. At a sensor rate of " in told

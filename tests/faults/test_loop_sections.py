@@ -232,7 +232,7 @@ def test_a_margin_belongs_to_one_admittance(message):
 def test_a_margin_that_leaves_no_gain_is_placed(write):
     text = replaced(MARGIN, "stability_margin = 1000", LOOPED)
     problem = load_scenario(write(text))
-    for verb in (lambda: pt.design_gain(problem), lambda: pt.sweep(problem, {"obstacle.velocity": [-0.3, -0.2]})):
+    for verb in (lambda: pt.design(problem), lambda: pt.sweep(problem, {"obstacle.velocity": [-0.3, -0.2]})):
         with pytest.raises(ScenarioFileError) as refused:
             verb()
         told = str(refused.value)
@@ -255,7 +255,7 @@ def test_a_file_without_a_loop_has_no_limit_of_stability(write):
     problem = load_scenario(write(WHOLE))
     assert problem.stable_bounds() == problem.bounds
     with pytest.raises(ScenarioFileError, match=r"^approach\.toml: .*found no sections \[chain\] and \[controller\]"):
-        pt.verify_gain(problem)
+        pt.verify(problem)
 
 
 def test_a_start_outside_of_the_limits_is_refused(message):

@@ -45,13 +45,13 @@ STATE = pt.find_contact(SCENARIO, SENSOR, -0.7).end
 
 
 @cache
-def report() -> pt.CalibrationReport:
-    return pt.rank_models(READINGS, ("exponential-1",), offset="zero")
+def report() -> pt.calibration.CalibrationReport:
+    return pt.fit(READINGS, ("exponential-1",), offset="zero")
 
 
 @cache
-def fit() -> pt.SensorFit:
-    return pt.fit_sensor(READINGS, "exponential-1", offset="zero")
+def fit() -> pt.calibration.SensorFit:
+    return pt.calibration.fit_sensor(READINGS, "exponential-1", offset="zero")
 
 
 class Numbers(NamedTuple):
@@ -147,6 +147,9 @@ ASKED = {
     "near_field_peak": Given(0.001, (b"1", True, 1j, [], {}, THING, "x")),
     "floor_sigmas": 3.0,
 }
+RECORDING = pt.recording.Recording(
+    source="bag", topic="/range", message_type="", kind="distance", stamps=[0, 10**7], values=[0.5, 0.4]
+)
 FILE = {
     "path": Path("no.csv"),
     "no_object": Given(0.1, (True, 1j, {}, THING, [True], ["1"], ["x"])),
@@ -154,11 +157,34 @@ FILE = {
     "labels": Given(("a",), (1, 1.5, THING, True, [THING])),
 }
 VERBS = [
-    *(Case(name, {"task": TASK}, positional=True) for name in ("design_gain", "design_drag", "design_admittance")),
-    *(Case(name, {"task": TASK}, positional=True) for name in ("pareto_front", "simulate_encounter", "verify_gain")),
-    Case("verify_gain", {"changes": True}),
-    Case("robust.design_robust_gain", {"task": TASK}, positional=True),
-    Case("check_sensor", {"sensor": SENSOR, "probes": 257}),
+    *(
+        Case(name, {"task": TASK}, positional=True)
+        for name in ("design", "designs.design_gain", "designs.design_drag", "designs.design_admittance")
+    ),
+    *(Case(name, {"task": TASK}, positional=True) for name in ("pareto", "simulate", "verify")),
+    Case("verify", {"changes": True}),
+    Case("robust", {"task": TASK}, positional=True),
+    Case("compare", {"tasks": Given({"a": TASK}, (*MAPPING, None, {"a": 1})), "runs": 2, "notes": ("a",)}, ("runs",)),
+    Case("project", {"model": Given(None, OBJECT)}),
+    Case("read_recording", {"path": Path("no.csv"), "topic": "a", "clock": "log"}, ("clock",)),
+    Case(
+        "export",
+        {"task": TASK, "folder": Path("law"), "target": "json", "verify": False, "toward_object": False}
+        | {"date": "2026-01-01", "overwrite": False},
+        ("date",),
+    ),
+    Case(
+        "replay",
+        {
+            "task": TASK,
+            "recording": Given(RECORDING, OBJECT),
+            "threshold": 0.5,
+            "before": 1.0,
+            "start": 0.0,
+            "end": 1.0,
+        },
+    ),
+    Case("sensors.check_sensor", {"sensor": SENSOR, "probes": 257}),
     Case("excursion_objective", TERMS),
     Case("time_objective", TIMED),
     Case(
@@ -184,13 +210,17 @@ VERBS = [
             "samples": 200,
         },
     ),
-    Case("fit_sensor", {"calibration": READINGS, "model": "inverse-power", **ASKED}, ("saturation", "near_field_peak")),
-    Case("rank_models", {"calibration": READINGS, "models": ("table",), **ASKED}, ("saturation", "near_field_peak")),
+    Case(
+        "calibration.fit_sensor",
+        {"calibration": READINGS, "model": "inverse-power", **ASKED},
+        ("saturation", "near_field_peak"),
+    ),
+    Case("fit", {"calibration": READINGS, "models": ("table",), **ASKED}, ("saturation", "near_field_peak")),
     Case("load_scenario", {"path": Path("no.toml")}),
     Case("read_calibration", {**FILE, "select": Given({"a": 1}, ("x", 1, [1], THING, True))}),
-    Case("read_calibrations", FILE),
+    Case("calibration.read_calibrations", FILE),
     Case(
-        "simulate",
+        "simulation.simulate_loop",
         {
             "scenario": SCENARIO,
             "sensor": SENSOR,
@@ -223,11 +253,13 @@ VERBS = [
     ),
     Case("report.report_html", {"result": RESULT, "calibration": RESULT}, ("calibration",)),
     Case("report.panel_figure", {"columns": 2, "height": 3.3}),
-    Case("robust.parameter_distribution", {"fit": RESULT}),
+    Case("uncertainty.parameter_distribution", {"fit": RESULT}),
     Case(
-        "robust.sample_inputs",
+        "uncertainty.sample_inputs",
         {
-            "uncertainty": Given({"gain": pt.robust.Normal(mean=0.0, deviation=1.0)}, (*MAPPING, {"gain": 1.0}, None)),
+            "uncertainty": Given(
+                {"gain": pt.uncertainty.Normal(mean=0.0, deviation=1.0)}, (*MAPPING, {"gain": 1.0}, None)
+            ),
             "count": 8,
             "seed": 0,
             "sampling": "sobol",
@@ -275,11 +307,11 @@ VERBS = [
     ),
     Case("simulation.timing_of", {"chain": CHAIN, "controller": LAW}),
     Case(
-        "design.find_physical_bound",
+        "designs.find_physical_bound",
         {"scenario": SCENARIO, "acceleration_limit": Numbers(5.0), "speed_limit": 1.0},
     ),
-    Case("design.quantity_of", {"name": "time", "state": STATE, "impact": IMPACT}),
-    Case("letter.reproduce", {"ids": ("table-2",), "progress": print}),
+    Case("designs.quantity_of", {"name": "time", "state": STATE, "impact": IMPACT}),
+    Case("reproduce", {"ids": ("table-2",), "progress": print}),
     *(
         Case(f"plots.{name}", {inspect.signature(getattr(pt.plots, name)).parameters.__iter__().__next__(): RESULT})
         for name in pt.plots.__all__
@@ -349,27 +381,27 @@ VALUES = [
             "natural_frequency": (1.0, 10.0),
             "damping_ratio": (0.5, 2.0),
             "gain": -0.7,
-            "uncertainty": Given({"obstacle.velocity": pt.robust.Normal(mean=-0.3, deviation=0.1)}, MAPPING),
+            "uncertainty": Given({"obstacle.velocity": pt.uncertainty.Normal(mean=-0.3, deviation=0.1)}, MAPPING),
             "loop": LOOP,
             "stability_margin": 2.0,
             "calibration": RESULT,
-            "pareto": pt.ParetoOptions(),
-            "robust": pt.robust.RobustOptions(),
-            "verify": pt.VerifyOptions(),
+            "pareto": pt.designs.ParetoOptions(),
+            "robust": pt.designs.RobustOptions(),
+            "verify": pt.designs.VerifyOptions(),
         },
         ("calibration",),
     ),
     Case(
-        "ParetoOptions",
+        "designs.ParetoOptions",
         {
             "quantities": ("displacement", "relative_velocity"),
             "choice": Given(-0.7, ("1", b"1", True, 1j, [], {}, THING)),
         },
     ),
     Case(
-        "robust.RobustOptions",
+        "designs.RobustOptions",
         {
-            "measure": pt.robust.Expected(),
+            "measure": pt.designs.Expected(),
             "samples": 64,
             "validation": 64,
             "seed": 0,
@@ -377,12 +409,12 @@ VALUES = [
             "confidence": 0.95,
         },
     ),
-    Case("VerifyOptions", {"runs": 100, "confidence": 0.95, "speed_tolerance": 0.1}),
+    Case("designs.VerifyOptions", {"runs": 100, "confidence": 0.95, "speed_tolerance": 0.1}),
     Case("Constraint", {"name": "excursion", "limit": 0.2}),
     Case("Term", {"quantity": "displacement", "scale": Given(0.5, CHOICE), "weight": 1.0}),
     Case("Objective", {"terms": (TERM,), "name": "own"}),
     Case(
-        "design.ContactQuantity",
+        "designs.ContactQuantity",
         {
             **{"name": "misused", "value": lambda state, _: state.time, "unit": "s", "words": "a", "symbol": "t"},
             **{"needs_impact": False, "is_magnitude": True},
@@ -390,7 +422,7 @@ VALUES = [
     ),
     Case("HertzImpact", {"robot_mass": 1.0, "obstacle_mass": 2.0, "effective_modulus": 1e7, "radius": 0.01}),
     Case("SpringImpact", {"robot_mass": 1.0, "obstacle_mass": 2.0, "stiffness": 1e4}),
-    Case("design.ElasticImpact", {"robot_mass": 1.0, "obstacle_mass": 2.0, "stiffness": 1e4, "exponent": 1.5}),
+    Case("designs.ElasticImpact", {"robot_mass": 1.0, "obstacle_mass": 2.0, "stiffness": 1e4, "exponent": 1.5}),
     *(
         Case("DragEffect", {name: value})
         for name, value in {
@@ -403,7 +435,7 @@ VALUES = [
         }.items()
     ),
     Case(
-        "design.PhysicalBound",
+        "designs.PhysicalBound",
         {
             "distance": 0.04,
             "velocity": -0.3,
@@ -466,22 +498,24 @@ VALUES = [
     Case("simulation.Disturbance", {"kind": "cable", "time": 0.05, "duration": 0.02}),
     Case("simulation.HuntCrossley", {"obstacle_mass": 1.0, "stiffness": 1e4, "dissipation": 0.0, "exponent": 1.5}),
     Case("simulation.SpringDamper", {"obstacle_mass": 1.0, "stiffness": 1e4, "damping": 0.0}),
-    Case("robust.ConditionalValueAtRisk", {"probability": 0.9}),
-    Case("robust.Quantile", {"probability": 0.9}),
-    Case("robust.Required", {"constraint": LIMIT, "probability": 0.9}),
+    Case("designs.ConditionalValueAtRisk", {"probability": 0.9}),
+    Case("designs.Quantile", {"probability": 0.9}),
+    Case("designs.Required", {"constraint": LIMIT, "probability": 0.9}),
     Case(
-        "robust.CorrelatedNormal",
+        "uncertainty.CorrelatedNormal",
         {
             "names": ("gain",),
             "mean": Given((1.0,), ("x", THING, ("1",), (True,), {}, (1j,))),
             "covariance": Given(((1.0,),), ("x", THING, (("1",),), ((True,),), {}, ((1j,),))),
         },
     ),
-    Case("robust.Empirical", {"samples": Given((1.0, 2.0, 3.0), ("x", 1.0, THING, ("1", "2"), (True, False), {}))}),
-    Case("robust.Interval", {"low": 0.0, "high": 1.0}),
-    Case("robust.Uniform", {"low": 0.0, "high": 1.0}),
-    Case("robust.Normal", {"mean": 0.0, "deviation": 1.0}),
-    Case("robust.TruncatedNormal", {"location": 0.0, "deviation": 1.0, "low": -1.0, "high": 1.0}),
+    Case(
+        "uncertainty.Empirical", {"samples": Given((1.0, 2.0, 3.0), ("x", 1.0, THING, ("1", "2"), (True, False), {}))}
+    ),
+    Case("uncertainty.Interval", {"low": 0.0, "high": 1.0}),
+    Case("uncertainty.Uniform", {"low": 0.0, "high": 1.0}),
+    Case("uncertainty.Normal", {"mean": 0.0, "deviation": 1.0}),
+    Case("uncertainty.TruncatedNormal", {"location": 0.0, "deviation": 1.0, "low": -1.0, "high": 1.0}),
     Case(
         "report.Curve",
         {**CURVE, "label": "a", "style": 1, "kind": "line", "quiet": False, "end": "b"},
@@ -539,19 +573,19 @@ VALUES = [
     ),
 ]
 RESULTS = [
-    "AdmittanceDesign",
-    "CalibrationReport",
-    "ContactResult",
-    "ContactStatus",
-    "DesignStatus",
-    "GainDesign",
-    "Motion",
-    "ParetoFront",
-    "SensorFit",
-    "SimulatedEncounter",
-    "Verdict",
-    "VerdictStatus",
-    "robust.RobustDesign",
+    "designs.AdmittanceDesign",
+    "calibration.CalibrationReport",
+    "motion.ContactResult",
+    "motion.ContactStatus",
+    "designs.DesignStatus",
+    "designs.GainDesign",
+    "motion.Motion",
+    "designs.ParetoFront",
+    "calibration.SensorFit",
+    "verification.SimulatedEncounter",
+    "verification.Verdict",
+    "verification.VerdictStatus",
+    "designs.RobustDesign",
     "simulation.DampingLimit",
     "simulation.GainLimit",
     "simulation.LoopTrace",
@@ -564,18 +598,20 @@ RESULTS = [
     "control.Status",
     "motion.ContactGradients",
     "motion.ContactState",
-    "design.AdmittanceCertificate",
-    "design.AdmittanceMap",
-    "design.AdmittanceMinimum",
-    "design.BoundComparison",
-    "design.Certificate",
-    "design.ConstraintOutcome",
-    "design.DragDesign",
-    "design.FrontPoint",
-    "design.FrontStatus",
-    "design.IdealDesign",
-    "design.Sensitivity",
-    "design.TradeOff",
+    "designs.AdmittanceCertificate",
+    "designs.AdmittanceMap",
+    "designs.AdmittanceMinimum",
+    "designs.BoundComparison",
+    "designs.Certificate",
+    "designs.ConstraintOutcome",
+    "designs.DragDesign",
+    "designs.FrontPoint",
+    "designs.FrontStatus",
+    "designs.IdealDesign",
+    "designs.Sensitivity",
+    "designs.TradeOff",
+    "uncertainty.Ensemble",
+    "uncertainty.Reservations",
     "letter.Agreement",
     "letter.Finding",
     "letter.LetterReport",
@@ -586,13 +622,14 @@ RESULTS = [
 ]
 """What pretouch makes and hands out."""
 
+ROOMS = ("plots", "report", "simulation", "control", "motion", "designs", "uncertainty", "letter")
 INTERFACES = [
-    "SensorModel",
-    "robust.Distribution",
-    "robust.JointDistribution",
-    "robust.Measure",
-    "robust.Expected",
-    "robust.WorstCase",
+    "sensors.SensorModel",
+    "uncertainty.Distribution",
+    "uncertainty.JointDistribution",
+    "designs.Measure",
+    "designs.Expected",
+    "designs.WorstCase",
     "simulation.ContactModel",
     "simulation.PlantModel",
     "simulation.IdealPlant",
@@ -610,8 +647,12 @@ INTERFACES = [
     "control.start_sensing",
     "motion.ContinuousLaw",
     "motion.LawNumber",
-    "design.ImpactModel",
-    "design.Evaluator",
+    "designs.ImpactModel",
+    "designs.Evaluator",
+    "uncertainty.Uncertainty",
+    "uncertainty.make_ensemble",
+    "uncertainty.reservations_apply",
+    "uncertainty.reservations_of",
 ]
 """What classes of a user's own inherit or call at every step, and values without arguments."""
 
@@ -641,7 +682,7 @@ def attempt(case: Case, name: str, bad: Any) -> BaseException | None:
     arguments |= {k: report() if k == "calibration" else fit() for k, v in arguments.items() if isinstance(v, Result)}
     arguments[name] = bad
     leading = [arguments.pop(name)] if case.positional else []
-    if case.name == "verify_gain" and not case.positional:
+    if case.name == "verify" and not case.positional:
         leading = [TASK]
     try:
         case.call(*leading, **arguments)
@@ -656,7 +697,7 @@ def complaint(case: Case, name: str, bad: Any) -> str | None:
     if error is None:
         return f"{call} is accepted"
     text = str(error)
-    if not isinstance(error, pt.PretouchError | TypeError):
+    if not isinstance(error, pt.errors.PretouchError | TypeError):
         return f"{call} ends in {type(error).__name__}: {text}"
     names = "|".join((name, name.replace("_", " "), name.removesuffix("s")))
     if not (re.search(rf"\b({names})\b", text) and "found" in text and ("expected" in text or "must" in text)):
@@ -717,14 +758,15 @@ def test_a_thousand_random_wrong_calls_end_in_a_sentence() -> None:
 def test_every_public_name_is_tried_or_is_none_that_takes_arguments_of_a_user() -> None:
     """A new verb or value is forgotten here no longer than until this test runs."""
     public = {}
-    for place in ("", "robust", "plots", "report", "simulation", "control", "motion", "design", "letter"):
+    for place in ("", *ROOMS):
         room = getattr(pt, place) if place else pt
         for name in room.__all__:
             value = getattr(room, name)
             if callable(value) and not (inspect.isclass(value) and issubclass(value, Exception)):
                 public.setdefault(value, f"{place}.{name}".removeprefix("."))
     tried = {case.name for case in (*VERBS, *VALUES)} - {"Admittance.from_natural_frequency"}
-    assert set(public.values()) == tried | set(RESULTS) | set(INTERFACES)
+    listed = tried | set(RESULTS) | set(INTERFACES)
+    assert set(public.values()) == {name for name in listed if name.partition(".")[0] in ROOMS or "." not in name}
     assert not (tried & set(RESULTS))
     assert not (tried & set(INTERFACES))
     assert not (set(RESULTS) & set(INTERFACES))
@@ -733,11 +775,11 @@ def test_every_public_name_is_tried_or_is_none_that_takes_arguments_of_a_user() 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: pt.design_gain("x"), "task: found 'x', expected a Task, such as load_scenario(path) returns"),
-        (lambda: pt.verify_gain(None), "task: found None, expected a Task, such as load_scenario(path) returns"),
+        (lambda: pt.design("x"), "task: found 'x', expected a Task, such as load_scenario(path) returns"),
+        (lambda: pt.verify(None), "task: found None, expected a Task, such as load_scenario(path) returns"),
         (lambda: TASK.replace(bounds="x"), "bounds: found 'x', expected two numbers or None"),
         (lambda: TASK.replace(bounds=("-1", "0")), "bounds: found ('-1', '0'), expected two numbers or None"),
-        (lambda: pt.VerifyOptions(runs=True), "runs: found True, expected a whole number"),
+        (lambda: pt.designs.VerifyOptions(runs=True), "runs: found True, expected a whole number"),
         (lambda: TASK.replace(loop=LAW), "loop: found a Controller, expected a ClosedLoop or None"),
         (lambda: pt.find_contact(SCENARIO, pt.InversePower, -0.7), "sensor: found the class InversePower, expected a"),
         (lambda: pt.find_contact(SENSOR, SCENARIO, -0.7), "scenario: found an InversePower, expected a Scenario"),
@@ -753,7 +795,7 @@ def test_every_public_name_is_tried_or_is_none_that_takes_arguments_of_a_user() 
         ),
         (
             lambda: pt.plots.motion(SCENARIO),
-            "design: found a Scenario, expected a GainDesign, which design_gain returns",
+            "design: found a Scenario, expected a GainDesign, which pretouch.design returns",
         ),
         (
             lambda: SENSOR.log_slope("0.01"),
@@ -781,21 +823,23 @@ def test_numbers_of_every_kind_are_numbers(kind: Callable[[int], Any]) -> None:
     assert pt.Constraint(name="excursion", limit=two).limit == 2
     assert pt.SpringImpact(robot_mass=two, stiffness=two).peak_force(-1.0) == pytest.approx(2.0)
     assert pt.find_contact(SCENARIO, SENSOR, -0.7, horizon=two).reached
-    expected = pt.design_gain(TASK.replace(bounds=(-10.0, 2.0), horizon=2.0)).gain
-    assert pt.design_gain(TASK.replace(bounds=(-10, two), horizon=two)).gain == expected
+    expected = pt.design(TASK.replace(bounds=(-10.0, 2.0), horizon=2.0)).gain
+    assert pt.design(TASK.replace(bounds=(-10, two), horizon=two)).gain == expected
 
 
 @pytest.mark.parametrize("kind", [int, np.int8, np.int64, np.uint16])
 def test_whole_numbers_of_every_kind_are_whole_numbers(kind: Callable[[int], Any]) -> None:
     assert len(pt.solve_motion(SCENARIO, SENSOR, -0.7, samples=kind(7)).time) == 7
-    normal = {"gain": pt.robust.Normal(mean=0.0, deviation=1.0)}
-    assert len(pt.robust.sample_inputs(normal, kind(4), seed=kind(1))["gain"]) == 4
-    assert pt.simulate(SCENARIO, SENSOR, LAW, runs=kind(2), seed=kind(1)).relative_velocity.shape == (2,)
+    normal = {"gain": pt.uncertainty.Normal(mean=0.0, deviation=1.0)}
+    assert len(pt.uncertainty.sample_inputs(normal, kind(4), seed=kind(1))["gain"]) == 4
+    assert pt.simulation.simulate_loop(SCENARIO, SENSOR, LAW, runs=kind(2), seed=kind(1)).relative_velocity.shape == (
+        2,
+    )
 
 
 def test_arrays_and_sequences_of_numbers_are_numbers() -> None:
     for pair in ([-10.0, -0.01], np.array([-10.0, -0.01]), (-10, np.float32(-0.01))):
-        assert pt.design_gain(TASK.replace(bounds=pair)).gain == pytest.approx(pt.design_gain(TASK).gain, rel=1e-6)
+        assert pt.design(TASK.replace(bounds=pair)).gain == pytest.approx(pt.design(TASK).gain, rel=1e-6)
     for many in ([-0.7, -0.8], (-0.7, -0.8), np.array([-0.7, -0.8]), np.array([-0.7, -0.8], dtype=object)):
         assert pt.find_contact(SCENARIO, SENSOR, many).reached.shape == (2,)
     assert np.asarray(SENSOR.log_slope([0.01, 0.02])).shape == (2,)
@@ -822,4 +866,4 @@ def test_a_true_of_numpy_is_a_flag() -> None:
 
 
 def test_a_task_may_be_given_by_its_name() -> None:
-    assert pt.design_gain(task=TASK).gain == pt.design_gain(TASK).gain
+    assert pt.design(task=TASK).gain == pt.design(TASK).gain

@@ -76,4 +76,4 @@ def test_a_loop_from_a_file_runs_a_course(write):
     run = task.loop.run(task.scenario, task.sensor, 0.0)
     assert not run.touched
     assert run.closest_distance < task.scenario.distance
-    assert pt.simulate_encounter(task.replace(gain=0.0)).run.closest_distance == run.closest_distance
+    assert pt.simulate(task.replace(gain=0.0)).run.closest_distance == run.closest_distance

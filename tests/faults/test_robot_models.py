@@ -9,7 +9,7 @@ import pytest
 
 import pretouch as pt
 from pretouch.errors import InvalidInputError, MissingExtraError
-from pretouch.robots import SensorSite, load_model, make_data, project, project_all
+from pretouch.robots import SensorSite, load_model, make_data, project, project_site
 
 ARM = Path(__file__).parents[2] / "examples/robots/arm.xml"
 
@@ -67,7 +67,7 @@ def model_of(**changes: str):
 
 def test_the_model_without_changes_is_accepted() -> None:
     model = model_of()
-    assert project(model, make_data(model), SensorSite("tip")).retreat == pytest.approx(0.1)
+    assert project_site(model, make_data(model), SensorSite("tip")).retreat == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_the_model_without_changes_is_accepted() -> None:
 def test_a_model_that_cannot_be_projected_is_refused(changes: dict[str, str], site: SensorSite, word: str) -> None:
     model = model_of(**changes)
     with pytest.raises(InvalidInputError, match=word) as caught:
-        project(model, make_data(model), site)
+        project_site(model, make_data(model), site)
     assert "\n" not in str(caught.value)
 
 
@@ -117,9 +117,9 @@ def test_a_sensor_is_covered_inside_a_shape_only(shape: str, place: float, cover
     )
     if covered:
         with pytest.raises(InvalidInputError, match="shell"):
-            project(model, make_data(model), SensorSite("tip"))
+            project_site(model, make_data(model), SensorSite("tip"))
     else:
-        assert project(model, make_data(model), SensorSite("tip")).retreat == pytest.approx(1.0)
+        assert project_site(model, make_data(model), SensorSite("tip")).retreat == pytest.approx(1.0)
 
 
 def test_drives_that_cannot_hold_the_robot_are_refused() -> None:
@@ -129,7 +129,7 @@ def test_drives_that_cannot_hold_the_robot_are_refused() -> None:
         )
     )
     with pytest.raises(InvalidInputError, match="hold"):
-        project(model, make_data(model), SensorSite("tip"))
+        project_site(model, make_data(model), SensorSite("tip"))
 
 
 @pytest.mark.parametrize(
@@ -157,20 +157,20 @@ def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
 
 def test_an_overview_needs_a_site_that_can_be_projected() -> None:
     with pytest.raises(InvalidInputError, match="fixed"):
-        project_all(model_of(motor=""))
+        project(model_of(motor=""))
     with pytest.raises(InvalidInputError, match="no site"):
-        project_all(mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>"))
+        project(mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>"))
 
 
 def test_a_joint_without_speed_is_refused() -> None:
     model = load_model(ARM)
     with pytest.raises(InvalidInputError, match="'knee'"):
-        project(model, make_data(model, keyframe="bent"), SensorSite("fingertip"), joint_speeds={"knee": 1.0})
+        project_site(model, make_data(model, keyframe="bent"), SensorSite("fingertip"), joint_speeds={"knee": 1.0})
 
 
 def test_a_site_without_a_sensor_makes_no_task() -> None:
     model = load_model(ARM)
-    projection = project(model, make_data(model, keyframe="bent"), SensorSite("fingertip"))
+    projection = project_site(model, make_data(model, keyframe="bent"), SensorSite("fingertip"))
     scenario = pt.Scenario(
         admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=pt.Obstacle(position=0.04)
     )
@@ -182,11 +182,11 @@ def test_a_hinge_without_range_turns_as_far_as_one_with_a_wide_range() -> None:
     model = load_model(ARM)
     site, posture = SensorSite("fingertip"), {"shoulder": 0.4, "elbow": -0.9, "wrist": 0.5}
     model.jnt_range[1:] = (-1000.0, 1000.0)
-    wide = project(model, make_data(model, posture), site)
+    wide = project_site(model, make_data(model, posture), site)
     model.jnt_limited[1:] = False
-    free = project(model, make_data(model, posture), site)
+    free = project_site(model, make_data(model, posture), site)
     assert (free.retreat, free.reflected_mass) == (wide.retreat, wide.reflected_mass)
     (said,) = (text for text in free.warnings if "PT508" in text)
     assert "lets them turn without limit (elbow, wrist): add the range" in said
     assert not any("PT508" in text for text in wide.warnings)
-    assert free.retreat > project(load_model(ARM), make_data(load_model(ARM), posture), site).retreat
+    assert free.retreat > project_site(load_model(ARM), make_data(load_model(ARM), posture), site).retreat

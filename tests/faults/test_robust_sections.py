@@ -11,7 +11,7 @@ import pytest
 import pretouch as pt
 from pretouch._core.errors import ScenarioFileError
 from pretouch.config import load_scenario
-from pretouch.design.robust import ConditionalValueAtRisk, Expected, Quantile, RobustOptions, WorstCase
+from pretouch.designs import ConditionalValueAtRisk, Expected, Quantile, RobustOptions, WorstCase
 from pretouch.uncertainty import CorrelatedNormal, Empirical, Interval, Normal, TruncatedNormal, Uniform
 from scenario_text import SENSOR, WHOLE, line_of, refusal, replaced, writer
 
@@ -90,21 +90,19 @@ def test_a_file_that_says_nothing_of_it_is_designed_and_not_robustly(write):
         ScenarioFileError,
         match=r"^approach\.toml: uncertainty: found none, expected .* in a scenario file, \[uncertainty\]",
     ):
-        pt.robust.design_robust_gain(problem)
+        pt.robust(problem)
 
 
 def test_the_nominal_design_does_not_see_it(write):
-    assert pt.design_gain(load_scenario(write(UNCERTAIN))).gain == pt.design_gain(load_scenario(write(WHOLE))).gain
+    assert pt.design(load_scenario(write(UNCERTAIN))).gain == pt.design(load_scenario(write(WHOLE))).gain
 
 
 def test_a_robust_design_is_that_of_the_file(write):
     problem = load_scenario(write(UNCERTAIN.replace("seed = 7", "seed = 7\nsamples = 64\nvalidation = 32")))
-    found = pt.robust.design_robust_gain(problem)
+    found = pt.robust(problem)
     assert (found.samples, found.seed, found.validation.samples) == (64, 7, 32)
     assert list(found.uncertainty) == list(problem.uncertainty)
-    other = pt.robust.design_robust_gain(
-        problem.replace(robust=replace(problem.robust, samples=16, seed=1, validation=16))
-    )
+    other = pt.robust(problem.replace(robust=replace(problem.robust, samples=16, seed=1, validation=16)))
     assert (other.samples, other.seed, other.validation.samples) == (16, 1, 16)
     assert other.gain != found.gain
 
@@ -177,7 +175,7 @@ def test_robust_without_uncertainty_is_refused(message):
 def test_what_only_sampling_finds_out_is_placed_too(write):
     wide = replaced("[3.32, 0.1]", "[3.32, 2.0]", UNCERTAIN)
     with pytest.raises(ScenarioFileError) as refused:
-        pt.robust.design_robust_gain(load_scenario(write(wide)))
+        pt.robust(load_scenario(write(wide)))
     told = str(refused.value)
     assert told.startswith(f"approach.toml, line {line_of('[uncertainty]', wide)}: uncertainty: exponent: found -")
     assert "cut" in told or "truncated" in told
@@ -209,7 +207,7 @@ def test_the_covariance_of_a_calibration_is_taken(write, tmp_path):
     assert known.names == ("sensor.distance_offset", "sensor.exponent")
     best = problem.calibration.best
     np.testing.assert_array_equal(known.covariance, best.covariance[1:, 1:])
-    found = pt.robust.design_robust_gain(problem.replace(robust=replace(problem.robust, samples=128, validation=128)))
+    found = pt.robust(problem.replace(robust=replace(problem.robust, samples=128, validation=128)))
     assert found.gain == pytest.approx(found.nominal_gain, rel=0.05)
     own = text + 'sensor.recess = { uniform = ["0 mm", "1 mm"] }\n'
     recessed = own.replace("minimum_distance = 0", 'minimum_distance = "0 mm"\nrecess = "0.5 mm"')

@@ -160,7 +160,7 @@ def test_method_and_horizon(write, message):
 def test_what_only_the_design_finds_out_is_placed_too(write):
     problem = load_scenario(write(WHOLE + '[motion]\nmethod = "closed-form"\n'))
     with pytest.raises(ScenarioFileError, match=r"^approach\.toml, line 28: motion\.method: "):
-        pt.design_gain(problem)
+        pt.design(problem)
 
 
 def documented():
@@ -224,6 +224,6 @@ def test_a_distance_without_a_unit_that_no_sensor_reaches_is_asked_about(write, 
 
 
 def test_an_object_that_recedes_is_told_that_an_approach_is_negative(write):
-    found = pt.design_gain(load_scenario(write(replaced('"-0.3 m/s"', '"0.3 m/s"'))))
+    found = pt.design(load_scenario(write(replaced('"-0.3 m/s"', '"0.3 m/s"'))))
     assert found.status.value == "no-contact"
     assert "an approach has a negative velocity" in found.warnings[0]

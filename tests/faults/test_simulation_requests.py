@@ -19,7 +19,7 @@ QUICK_PLANT = pt.simulation.ImpedancePlant(mass=4.0, stiffness=4e3, damping=250.
 
 
 def simulate(**changed: Any) -> pt.simulation.SimulationResult:
-    return pt.simulate(SCENARIO, SENSOR, BareLaw(-0.7, 1e-3), **changed)
+    return pt.simulation.simulate_loop(SCENARIO, SENSOR, BareLaw(-0.7, 1e-3), **changed)
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], mess
 
 def test_a_run_without_contact_is_a_result() -> None:
     run = simulate(horizon=0.05)
-    assert run.status is pt.ContactStatus.HORIZON
+    assert run.status is pt.motion.ContactStatus.HORIZON
     assert not run.touched
     assert math.isnan(run.time)
     assert 0 < run.closest_distance < 0.0422

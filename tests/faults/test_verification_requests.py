@@ -41,15 +41,15 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
             "impact_force: this quantity depends on the physical masses",
         ),
         (
-            lambda: verdict(QUICK, uncertainty={"admittance.mass": pt.robust.Uniform(low=1.0, high=2.0)}),
+            lambda: verdict(QUICK, uncertainty={"admittance.mass": pt.uncertainty.Uniform(low=1.0, high=2.0)}),
             "a setting of the controller and therefore known exactly",
         ),
         (
-            lambda: verdict(QUICK, uncertainty={"obstacle.speed": pt.robust.Uniform(low=1.0, high=2.0)}),
+            lambda: verdict(QUICK, uncertainty={"obstacle.speed": pt.uncertainty.Uniform(low=1.0, high=2.0)}),
             "did you mean obstacle.velocity?",
         ),
         (
-            lambda: pt.verify_gain(pt.Task(SEVERAL, SENSOR, OBJECTIVE, loop=QUICK, bounds=BOUNDS)),
+            lambda: pt.verify(pt.Task(SEVERAL, SENSOR, OBJECTIVE, loop=QUICK, bounds=BOUNDS)),
             "scenario: found an array of encounters of shape (2,), expected a single",
         ),
     ],
@@ -59,11 +59,11 @@ def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], mess
         make()
 
 
-@pytest.mark.parametrize("verb", [pt.verify_gain, pt.simulate_encounter])
+@pytest.mark.parametrize("verb", [pt.verify, pt.simulate])
 def test_the_law_of_a_task_is_that_of_its_loop(verb: Callable[[pt.Task], Any]) -> None:
     drag = replace(QUICK, law=replace(QUICK.law, law=pt.control.VirtualDrag(drag=0.0144, noise=1e-3)))
     task = pt.Task(
-        SCENARIO, SENSOR, OBJECTIVE, bounds=(1e-3, 0.1), gain=0.0144, loop=drag, verify=pt.VerifyOptions(runs=2)
+        SCENARIO, SENSOR, OBJECTIVE, bounds=(1e-3, 0.1), gain=0.0144, loop=drag, verify=pt.designs.VerifyOptions(runs=2)
     )
     assert task.law is pt.motion.DRAG
     assert task.replace(loop=QUICK, gain=-0.7).law is pt.motion.DAMPER

@@ -10,7 +10,7 @@ import pytest
 
 from encounters import CURVES
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
-from pretouch.design import (
+from pretouch.designs import (
     Constraint,
     DesignStatus,
     Objective,
@@ -22,11 +22,11 @@ from pretouch.design import (
     excursion_objective,
     time_objective,
 )
-from pretouch.design.problem import GainProblem, magnitude, merit
-from pretouch.design.search import GainAxis
-from pretouch.design.search.freedom import make_freedom
-from pretouch.design.search.local import kkt_residual
-from pretouch.design.search.trials import Trials
+from pretouch.designs.problem import GainProblem, magnitude, merit
+from pretouch.designs.search import GainAxis
+from pretouch.designs.search.freedom import make_freedom
+from pretouch.designs.search.local import kkt_residual
+from pretouch.designs.search.trials import Trials
 from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
 from pretouch.sensors import InversePower
 

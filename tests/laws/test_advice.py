@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.advice import Document, follow, load, shares
 
-SPEED = {"obstacle.velocity": pt.robust.TruncatedNormal(location=-0.3, deviation=0.05, low=-0.4, high=-0.2)}
+SPEED = {"obstacle.velocity": pt.uncertainty.TruncatedNormal(location=-0.3, deviation=0.05, low=-0.4, high=-0.2)}
 FILE = """\
 [sensor]
 model = "inverse-power"
@@ -103,16 +103,16 @@ def test_the_settings_of_a_change_make_the_loop_that_was_simulated(text: str, tm
 def test_following_the_advice_gives_the_promised_verdict_and_fresh_runs_confirm_it(tmp_path: Path) -> None:
     file = document()
     task = load(file, tmp_path)
-    found = pt.verify_gain(task)
-    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    found = pt.verify(task)
+    assert found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD
     advice = found.advice
     assert advice is not None
     assert advice.kind == "change"
-    assert advice.status is not pt.VerdictStatus.DOES_NOT_HOLD
+    assert advice.status is not pt.verification.VerdictStatus.DOES_NOT_HOLD
     assert found.to_dict()["advice"]["settings"] == advice.settings
     after = load(follow(file, dict(advice.settings)), tmp_path)
     assert after.gain != task.gain
-    again = pt.verify_gain(after, changes=False)
+    again = pt.verify(after, changes=False)
     assert again.status is advice.status
     assert again.gain is not None
     softer, held = shares(after, again.gain, 5000)
@@ -120,7 +120,7 @@ def test_following_the_advice_gives_the_promised_verdict_and_fresh_runs_confirm_
     assert all(share >= p for share, p in held)
 
 
-def followed(found: pt.Verdict, **fields: Any) -> pt.Verdict:
+def followed(found: pt.verification.Verdict, **fields: Any) -> pt.verification.Verdict:
     """The verdict on the advised gain, runs and limit, as they are printed."""
     assert found.advice is not None
     number = str(found.advice.settings["controller.gain"]).removesuffix(f" {written_unit('N*s')}")
@@ -132,20 +132,20 @@ def test_a_probability_that_the_runs_cannot_show_is_advised_with_enough_runs() -
     """To show 99 %, 299 runs are needed; the user has 100, and the search must not be content with them."""
     fields: dict[str, Any] = {"constraints": [velocity_limit(0.078, 0.99)], "uncertainty": SPEED}
     found = verdict(NOISY, gain=-0.7463, runs=100, **fields)
-    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD
     assert found.advice is not None
     runs = found.advice.settings["verify.runs"]
     assert isinstance(runs, int)
     assert runs >= 299
     assert f"simulate {runs} runs" in found.advice.sentence
-    assert found.advice.status is pt.VerdictStatus.HOLDS
-    assert followed(found, runs=runs, **fields).status is pt.VerdictStatus.HOLDS
+    assert found.advice.status is pt.verification.VerdictStatus.HOLDS
+    assert followed(found, runs=runs, **fields).status is pt.verification.VerdictStatus.HOLDS
 
 
 @pytest.mark.slow
 def test_a_limit_that_no_gain_keeps_is_relaxed_to_a_value_that_a_gain_keeps() -> None:
     """The excursion grows with the gain, the speed falls: at most one limit can be kept, as a scan of gains shows."""
-    limits = [velocity_limit(0.05, 0.9), pt.robust.Required(constraint=pt.Constraint(name="excursion", limit=0.1))]
+    limits = [velocity_limit(0.05, 0.9), pt.designs.Required(constraint=pt.Constraint(name="excursion", limit=0.1))]
     found = verdict(NOISY, gain=-0.7463, runs=60, constraints=limits)
     advice = found.advice
     assert advice is not None
@@ -162,7 +162,7 @@ def test_a_limit_that_no_gain_keeps_is_relaxed_to_a_value_that_a_gain_keeps() ->
         replace(one, constraint=replace(one.constraint, limit=value)) if name.endswith(one.constraint.name) else one
         for one in limits
     ]
-    assert followed(found, runs=60, constraints=relaxed).status is advice.status is pt.VerdictStatus.HOLDS
+    assert followed(found, runs=60, constraints=relaxed).status is advice.status is pt.verification.VerdictStatus.HOLDS
 
 
 @pytest.mark.slow
@@ -191,7 +191,7 @@ def test_a_shortfall_of_the_first_runs_is_a_lower_bound_of_that_of_all_runs() ->
         bounds=(-10.0, -0.01),
         constraints=[velocity_limit(0.078, 0.9)],
         uncertainty=SPEED,
-        verify=pt.VerifyOptions(runs=100),
+        verify=pt.designs.VerifyOptions(runs=100),
     )
     problem = make_problem(task, -0.8)
     first, whole = (problem.appraise(NOISY, -0.8, count).shortfalls(100, 0.95) for count in (30, 100))
@@ -212,7 +212,7 @@ def test_no_seed_draws_encounters_that_are_too_easy(seed: int) -> None:
         loop=replace(NOISY, seed=seed),
         bounds=(-10.0, -0.01),
         uncertainty=SPEED,
-        verify=pt.VerifyOptions(runs=500),
+        verify=pt.designs.VerifyOptions(runs=500),
     )
     speed = draw_encounters(task).speed
     for p in (0.05, 0.5, 0.9, 0.95, 0.99):
@@ -241,7 +241,7 @@ def test_a_verdict_on_a_noise_that_is_a_guess_first_asks_for_repeated_readings(
     (tmp_path / "scene.toml").write_text(f'[sensor]\ncalibration = "sensor.csv"\n[admittance]{text}{loop}')
     task = pt.load_scenario(tmp_path / "scene.toml")
     assert any("PT102" in reason for reason in (*task.calibration.reasons, *task.calibration.notes))
-    found = pt.verify_gain(task)
+    found = pt.verify(task)
     assert found.calibration_check is None or found.calibration_check.is_good_enough
     assert isinstance(found.advice, Advice)
     assert found.advice.kind == kind
@@ -256,14 +256,14 @@ def test_a_start_that_differs_from_the_detection_distance_is_advised_first_and_t
     floor: str, tmp_path: Path
 ) -> None:
     document: Document = tomllib.loads(FILE.replace('"2500 counts"', f'"{floor}"').replace("runs = 300", "runs = 60"))
-    verdict = pt.verify_gain(load(document, tmp_path))
+    verdict = pt.verify(load(document, tmp_path))
     assert verdict.approach is not None
     assert not verdict.approach.is_met
     advice = verdict.advice
     assert advice is not None
     assert (advice.kind, advice.status) == ("start", None)
     assert set(advice.settings) <= {"obstacle.position", "obstacle.velocity", "controller.floor"}
-    after = pt.verify_gain(load(follow(document, dict(advice.settings)), tmp_path), changes=False)
+    after = pt.verify(load(follow(document, dict(advice.settings)), tmp_path), changes=False)
     assert after.approach is None
     assert after.gain is not None
 
@@ -274,10 +274,10 @@ def test_with_an_uncertain_start_the_floor_is_advised_that_detects_there(tmp_pat
     text = FILE.replace('"2500 counts"', '"100 counts"').replace("runs = 300", "runs = 60")
     document: Document = tomllib.loads(text)
     document["uncertainty"]["obstacle"]["position"] = {"uniform": ["40 mm", "44.4 mm"]}
-    advice = pt.verify_gain(load(document, tmp_path)).advice
+    advice = pt.verify(load(document, tmp_path)).advice
     assert advice is not None
     assert advice.kind == "start"
     assert set(advice.settings) == {"controller.floor"}
     assert "position" not in advice.sentence
-    after = pt.verify_gain(load(follow(document, dict(advice.settings)), tmp_path), changes=False)
+    after = pt.verify(load(follow(document, dict(advice.settings)), tmp_path), changes=False)
     assert after.approach is None

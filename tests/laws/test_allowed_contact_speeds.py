@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch.calibration import CalibrationReport, rank_models
+from pretouch.calibration import CalibrationReport, fit
 from pretouch.calibration.page import calibration_page
 from pretouch.cli import main
 from pretouch.uncertainty import reservations_of
@@ -27,14 +27,14 @@ TASK = pt.Task(SCENARIO, TRUTH, pt.excursion_objective(position_scale=0.5, veloc
 
 @cache
 def fitted(error: float, repeats: int = 0) -> CalibrationReport:
-    return rank_models(readings(error, repeats=repeats))
+    return fit(readings(error, repeats=repeats))
 
 
 def limits(report: CalibrationReport) -> tuple[Any, float, float]:
     """Return the limits of a design on the fit, its predicted contact speed, and the true one."""
     assert report.best is not None
     assert report.offset is not None
-    design = pt.design_gain(TASK.replace(sensor=report.best.sensor))
+    design = pt.design(TASK.replace(sensor=report.best.sensor))
     shift = OFFSET - report.offset.value
     places = np.linspace(0.0, 0.08, 801)
     seen = pt.Table(distances=tuple(places), outputs=tuple(np.asarray(TRUTH.output(places)) + shift))
@@ -119,7 +119,7 @@ def test_a_wide_range_alone_follows_the_answer_with_both_ends() -> None:
 
 def test_the_error_of_the_middle_slope_includes_other_families_that_fit_as_well() -> None:
     """Without readings of the empty scene, families fit with other offsets and other slopes."""
-    report = rank_models(readings(0.0, empty=[]))
+    report = fit(readings(0.0, empty=[]))
     assert report.best is not None
     middle = report.best.middle_slope
     true = float(TRUTH.log_slope((report.window.l_min + report.window.l_max) / 2))

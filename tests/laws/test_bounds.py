@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch.design.problem import GainProblem, merit
-from pretouch.design.search import GainAxis
-from pretouch.design.search.freedom import make_freedom
-from pretouch.design.search.local import _to_feasible
-from pretouch.design.search.trials import Trials
+from pretouch.designs.problem import GainProblem, merit
+from pretouch.designs.search import GainAxis
+from pretouch.designs.search.freedom import make_freedom
+from pretouch.designs.search.local import _to_feasible
+from pretouch.designs.search.trials import Trials
 from verification_samples import OBJECTIVE, SCENARIO, SENSOR, loop_of
 
 RNG = np.random.default_rng(7)
@@ -59,31 +59,29 @@ def test_what_is_free_ends_at_its_bounds(ends: tuple[float, float]) -> None:
 
 @pytest.mark.parametrize(("ends", "which"), [(WEAK, 0), (STRONG, 1)])
 def test_a_design_at_a_bound_has_that_bound(ends: tuple[float, float], which: int) -> None:
-    uncertainty = {"obstacle.velocity": pt.robust.Uniform(low=-0.31, high=-0.29)}
+    uncertainty = {"obstacle.velocity": pt.uncertainty.Uniform(low=-0.31, high=-0.29)}
     several = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.31, -0.3, -0.29])))
     found: dict[str, Any] = {
-        "gain": pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends)).gain,
-        "closed form": pt.design_gain(
+        "gain": pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends)).gain,
+        "closed form": pt.design(
             pt.Task(SCENARIO, pt.ExponentialFirstOrder(scale=0.458, rate=-61.0), OBJECTIVE, bounds=ends)
         ).gain,
-        "loop": pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, evaluate=loop_of())).gain,
-        "several": set(pt.design_gain(pt.Task(several, SENSOR, OBJECTIVE, bounds=ends)).gain),
-        "robust": pt.robust.design_robust_gain(
+        "loop": pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, evaluate=loop_of())).gain,
+        "several": set(pt.design(pt.Task(several, SENSOR, OBJECTIVE, bounds=ends)).gain),
+        "robust": pt.robust(
             pt.Task(
                 SCENARIO,
                 SENSOR,
                 OBJECTIVE,
                 bounds=ends,
                 uncertainty=uncertainty,
-                robust=pt.robust.RobustOptions(samples=32, validation=32),
+                robust=pt.designs.RobustOptions(samples=32, validation=32),
             )
         ).gain,
-        "verdict": pt.verify_gain(
-            pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop_of(), bounds=ends, verify=pt.VerifyOptions(runs=2))
+        "verdict": pt.verify(
+            pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop_of(), bounds=ends, verify=pt.designs.VerifyOptions(runs=2))
         ).loss.loop_gain,
-        "admittance": pt.design_admittance(
-            pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, damping_ratio=(0.7, 1.3))
-        ).gain,
+        "admittance": pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, damping_ratio=(0.7, 1.3))).gain,
     }
     assert found == {name: {ends[which]} if name == "several" else ends[which] for name in found}
 
@@ -91,7 +89,7 @@ def test_a_design_at_a_bound_has_that_bound(ends: tuple[float, float], which: in
 def test_a_front_ends_at_the_bounds() -> None:
     """The stronger the gain, the slower the contact and the larger the excursion: both bounds are ends of the front."""
     for free in ({}, {"damping_ratio": (0.7, 1.3)}):
-        front = pt.pareto_front(pt.Task(SCENARIO, SENSOR, bounds=WEAK, **free))
+        front = pt.pareto(pt.Task(SCENARIO, SENSOR, bounds=WEAK, **free))
         assert (front.gain.min(), front.gain.max()) == WEAK
         assert not free or ((front.damping_ratio >= 0.7) & (front.damping_ratio <= 1.3)).all()
 

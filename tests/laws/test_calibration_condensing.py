@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pretouch.calibration import Calibration, rank_models
+from pretouch.calibration import Calibration, fit
 from pretouch.calibration.averaging import condense
 from pretouch.sensors import ExponentialFirstOrder, InversePower, SensorModel
 
@@ -23,7 +23,7 @@ def test_a_dense_precise_curve_is_recovered(sensor: SensorModel) -> None:
     """
     distance = np.linspace(0, 0.08, 4001)
     outputs = sensor.output(distance) * (1 + 1e-4 * np.random.default_rng(2).normal(size=4001))
-    report = rank_models(Calibration(distances=distance, outputs=outputs), offset="zero")
+    report = fit(Calibration(distances=distance, outputs=outputs), offset="zero")
     assert report.best.model == sensor.name
     assert report.verdict == "usable", report.reasons
     probe = np.linspace(0.002, 0.078, 20)
@@ -34,7 +34,7 @@ def test_a_dense_noisy_sweep_is_fitted_with_its_pedestal() -> None:
     rng = np.random.default_rng(5)
     distance = np.abs(np.arange(3000) * 0.027e-3 + rng.normal(0, 3e-6, 3000))
     outputs = 0.12 + SENSORS[0].output(distance) + rng.normal(0, 0.0015, 3000)
-    report = rank_models(Calibration(distances=distance, outputs=outputs, no_object=rng.normal(0.12, 0.0015, 20)))
+    report = fit(Calibration(distances=distance, outputs=outputs, no_object=rng.normal(0.12, 0.0015, 20)))
     assert report.verdict == "usable", report.reasons
     assert report.noise.output == pytest.approx(0.0015, rel=0.1)  # 3,000 readings know it to 1.3 %
     slope, truth = report.best.middle_slope, -3.32 / (0.0405 + 0.0419)
@@ -47,7 +47,7 @@ def test_lost_and_clipped_readings_are_still_known_for_what_they_are() -> None:
     outputs = np.minimum(1023, np.round(60 + 9e5 / (distance * 1e3 + 14) ** 2.4 + rng.normal(0, 2, 2000)))
     outputs[700] = 0
     calibration = Calibration(distances=distance, outputs=outputs, unit="counts", no_object=rng.normal(60, 2, 20))
-    report = rank_models(calibration)
+    report = fit(calibration)
     assert "clips at 1023 counts" in report.window.start_reason
     assert 700 in report.best.outliers
     assert report.best.model == "inverse-power"

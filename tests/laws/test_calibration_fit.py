@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from pretouch.calibration import Calibration, fit_sensor, rank_models
+from pretouch.calibration import Calibration, fit, fit_sensor
 from pretouch.calibration.averaging import count_copies_once
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, MittagLeffler
 
@@ -160,7 +160,7 @@ def test_a_pedestal_left_in_weakens_the_slope_and_r_squared_hides_it():
     assert 4 < weakening < 24
     assert naive.r_squared > 0.95
     assert honest == pytest.approx(truth, rel=0.05)  # xi is known to 1 % there, over steps of 0.2 in ln xi
-    report = rank_models(measured, offset="zero")
+    report = fit(measured, offset="zero")
     assert report.verdict == "usable with reservations"
     assert any("subtracts too little" in reason for reason in report.reasons)
 
@@ -202,7 +202,7 @@ def test_the_report_says_that_exponent_and_offset_run_away():
 @pytest.mark.parametrize("model", SENSORS)
 def test_the_model_that_made_the_readings_ranks_first_or_beside_the_first(model):
     measured = noisy(model, 21, points=40)
-    report = rank_models(measured)
+    report = fit(measured)
     scores = {fit.model: fit.aicc for fit in report.fits if fit.aicc is not None}
     # a model with one parameter more than the true one beats it by 10 (chi^2_1 > 12) once in 2,000 times
     assert scores[model] < min(scores.values()) + 10
@@ -214,7 +214,7 @@ def test_with_four_distances_the_model_that_predicts_the_left_out_reading_is_bes
     """AICc exists only for the model with two parameters then, so it cannot compare the models."""
     distance = np.array([0.005, 0.02, 0.035, 0.05])
     outputs = SENSORS[model].output(distance) * 1e5 + 60.0
-    report = rank_models(Calibration(distances=distance, outputs=outputs, no_object=[59.9, 60.0, 60.1]))
+    report = fit(Calibration(distances=distance, outputs=outputs, no_object=[59.9, 60.0, 60.1]))
     assert report.best.model == model
     assert report.best.aicc is None
     assert report.verdict == "usable with reservations"
@@ -224,14 +224,14 @@ def test_with_four_distances_the_model_that_predicts_the_left_out_reading_is_bes
 
 def test_a_saturated_sensor_is_not_called_broken():
     outputs, distance = np.full(6, 300.0), np.linspace(0.01, 0.06, 6)
-    saturated = rank_models(Calibration(distances=distance, outputs=outputs, no_object=[59.0, 60.0, 61.0]))
+    saturated = fit(Calibration(distances=distance, outputs=outputs, no_object=[59.0, 60.0, 61.0]))
     assert "300 at every distance, but 60 without an object: the sensor is saturated" in " ".join(saturated.reasons)
-    broken = rank_models(Calibration(distances=distance, outputs=outputs, no_object=[300.0, 300.0, 300.0]))
+    broken = fit(Calibration(distances=distance, outputs=outputs, no_object=[300.0, 300.0, 300.0]))
     assert "300 at every distance: check power and wiring" in " ".join(broken.reasons)
 
 
 def test_all_models_of_a_ranking_share_window_offset_and_noise():
-    report = rank_models(noisy("inverse-power", 30))
+    report = fit(noisy("inverse-power", 30))
     assert len({fit.window for fit in report.fits}) == 1
     assert len({fit.offset for fit in report.fits}) == 1
     assert len({fit.noise for fit in report.fits}) == 1
@@ -245,7 +245,7 @@ def test_the_sensor_of_a_fit_holds_on_the_window_only():
 
 
 def test_a_reservation_names_readings_taken_once():
-    once, thrice = (rank_models(noisy("exponential-1", 6, repeats=n, no_object=2)) for n in (1, 3))
+    once, thrice = (fit(noisy("exponential-1", 6, repeats=n, no_object=2)) for n in (1, 3))
     assert any("read once" in reason for reason in once.notes)
     assert not any("read once" in reason for reason in (*thrice.reasons, *thrice.notes))
 
@@ -254,7 +254,7 @@ def test_a_model_needs_one_distance_more_than_it_has_parameters():
     distance = np.linspace(0.0, 0.05, 6)
     outputs = np.repeat(2 * np.exp(-60 * distance), 3) + np.tile([-0.01, 0.0, 0.01], 6)
     readings = Calibration(distances=np.repeat(distance, 3), outputs=outputs, unit="V", no_object=[-0.01, 0.0, 0.01])
-    report = rank_models(readings, floor_sigmas=60)  # the floor of 0.35 V leaves the outputs 2, 1.1 and 0.6 V
+    report = fit(readings, floor_sigmas=60)  # the floor of 0.35 V leaves the outputs 2, 1.1 and 0.6 V
     assert [fit.model for fit in report.fits] == ["exponential-1", "table"]
     assert "4 or more distances" in report.not_fitted["inverse-power"]
 
@@ -275,7 +275,7 @@ def copied(measured, times):
 @pytest.mark.parametrize("no_object", [0, 6])
 def test_copies_of_readings_change_no_fit_and_are_reported(repeats, times, no_object):
     measured = noisy("inverse-power", 8, repeats=repeats, no_object=no_object)
-    once, again = rank_models(measured), rank_models(copied(measured, times))
+    once, again = fit(measured), fit(copied(measured, times))
     assert again.to_dict()["models"] == once.to_dict()["models"]
     assert again.noise == once.noise
     assert again.offset == once.offset
@@ -291,8 +291,8 @@ def test_copies_of_readings_change_no_fit_and_are_reported(repeats, times, no_ob
 def test_equal_repeats_of_a_coarse_sensor_are_no_more_certain_than_single_readings():
     distance = np.linspace(0.0, 0.05, 15)
     coarse = np.round((PEDESTAL + SENSORS["inverse-power"].output(distance)) / 0.01) * 0.01
-    once = rank_models(Calibration(distances=distance, outputs=coarse))
-    repeated = rank_models(Calibration(distances=np.repeat(distance, 4), outputs=np.repeat(coarse, 4)))
+    once = fit(Calibration(distances=distance, outputs=coarse))
+    repeated = fit(Calibration(distances=np.repeat(distance, 4), outputs=np.repeat(coarse, 4)))
     assert any("PT115" in reason for reason in (*repeated.reasons, *repeated.notes))
     assert repeated.noise.output >= 0.01 / math.sqrt(12) * (1 - 1e-9)
     assert repeated.slope.uncertainty.max() == once.slope.uncertainty.max()
@@ -310,7 +310,7 @@ def test_distances_beyond_ten_meters_are_doubted():
     measured = noisy("inverse-power", 8)
     large = Calibration(distances=1000 * measured.distances, outputs=measured.outputs, no_object=measured.no_object)
     doubt = "PT114: The distances reach 50 m, which is too far for a proximity sensor: for millimeters, use the "
-    assert any(reason.startswith(doubt) for reason in rank_models(large).reasons)
+    assert any(reason.startswith(doubt) for reason in fit(large).reasons)
     rising = Calibration(distances=1000 * measured.distances, outputs=-measured.outputs)
-    assert any(reason.startswith(doubt) for reason in rank_models(rising).reasons)
-    assert not any("PT114" in reason for reason in rank_models(measured).reasons)
+    assert any(reason.startswith(doubt) for reason in fit(rising).reasons)
+    assert not any("PT114" in reason for reason in fit(measured).reasons)

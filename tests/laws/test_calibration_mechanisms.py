@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from made_sensors import FAMILIES, ideal_curve, make_sensor
-from pretouch.calibration import Calibration, rank_models
+from pretouch.calibration import Calibration, fit
 
 MODELS = ("inverse-power", "exponential-1", "exponential-2", "mittag-leffler")
 RELIABLE = 0.15  # relative error of g up to which a sensor is called usable
@@ -19,7 +19,7 @@ WRONG_OFFSETS = range(8)
 def calibrated(mechanism, seed):
     sensor = make_sensor(np.random.default_rng(seed), mechanism)
     offset = "auto" if sensor.declared is None else sensor.declared
-    return sensor, rank_models(sensor.calibration, MODELS, offset=offset)
+    return sensor, fit(sensor.calibration, MODELS, offset=offset)
 
 
 def slope_of(curve, distance):
@@ -59,7 +59,7 @@ def test_a_sensor_read_by_the_recipe_is_usable(seed):
     outputs = 300 + signal * (1 + jitter * rng.standard_normal(80)) + noise * rng.standard_normal(80)
     empty = np.round(300 + noise * rng.standard_normal(10))
     measured = Calibration(distances=distance, outputs=np.round(outputs), unit="counts", no_object=empty)
-    report = rank_models(measured, MODELS)
+    report = fit(measured, MODELS)
     assert report.verdict == "usable"
     assert report.slope.largest < 0.05  # 40 such sensors: 0.3 % to 4.4 %
     # an interval of 95 % holds the truth but for one in 20; three times its half width is beyond 5 standard errors
@@ -171,7 +171,7 @@ def test_hundreds_of_distances_are_gathered_along_the_curve(seed):
         unit=measured.unit,
         no_object=measured.no_object,
     )
-    less = rank_models(cut, MODELS)
+    less = fit(cut, MODELS)
     probe = np.linspace(max(at[0], less.slope.distances[0]), min(report.slope.decisive, less.slope.decisive), 20)
     moved = np.abs(less.best.sensor.log_slope(probe) / report.best.sensor.log_slope(probe) - 1).max()
     # two estimates of mostly the same readings: apart by less than both intervals, but for chances of 1 in 1,000

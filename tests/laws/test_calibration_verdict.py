@@ -13,7 +13,7 @@ import pytest
 import pretouch as pt
 from made_sensors import make_sparse_sensor
 from pretouch._core.warning_codes import split_code
-from pretouch.calibration import Calibration, CalibrationReport, fit_sensor, rank_models
+from pretouch.calibration import Calibration, CalibrationReport, fit, fit_sensor
 from pretouch.calibration.contact_check import mount, reference_check
 from pretouch.sensors import SensorModel
 from pretouch.sensors.model import parameter
@@ -37,7 +37,7 @@ def read_once(empty: bool = True) -> Calibration:
 
 
 def test_readings_that_determine_the_contact_speed_are_usable_although_they_could_be_better() -> None:
-    report = rank_models(read_once())
+    report = fit(read_once())
     assert report.verdict == "usable"
     assert codes(report.notes) == ["PT102"]
     assert not report.contradictions
@@ -47,7 +47,7 @@ def test_readings_that_determine_the_contact_speed_are_usable_although_they_coul
 def test_the_same_weakness_is_a_reservation_if_the_readings_do_not_determine_the_contact_speed() -> None:
     """Eleven readings under a soft ceiling; contact on the true curve is twice as hard as predicted."""
     made = make_sparse_sensor(np.random.default_rng([22, 68]), "soft")
-    report = rank_models(made.calibration)
+    report = fit(made.calibration)
     assert report.verdict == "usable with reservations"
     assert {"PT101", "PT102", "PT118"} <= set(codes(report.reasons))
     assert not report.notes
@@ -64,7 +64,7 @@ def sparse_sensors() -> tuple[tuple[CalibrationReport, Any], ...]:
         made = make_sparse_sensor(np.random.default_rng([7, number]), ("soft", "tanh")[number % 2])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found.append((rank_models(made.calibration), made))
+            found.append((fit(made.calibration), made))
     return tuple(found)
 
 
@@ -102,8 +102,8 @@ def test_most_sensors_read_once_are_usable_and_their_reference_speed_is_true() -
 
 def test_the_reference_speed_does_not_depend_on_the_length_scale() -> None:
     """The same readings at distances ten times as large lead to the same ratios."""
-    small = rank_models(read_once())
-    large = rank_models(replace(read_once(), distances=tuple(10 * d for d in read_once().distances)))
+    small = fit(read_once())
+    large = fit(replace(read_once(), distances=tuple(10 * d for d in read_once().distances)))
     checks = []
     for report in (small, large):
         assert report.best is not None
@@ -148,8 +148,8 @@ def with_shoulder() -> Calibration:
 
 def test_a_named_curve_from_outside_counts_among_the_possible_ones() -> None:
     """A flat start is saturation for the built-in families, and the shape of a curve that is flat there."""
-    assert rank_models(with_shoulder()).window.l_min > 0.02
-    report = rank_models(with_shoulder(), models=("shoulder",))
+    assert fit(with_shoulder()).window.l_min > 0.02
+    report = fit(with_shoulder(), models=("shoulder",))
     assert report.window.l_min == 0.005
     assert report.verdict == "usable"
     assert fit_sensor(with_shoulder(), "shoulder").parameters["width"].value == pytest.approx(0.03, rel=0.01)
@@ -157,7 +157,7 @@ def test_a_named_curve_from_outside_counts_among_the_possible_ones() -> None:
 
 def test_without_saturation_no_reading_is_left_out_as_flattened() -> None:
     for models in (None, ("shoulder",)):
-        assert rank_models(with_shoulder(), models=models, saturation=None).window.l_min == 0.005
+        assert fit(with_shoulder(), models=models, saturation=None).window.l_min == 0.005
 
 
 def test_a_curve_from_outside_that_raises_does_not_stop_the_others() -> None:
@@ -167,7 +167,7 @@ def test_a_curve_from_outside_that_raises_does_not_stop_the_others() -> None:
         def _log_output(self, distance: Any) -> Any:  # noqa: ARG002
             raise RuntimeError
 
-    report = rank_models(read_once(), models=("inverse-power", "broken"))
+    report = fit(read_once(), models=("inverse-power", "broken"))
     assert report.best is not None
     assert report.best.model == "inverse-power"
     assert "RuntimeError" in report.not_fitted["broken"]
@@ -180,7 +180,7 @@ def test_the_table_is_advised_only_where_it_exists() -> None:
     for rise in (0.0, 3.0):
         outputs = steep.copy()
         outputs[40] += rise * (outputs[39] - outputs[40])
-        report = rank_models(
+        report = fit(
             Calibration(distances=distances, outputs=outputs, unit="counts", no_object=[100.0] * 5),
             models=("exponential-1", "table"),
             saturation=None,
@@ -193,7 +193,7 @@ def test_the_table_is_advised_only_where_it_exists() -> None:
 def test_results_repeat_first_that_the_readings_deviate_from_the_curve() -> None:
     distances = np.linspace(0.005, 0.06, 56)
     outputs = 100 + 2000 / (1 + (distances / 0.03) ** 4)
-    report = rank_models(
+    report = fit(
         Calibration(distances=distances, outputs=outputs, unit="counts", no_object=[100.0] * 5),
         models=("exponential-1",),
         saturation=None,
@@ -210,13 +210,13 @@ def test_results_repeat_first_that_the_readings_deviate_from_the_curve() -> None
         pt.excursion_objective(position_scale=0.5, velocity_scale=0.3),
         bounds=(-20.0, -1e-3),
     )
-    headline = reservations_of(report, pt.design_gain(task)).headline
+    headline = reservations_of(report, pt.design(task)).headline
     assert headline is not None
     assert all(text in headline for text in report.contradictions)
 
 
 def test_a_drawn_curve_over_the_whole_range_is_not_cut() -> None:
-    report = rank_models(read_once())
+    report = fit(read_once())
     assert report.curves is not None
     assert report.best is not None
     curve = report.curves.draw(1, 1)[0]
@@ -228,7 +228,7 @@ def test_a_drawn_curve_over_the_whole_range_is_not_cut() -> None:
 
 
 def test_a_prediction_outside_of_the_allowed_range_is_opposed_to_it() -> None:
-    report = rank_models(read_once())
+    report = fit(read_once())
     assert report.best is not None
     assert report.offset is not None
     assert report.curves is not None
@@ -259,10 +259,10 @@ def with_low_nearest(*, repeats: int) -> Calibration:
 
 def test_a_low_nearest_reading_may_be_wrong_and_five_repeats_show_it() -> None:
     """One low reading looks like a ceiling; next to five others it is an outlier."""
-    once = rank_models(with_low_nearest(repeats=0))
+    once = fit(with_low_nearest(repeats=0))
     assert once.window.l_min > 0
     assert "PT117" in codes((*once.reasons, *once.notes))
-    repeated = rank_models(with_low_nearest(repeats=5))
+    repeated = fit(with_low_nearest(repeats=5))
     assert repeated.window.l_min == 0
     assert any("differs from other readings at the same distance" in text for text in repeated.left_out)
     assert "PT117" not in codes((*repeated.reasons, *repeated.notes))

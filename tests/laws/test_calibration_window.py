@@ -9,10 +9,10 @@ import pytest
 
 from pretouch import calibration
 from pretouch._core.errors import CalibrationDataError, InvalidInputError, ResultUnavailableError
-from pretouch.calibration import Calibration, find_window, fit_sensor, rank_models
+from pretouch.calibration import Calibration, find_window, fit, fit_sensor
 from pretouch.calibration.averaging import average, reading_noise, resolution
-from pretouch.calibration.fit import runs_p_value
 from pretouch.calibration.least_squares import intervals, minimize_many
+from pretouch.calibration.model_fit import runs_p_value
 from pretouch.calibration.preparation import chance_of_falling
 
 STEPS = np.arange(8) * 0.01
@@ -74,7 +74,7 @@ def test_unless_told_otherwise_every_verb_ends_the_window_at_three_sigma():
     readings = Calibration(distances=distance, outputs=outputs, no_object=rng.normal(0.0, 0.01, 400), unit="V")
     given = fit_sensor(readings, floor_sigmas=3.0).window
     assert fit_sensor(readings).window == given
-    assert rank_models(readings, ["inverse-power"]).fits[0].window == given
+    assert fit(readings, ["inverse-power"]).fits[0].window == given
     assert fit_sensor(readings, floor_sigmas=3.3).window != given
 
 
@@ -102,9 +102,9 @@ def test_requests_that_make_no_sense_are_refused():
     with pytest.raises(CalibrationDataError, match="every distance"):
         find_window(readings, 0.0, noise=0.1, saturation=1.0)
     with pytest.raises(InvalidInputError, match="floor_sigmas"):
-        rank_models(readings, floor_sigmas=0.0)
+        fit(readings, floor_sigmas=0.0)
     with pytest.raises(InvalidInputError, match="offset: found 'guess'"):
-        rank_models(readings, offset="guess")
+        fit(readings, offset="guess")
     with pytest.raises(InvalidInputError, match="expected one of exponential-1"):
         fit_sensor(readings, "cubic")
 
@@ -207,7 +207,7 @@ def test_importing_calibration_loads_no_scipy():
 def test_a_long_plateau_hides_no_signal():
     distance = np.arange(24) * 0.01
     outputs = np.round(50 + 900 * np.exp(-100 * distance))
-    report = rank_models(Calibration(distances=distance, outputs=outputs, unit="counts", no_object=[50, 50, 51, 49]))
+    report = fit(Calibration(distances=distance, outputs=outputs, unit="counts", no_object=[50, 50, 51, 49]))
     assert report.verdict != "no usable signal"
     assert report.best.sensor.log_slope(report.window.l_min) == pytest.approx(
         -100, rel=0.1

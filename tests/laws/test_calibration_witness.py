@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 import pretouch as pt
 from made_sensors import CEILINGS, make_sparse_sensor
-from pretouch.calibration import rank_models
+from pretouch.calibration import fit
 from pretouch.calibration.contact_check import check_on_readings, mount
 from pretouch.cli import main
 from pretouch.motion import DAMPER
@@ -41,12 +41,12 @@ SEVEN = pt.Calibration(
 )
 
 
-def design_on(sensor: pt.SensorModel, start: float) -> pt.GainDesign:
+def design_on(sensor: pt.sensors.SensorModel, start: float) -> pt.designs.GainDesign:
     scenario = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=start, velocity=-0.3))
-    return pt.design_gain(pt.Task(scenario, sensor, OBJECTIVE, bounds=(-20.0, -1e-3)))
+    return pt.design(pt.Task(scenario, sensor, OBJECTIVE, bounds=(-20.0, -1e-3)))
 
 
-def sunk(report: Any, recess: float | None = None) -> tuple[pt.SensorModel, float]:
+def sunk(report: Any, recess: float | None = None) -> tuple[pt.sensors.SensorModel, float]:
     """Return the best curve sunk to the start of its window, or by less with the curve extended, and the start."""
     low, last = report.window.l_min, report.window.l_max
     curve = report.best.sensor if recess is None else replace(report.best.sensor, minimum_distance=recess)
@@ -78,7 +78,7 @@ def speed_on(distance: Any, log_output: Any, gain: float, start: float) -> float
 def test_saturated_nearest_readings_are_left_to_the_ceiling_and_the_promise_is_that_of_the_readings(
     calibration: pt.Calibration, start: float
 ) -> None:
-    report = rank_models(calibration)
+    report = fit(calibration)
     assert report.window.l_min == start
     assert "flattens toward a ceiling" in report.window.start_reason
     assert not any(
@@ -100,7 +100,7 @@ def test_saturated_nearest_readings_are_left_to_the_ceiling_and_the_promise_is_t
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("calibration", [SATURATED, WITH_EMPTY, SEVEN], ids=["18", "18 and empty", "7"])
 def test_a_curve_that_is_extended_over_saturated_readings_is_contradicted_first(calibration: pt.Calibration) -> None:
-    report = rank_models(calibration)
+    report = fit(calibration)
     nearest = float(calibration.distances.min())
     design = design_on(*sunk(report, nearest))
     left = reservations_of(report, design)
@@ -177,7 +177,7 @@ def test_what_is_said_of_a_sensor_that_was_read_once_holds_on_its_truth(ceiling:
     """Two sensors of each kind; benchmarks.calibrations --sparse tries thousands."""
     for seed in range(2):
         made = make_sparse_sensor(np.random.default_rng([5, seed]), ceiling)
-        report = rank_models(made.calibration, models=("inverse-power", "exponential-1"))
+        report = fit(made.calibration, models=("inverse-power", "exponential-1"))
         if report.best is None:
             continue
         sensor, start = sunk(report)
@@ -195,7 +195,7 @@ def test_where_readings_are_dense_all_curves_through_them_agree() -> None:
     rng = np.random.default_rng(2)
     signal = 4000 * (1 + distance / 0.03) ** -3
     outputs = 600 + signal * (1 + 0.003 * rng.standard_normal(165)) + 6 * rng.standard_normal(165)
-    report = rank_models(pt.Calibration(distances=distance, outputs=outputs, no_object=600 + rng.normal(0, 6, 10)))
+    report = fit(pt.Calibration(distances=distance, outputs=outputs, no_object=600 + rng.normal(0, 6, 10)))
     left = reservations_of(report, design_on(report.best.sensor, 0.08))
     assert left.headline is None
     assert left.witness.is_supported
@@ -204,7 +204,7 @@ def test_where_readings_are_dense_all_curves_through_them_agree() -> None:
 
 
 def test_the_curves_go_through_the_readings_and_fall_between_them() -> None:
-    witness = rank_models(WITH_EMPTY).curves
+    witness = fit(WITH_EMPTY).curves
     level = np.log(witness.signals)
     linear, smooth, *others = (drawn.sensor for drawn in witness.through_readings(12, seed=3))
     for curve in (linear, smooth):
@@ -221,14 +221,14 @@ def test_a_sure_rise_is_kept_as_it_was_read() -> None:
     """A reading that no curve comes near stays in the witness, which then contradicts or agrees by itself."""
     outputs = WITH_EMPTY.outputs.copy()
     outputs[6] = 1500.0
-    witness = rank_models(replace(WITH_EMPTY, outputs=outputs)).curves
+    witness = fit(replace(WITH_EMPTY, outputs=outputs)).curves
     first = witness.through_readings(1, seed=1)[0].sensor
     at = witness.distances[np.searchsorted(witness.distances, 0.061)]
     assert first.log_output(at) == pytest.approx(np.log(1500 - witness.offset))
 
 
 def test_contacts_on_many_piecewise_curves_are_those_of_each_alone() -> None:
-    report = rank_models(WITH_EMPTY)
+    report = fit(WITH_EMPTY)
     sensor, start = sunk(report)
     scenario = design_on(sensor, start).scenario
     curves = [mount(drawn, sensor, report.offset.value, start) for drawn in report.curves.draw(5, 1)]
@@ -267,12 +267,12 @@ def test_few_distances_more_than_unknowns_are_a_reservation() -> None:
     distance = np.linspace(0.0, 0.06, 7)
     outputs = 2.0 * (1 + distance / 0.02) ** -2.5
     known = pt.Calibration(distances=distance, outputs=outputs + 0.1, no_object=[0.1, 0.1, 0.1, 0.1], unit="V")
-    report = rank_models(known, ("inverse-power",))
+    report = fit(known, ("inverse-power",))
     assert not any("unknowns" in reason for reason in report.reasons)
-    report = rank_models(replace(known, no_object=[]), ("inverse-power",))
+    report = fit(replace(known, no_object=[]), ("inverse-power",))
     if len(report.window.distances) - 4 < 3:
         assert any("unknown parameters" in reason for reason in report.reasons)
-    few = rank_models(replace(known, distances=distance[:5], outputs=known.outputs[:5]), ("inverse-power",))
+    few = fit(replace(known, distances=distance[:5], outputs=known.outputs[:5]), ("inverse-power",))
     assert any("5 different distances, but the curve has 3 unknown parameters" in reason for reason in few.reasons)
 
 
@@ -283,7 +283,7 @@ def test_a_low_last_reading_does_not_extend_the_window_over_a_rise() -> None:
     clean = 200 + 3000 * (distance / 0.05) ** -2 + 60 * np.clip(distance - 1.0, 0, None)
     outputs = np.round(clean + rng.normal(0, 3, 1500))
     outputs[-1] = 190
-    report = rank_models(pt.Calibration(distances=distance, outputs=outputs, unit="counts"), ("inverse-power",))
+    report = fit(pt.Calibration(distances=distance, outputs=outputs, unit="counts"), ("inverse-power",))
     assert report.window.l_max < 1.2
     assert "rises again" in report.window.end_reason
 
@@ -291,7 +291,7 @@ def test_a_low_last_reading_does_not_extend_the_window_over_a_rise() -> None:
 def test_an_output_in_mm_is_a_distance_and_is_named_as_one() -> None:
     distance = np.linspace(0.2, 0.01, 12)
     measured = pt.Calibration(distances=distance, outputs=np.round(1e3 * distance), unit="mm", no_object=[8190])
-    report = rank_models(measured)
+    report = fit(measured)
     assert report.verdict == "no usable signal"
     assert "The sensor output is a distance" in report.reasons[0]
 
@@ -306,7 +306,7 @@ def test_a_strong_signal_under_a_ceiling_is_not_called_none() -> None:
     knee = rng.uniform(0, 0.6) * last
     ideal = 18000 * ((distance + near) / (knee + near)) ** -exponent
     outputs = np.round(offset + ideal / (1 + (ideal / 18000) ** 4) ** 0.25 + rng.normal(0, 11, count))
-    report = rank_models(pt.Calibration(distances=distance, outputs=outputs, unit="counts"))
+    report = fit(pt.Calibration(distances=distance, outputs=outputs, unit="counts"))
     assert report.verdict != "no usable signal"
 
 
@@ -317,7 +317,7 @@ def test_the_interval_of_a_fitted_offset_holds_on_curves_that_are_of_no_family()
     others = [name for name in CEILINGS if name != "soft"]
     for seed in range(12):
         made = make_sparse_sensor(np.random.default_rng([11, seed]), others[seed % len(others)])
-        report = rank_models(replace(made.calibration, no_object=np.empty(0)), ("exponential-1",))
+        report = fit(replace(made.calibration, no_object=np.empty(0)), ("exponential-1",))
         if report.offset is not None:
             count += 1
             held += report.offset.low <= made.offset <= report.offset.high

@@ -55,8 +55,8 @@ def towards(position: Any, velocity: Any, acceleration: Any) -> pt.Scenario:
 @pytest.mark.parametrize("period", [0.03, 0.02, 0.001])
 def test_a_dip_between_two_steps_is_a_contact(period: float, robot: dict[str, Any]) -> None:
     """l = 0.0499 - t + 5 t^2 is below 0 for 9 ms, after t = (1 - sqrt(0.002)) / 10, with l' = -sqrt(0.002)."""
-    run = pt.simulate(towards(0.0499, -1.0, 10.0), SENSOR, law(period), **robot)
-    assert run.status is pt.ContactStatus.CONTACT
+    run = pt.simulation.simulate_loop(towards(0.0499, -1.0, 10.0), SENSOR, law(period), **robot)
+    assert run.status is pt.motion.ContactStatus.CONTACT
     # l is rounded to EPS, the time of its zero to that over l'; Runge-Kutta's sums add some
     assert run.time == pytest.approx((1 - math.sqrt(0.002)) / 10, abs=1e3 * EPS)
     assert run.relative_velocity == pytest.approx(-math.sqrt(0.002), abs=1e4 * EPS)
@@ -68,8 +68,8 @@ def test_a_dip_between_two_steps_is_a_contact(period: float, robot: dict[str, An
 def test_what_does_not_come_to_zero_between_two_steps_is_none(robot: dict[str, Any]) -> None:
     """l = 0.0501 - t + 5 t^2 comes down to 0.1 mm at 0.1 s; without a mass the cubic is the motion, at any step."""
     for period in (0.03, 0.001):
-        run = pt.simulate(towards(0.0501, -1.0, 10.0), SENSOR, law(period), horizon=0.3, **robot)
-        assert run.status is pt.ContactStatus.HORIZON
+        run = pt.simulation.simulate_loop(towards(0.0501, -1.0, 10.0), SENSOR, law(period), horizon=0.3, **robot)
+        assert run.status is pt.motion.ContactStatus.HORIZON
         assert run.contacts == 0
         assert run.closest_distance == pytest.approx(1e-4, abs=1e3 * EPS)
 
@@ -78,15 +78,20 @@ def test_every_run_of_many_and_every_way_to_run_them_finds_the_same_contacts() -
     scenes = towards(np.array([0.0499, 0.0501, 0.5, 0.0499]), -1.0, np.array([10.0, 10.0, 1.0, 9.0]))
     controller, chain = law(0.03), pt.SensorChain(rate=1 / 0.03)
     loop = pt.ClosedLoop(law=controller, chain=chain, horizon=2.0)
-    many = pt.simulate(scenes, SENSOR, controller, runs=3, horizon=2.0)
+    many = pt.simulation.simulate_loop(scenes, SENSOR, controller, runs=3, horizon=2.0)
     alike = loop(scenes, SENSOR, 0.0)
-    expected = [pt.ContactStatus.CONTACT, pt.ContactStatus.HORIZON, pt.ContactStatus.CONTACT, pt.ContactStatus.CONTACT]
+    expected = [
+        pt.motion.ContactStatus.CONTACT,
+        pt.motion.ContactStatus.HORIZON,
+        pt.motion.ContactStatus.CONTACT,
+        pt.motion.ContactStatus.CONTACT,
+    ]
     assert many.status.tolist() == [expected] * 3
     assert np.asarray(alike.status).tolist() == expected
     assert np.array_equal(many.time[1], loop.run(scenes, SENSOR, 0.0).time, equal_nan=True)
     assert np.array_equal(many.time[0][many.touched[0]], np.asarray(alike.end.time)[many.touched[0]])
     for i in (0, 3):
-        one = pt.simulate(towards(0.0499, -1.0, (10.0, 10.0, 1.0, 9.0)[i]), SENSOR, controller)
+        one = pt.simulation.simulate_loop(towards(0.0499, -1.0, (10.0, 10.0, 1.0, 9.0)[i]), SENSOR, controller)
         assert one.time == many.time[0, i]
         assert one.relative_velocity == many.relative_velocity[0, i]
 
@@ -98,7 +103,7 @@ def test_a_distance_that_comes_to_zero_within_the_resolution_is_a_touch(
     offset: float, touched: bool, period: float, robot: dict[str, Any]
 ) -> None:
     """l = (1 - t)^2 / 2 touches at 1 s. Its terms add up to 2 m there, of which 1e-12 is not told from zero."""
-    run = pt.simulate(towards(0.5 + offset, -1.0, 1.0), SENSOR, law(period), horizon=3.0, **robot)
+    run = pt.simulation.simulate_loop(towards(0.5 + offset, -1.0, 1.0), SENSOR, law(period), horizon=3.0, **robot)
     assert run.touched == touched
     if touched:
         lead = math.sqrt(2 * 2e-12) + math.sqrt(2 * 2e-13)  # of l = resolution, at which a step may end, or of l = 0
@@ -120,7 +125,7 @@ def test_the_velocity_at_contact_is_the_slope_of_the_motion_within_the_step() ->
         obstacle=pt.Obstacle(position=walls),
         reference=pt.Reference(position=amplitude),
     )
-    run = pt.simulate(scenario, SENSOR, law(period))
+    run = pt.simulation.simulate_loop(scenario, SENSOR, law(period))
     assert bool(run.touched.all())
     t = run.time
     motion = amplitude * (1 - (1 + 5 * t) * np.exp(-5 * t))

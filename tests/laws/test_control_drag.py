@@ -45,9 +45,9 @@ def noisy(count: int, level: float, seed: int) -> np.ndarray:
 def test_every_approach_keeps_the_same_share_of_its_speed(speed: float) -> None:
     """At 1 kHz without noise: a delay of 1.2 periods and a lag of 2 ms make it up to 5 % less at 1 m/s."""
     chain = pt.SensorChain(rate=1000.0, delay=2e-4, random_phase=True)
-    found = pt.simulate(encounter(-speed), SENSOR, drags(QUIET), chain=chain, runs=20, seed=4)
+    found = pt.simulation.simulate_loop(encounter(-speed), SENSOR, drags(QUIET), chain=chain, runs=20, seed=4)
     share = -np.asarray(found.relative_velocity) / speed
-    assert (found.status == pt.ContactStatus.CONTACT).all()
+    assert (found.status == pt.motion.ContactStatus.CONTACT).all()
     assert 0.95 * SHARE <= share.mean() <= 1.005 * SHARE
     # E = int (exp(Q) - 1) dl = 59.6 mm at any speed; the same lag of l lets the drag act up to 2.2 ms x v later
     assert found.largest_excursion.mean() == pytest.approx(0.0596, abs=1e-3 + 4e-3 * speed)
@@ -58,7 +58,7 @@ def test_the_faster_the_loop_the_nearer_the_share_is_that_of_continuous_time() -
     for rate in (1000.0, 2000.0, 4000.0):
         law = VirtualDrag(drag=PHI, noise=0.0, smoothing_time=2.0 / rate)
         chain = pt.SensorChain(rate=rate, delay=0.2 / rate)
-        found = pt.simulate(encounter(-0.3), SENSOR, drags(law, 1 / rate), chain=chain)
+        found = pt.simulation.simulate_loop(encounter(-0.3), SENSOR, drags(law, 1 / rate), chain=chain)
         errors.append(abs(-found.relative_velocity / 0.3 / SHARE - 1))
     assert errors[2] < 0.6 * errors[1] < 0.4 * errors[0], errors
     assert errors[2] < 0.01
@@ -72,7 +72,7 @@ def test_the_admittance_has_no_say_in_the_share() -> None:
         own = {"mass": MASS, "damping": damping, "stiffness": stiffness}
         scenario = pt.Scenario(admittance=pt.Admittance(**own), obstacle=pt.Obstacle(position=START, velocity=-0.3))
         made = drags(law, 2.5e-4, admittance=pt.control.VirtualAdmittance(**own))
-        found.append(-pt.simulate(scenario, SENSOR, made, chain=chain).relative_velocity / 0.3)
+        found.append(-pt.simulation.simulate_loop(scenario, SENSOR, made, chain=chain).relative_velocity / 0.3)
     assert found == pytest.approx([SHARE] * 4, rel=6e-3)
     assert found == pytest.approx([found[0]] * 4, rel=5e-4)
 
@@ -85,10 +85,12 @@ def test_a_plant_that_comes_home_onto_a_stopped_object_is_braked(place: float) -
         admittance=ADMITTANCE, obstacle=pt.Obstacle(position=place, velocity=0.0), plant=pt.Plant(position=-0.05)
     )
     braked, bare = (
-        pt.simulate(scenario, SENSOR, drags(law, sensor_period=4e-3), chain=chain, runs=20, seed=1, horizon=10.0)
+        pt.simulation.simulate_loop(
+            scenario, SENSOR, drags(law, sensor_period=4e-3), chain=chain, runs=20, seed=1, horizon=10.0
+        )
         for law in (PART, replace(PART, own_advance=0.0))
     )
-    assert (braked.status == pt.ContactStatus.CONTACT).all()
+    assert (braked.status == pt.motion.ContactStatus.CONTACT).all()
     assert braked.relative_velocity.mean() > 0.25 * bare.relative_velocity.mean()
 
 
@@ -157,7 +159,9 @@ def test_on_a_noisy_loop_contact_is_as_the_study_found_it(dropout: float) -> Non
     made, speeds, ways = drags(PART, sensor_period=4e-3), [], []
     for number, share in enumerate(np.geomspace(0.5, 2.0, 8)):
         sensor = pt.InversePower(scale=0.533 * share, distance_offset=0.0419, exponent=3.32)
-        found = pt.simulate(encounter(-0.3), sensor, made, chain=chain, plant=plant, runs=25, seed=number)
+        found = pt.simulation.simulate_loop(
+            encounter(-0.3), sensor, made, chain=chain, plant=plant, runs=25, seed=number
+        )
         speeds.append(-found.relative_velocity)
         ways.append(found.largest_excursion)
     assert 0.044 < np.mean(speeds) < 0.047
@@ -217,7 +221,9 @@ def test_a_loop_tries_values_of_its_coefficient() -> None:
     chain = pt.SensorChain(rate=1000.0, delay=2e-4)
     loop = ClosedLoop(law=drags(QUIET), chain=chain)
     found = loop(encounter(-0.3), SENSOR, [0.0, PHI / 2, PHI]).contact.relative_velocity
-    one = pt.simulate(encounter(-0.3), SENSOR, drags(QUIET).with_value(PHI / 2), chain=chain).relative_velocity
+    one = pt.simulation.simulate_loop(
+        encounter(-0.3), SENSOR, drags(QUIET).with_value(PHI / 2), chain=chain
+    ).relative_velocity
     assert found[1] == one
     # half of the coefficient takes half of ln(1/rho)
     assert -found / 0.3 == pytest.approx(np.array([1.0, SHARE**0.5, SHARE]), rel=0.05)

@@ -10,7 +10,7 @@ from mpmath import mp, mpf
 
 from encounters import CURVES
 from pretouch._core.errors import InvalidInputError
-from pretouch.design import (
+from pretouch.designs import (
     Constraint,
     HertzImpact,
     ImpactModel,

@@ -75,7 +75,7 @@ def test_another_detection_distance_is_warned_of_and_both_cures_work(floor: str,
     task = task_of(tmp_path, *changes)
     assert warned(task)
     assert warned(task, None)
-    for verb in (pt.design_gain, pt.simulate_encounter):
+    for verb in (pt.design, pt.simulate):
         assert any(text.startswith("PT421") for text in verb(task.replace(stability_margin=None)).warnings)
     for agreeing in cured(tmp_path, task, changes):
         assert not warned(agreeing)
@@ -91,8 +91,8 @@ def test_a_floor_that_detects_a_little_earlier_is_not_warned_of(tmp_path: Path) 
 def test_a_gain_that_misses_a_limit_from_the_detection_distance_does_not_hold(tmp_path: Path) -> None:
     """An independent run of encounters that really start farther away agrees with the share of missed limits."""
     task = task_of(tmp_path, (FLOOR, 'floor = "100 counts"')).replace(gain=-0.86)
-    task = task.replace(verify=pt.VerifyOptions(runs=200))
-    verdict = pt.verify_gain(task, changes=False)
+    task = task.replace(verify=pt.designs.VerifyOptions(runs=200))
+    verdict = pt.verify(task, changes=False)
     assert verdict.status.value == "does-not-hold"
     assert all(check.is_met for check in verdict.limits)
     assert verdict.approach is not None
@@ -103,10 +103,10 @@ def test_a_gain_that_misses_a_limit_from_the_detection_distance_does_not_hold(tm
         scenario=replace(task.scenario, obstacle=replace(task.scenario.obstacle, position=0.2)),
         loop=replace(task.loop, horizon=9.0, seed=5),
     )
-    other = pt.verify_gain(farther, changes=False)
+    other = pt.verify(farther, changes=False)
     for mine, theirs in zip(verdict.approach.limits, other.limits, strict=True):
         assert mine.held == pytest.approx(theirs.held, abs=0.12)  # 2.5 standard errors of two shares of 200 runs
-    assert pt.verify_gain(task_of(tmp_path).replace(gain=-0.86), changes=False).approach is None
+    assert pt.verify(task_of(tmp_path).replace(gain=-0.86), changes=False).approach is None
 
 
 def test_runs_that_begin_farther_away_are_those_of_a_farther_start(tmp_path: Path) -> None:
@@ -131,13 +131,13 @@ def test_runs_that_begin_farther_away_are_those_of_a_farther_start(tmp_path: Pat
 @pytest.mark.slow
 def test_the_key_start_distance_lets_runs_begin_beyond_the_range(tmp_path: Path) -> None:
     task = task_of(tmp_path, ("[loop]\n", '[loop]\nstart_distance = "200 mm"\n')).replace(gain=-0.86)
-    verdict = pt.verify_gain(task, changes=False)
-    near = pt.verify_gain(task_of(tmp_path).replace(gain=-0.86), changes=False)
+    verdict = pt.verify(task, changes=False)
+    near = pt.verify(task_of(tmp_path).replace(gain=-0.86), changes=False)
     assert verdict.mitigated.detection_time.min() < 0 < near.mitigated.detection_time.min()
     speeds = [v.comparison("relative_velocity") for v in (verdict, near)]
     assert speeds[0].predicted == speeds[1].predicted
     assert speeds[0].simulated.mean == pytest.approx(speeds[1].simulated.mean, rel=0.05)
-    encounter = pt.simulate_encounter(task)
+    encounter = pt.simulate(task)
     assert encounter.comparison("time").relative_difference == pytest.approx(0.0, abs=0.05)
 
 
@@ -147,7 +147,7 @@ def test_uncertain_positions_beyond_the_range_are_predicted_from_the_detection_d
         (uncertain, uncertain + 'obstacle.position = { uniform = ["40 mm", "120 mm"] }\n'),
         (START, 'position = "43 mm"'),
     )
-    verdict = pt.verify_gain(task_of(tmp_path, *changes).replace(gain=-0.86), changes=False)
+    verdict = pt.verify(task_of(tmp_path, *changes).replace(gain=-0.86), changes=False)
     assert verdict.effect is not None
     assert abs(verdict.effect.excess) < 0.1  # the prediction acts from 43.2 mm, as the loop does
     assert min(verdict.mitigated.trace(i).time[0] for i in range(5)) < -0.05
@@ -192,7 +192,7 @@ def test_starts_beyond_a_curve_that_ends_before_the_detection_distance_are_refus
     cut = ("exponent = 3.32", 'exponent = 3.32\nmaximum_distance = "43 mm"')
     task = task_of(tmp_path, cut, (FLOOR, 'floor = "1000 counts"'), ("obstacle.velocity =", known))
     with pytest.raises(pt.errors.InvalidInputError, match="outside the sensor range"):
-        pt.verify_gain(task.replace(gain=-0.8), changes=False)
+        pt.verify(task.replace(gain=-0.8), changes=False)
 
 
 def test_a_robust_design_promises_what_the_loop_can_do_for_starts_beyond_the_range(tmp_path: Path) -> None:
@@ -200,12 +200,12 @@ def test_a_robust_design_promises_what_the_loop_can_do_for_starts_beyond_the_ran
     beyond = (uncertain, uncertain + 'obstacle.position = { uniform = ["40 mm", "120 mm"] }\n')
     task = task_of(tmp_path, beyond, (START, 'position = "43 mm"'))
     task = task.replace(robust=replace(task.robust, samples=128, validation=512))
-    design = pt.robust.design_robust_gain(task)
-    verdict = pt.verify_gain(task.replace(gain=design.gain), changes=False)
+    design = pt.robust(task)
+    verdict = pt.verify(task.replace(gain=design.gain), changes=False)
     for promised, simulated in zip(design.validation.limits, verdict.limits, strict=True):
         assert promised.held == pytest.approx(simulated.held, abs=0.06)  # 60 runs
     # without the loop, the law would act from 120 mm on, with less force near contact
-    alone = pt.robust.design_robust_gain(task.replace(loop=None, stability_margin=None))
+    alone = pt.robust(task.replace(loop=None, stability_margin=None))
     assert alone.status is not design.status
 
 
@@ -214,10 +214,10 @@ def test_the_worst_start_is_where_the_object_is_detected(tmp_path: Path) -> None
     far = replace(task.scenario, obstacle=replace(task.scenario.obstacle, position=0.08))
     for low in (0.04, 0.05):
         inputs = {
-            "obstacle.position": pt.robust.Interval(low=low, high=0.12),
-            "obstacle.velocity": pt.robust.Interval(low=-0.4, high=-0.2),
+            "obstacle.position": pt.uncertainty.Interval(low=low, high=0.12),
+            "obstacle.velocity": pt.uncertainty.Interval(low=-0.4, high=-0.2),
         }
-        robust = replace(task.robust, measure=pt.robust.WorstCase())
-        design = pt.robust.design_robust_gain(task.replace(scenario=far, uncertainty=inputs, robust=robust))
+        robust = replace(task.robust, measure=pt.designs.WorstCase())
+        design = pt.robust(task.replace(scenario=far, uncertainty=inputs, robust=robust))
         assert design.worst.inputs["obstacle.position"] == pytest.approx(task.farthest_start, rel=1e-4)
         assert design.worst.bound == pytest.approx(design.worst.value, rel=1e-6)

@@ -31,7 +31,7 @@ def limited(limit: float, name: str = "gain") -> pt.Constraint:
 
 def design(constraints: Any = (), *, sensor: Any = EXPONENTIAL, bounds: Any = BOUNDS, **changed: Any) -> Any:
     scenario = changed.pop("scenario", SCENARIO)
-    return pt.design_gain(pt.Task(scenario, sensor, OBJECTIVE, bounds=bounds, constraints=constraints, **changed))
+    return pt.design(pt.Task(scenario, sensor, OBJECTIVE, bounds=bounds, constraints=constraints, **changed))
 
 
 @examples(25)
@@ -42,7 +42,7 @@ def design(constraints: Any = (), *, sensor: Any = EXPONENTIAL, bounds: Any = BO
     excursion=st.sampled_from([None, 0.09]),
 )
 def test_a_limit_of_the_gain_is_narrower_bounds(
-    limit: float, speed: float, sensor: pt.SensorModel, excursion: float | None
+    limit: float, speed: float, sensor: pt.sensors.SensorModel, excursion: float | None
 ) -> None:
     scenario = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=speed))
     others = [] if excursion is None else [limited(excursion, "excursion")]
@@ -55,7 +55,7 @@ def test_a_limit_of_the_gain_is_narrower_bounds(
 
 
 @pytest.mark.parametrize("sensor", [POWER, EXPONENTIAL], ids=["inverse-power", "exponential-1"])
-def test_an_active_limit_has_its_name_and_holds_the_gain(sensor: pt.SensorModel) -> None:
+def test_an_active_limit_has_its_name_and_holds_the_gain(sensor: pt.sensors.SensorModel) -> None:
     found = design([limited(0.3)], sensor=sensor)
     (outcome,) = found.constraints
     assert found.certificate.at == "gain"
@@ -88,7 +88,7 @@ def test_a_limit_that_holds_nothing_changes_nothing() -> None:
 
 def test_a_limit_below_all_bounds_is_infeasible_by_name() -> None:
     found = design([limited(0.005)])
-    assert found.status is pt.DesignStatus.INFEASIBLE
+    assert found.status is pt.designs.DesignStatus.INFEASIBLE
     assert found.nearest.gain == pytest.approx(-0.01)
     assert "gain cannot be limited to 0.005 N s" in str(found)
 
@@ -117,43 +117,39 @@ def test_arrays_of_encounters_are_limited_each() -> None:
 
 def test_a_robust_gain_keeps_the_limit_in_every_sample() -> None:
     options: dict[str, Any] = {
-        "uncertainty": {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
-        "robust": pt.robust.RobustOptions(samples=128, validation=128),
+        "uncertainty": {"obstacle.velocity": pt.uncertainty.Uniform(low=-0.4, high=-0.2)},
+        "robust": pt.designs.RobustOptions(samples=128, validation=128),
     }
-    for constraint in (limited(0.3), pt.robust.Required(constraint=limited(0.3), probability=0.9)):
-        found = pt.robust.design_robust_gain(
-            pt.Task(SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, constraints=[constraint], **options)
-        )
+    for constraint in (limited(0.3), pt.designs.Required(constraint=limited(0.3), probability=0.9)):
+        found = pt.robust(pt.Task(SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, constraints=[constraint], **options))
         assert found.gain == pytest.approx(-0.3, rel=SAME)
         assert found.validation.limits[0].held == 1.0
-    infeasible = pt.robust.design_robust_gain(
+    infeasible = pt.robust(
         pt.Task(SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, constraints=[limited(0.005)], **options)
     )
     assert "gain cannot be limited to 0.005 N s" in str(infeasible)
-    worst = pt.robust.design_robust_gain(
+    worst = pt.robust(
         pt.Task(
             SCENARIO,
             EXPONENTIAL,
             OBJECTIVE,
             bounds=BOUNDS,
             constraints=[limited(0.3)],
-            **{**options, "robust": replace(options["robust"], measure=pt.robust.WorstCase())},
+            **{**options, "robust": replace(options["robust"], measure=pt.designs.WorstCase())},
         )
     )
     assert worst.gain == pytest.approx(-0.3, rel=SAME)
 
 
 def test_fronts_and_admittances_keep_the_limit() -> None:
-    front = pt.pareto_front(pt.Task(SCENARIO, EXPONENTIAL, bounds=BOUNDS, constraints=[limited(0.5)]))
-    clipped = pt.pareto_front(pt.Task(SCENARIO, EXPONENTIAL, bounds=(-0.5, BOUNDS[1])))
+    front = pt.pareto(pt.Task(SCENARIO, EXPONENTIAL, bounds=BOUNDS, constraints=[limited(0.5)]))
+    clipped = pt.pareto(pt.Task(SCENARIO, EXPONENTIAL, bounds=(-0.5, BOUNDS[1])))
     assert np.abs(front.gain).max() == pytest.approx(0.5, rel=1e-6)
     assert front.values.min(axis=0) == pytest.approx(clipped.values.min(axis=0), rel=1e-6)
-    found = pt.design_admittance(
+    found = pt.design(
         pt.Task(SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, damping_ratio=(0.7, 2.0), constraints=[limited(0.5)])
     )
-    narrow = pt.design_admittance(
-        pt.Task(SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=(-0.5, BOUNDS[1]), damping_ratio=(0.7, 2.0))
-    )
+    narrow = pt.design(pt.Task(SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=(-0.5, BOUNDS[1]), damping_ratio=(0.7, 2.0)))
     assert found.gain == pytest.approx(-0.5, rel=1e-6)
     assert found.objective == pytest.approx(narrow.objective, rel=1e-6)
     assert "gain" in dict(found.certificate.active)
@@ -182,4 +178,4 @@ def test_a_scenario_file_can_limit_the_gain(tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     problem = pt.load_scenario(path)
     assert problem.constraints == (limited(0.3),)
-    assert pt.design_gain(problem).gain == pytest.approx(-0.3, rel=SAME)
+    assert pt.design(problem).gain == pytest.approx(-0.3, rel=SAME)

@@ -13,7 +13,7 @@ import sympy
 
 from encounters import CURVES
 from pretouch._core.errors import InvalidInputError
-from pretouch.design import (
+from pretouch.designs import (
     Constraint,
     DesignStatus,
     ElasticImpact,

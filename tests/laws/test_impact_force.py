@@ -49,7 +49,9 @@ def meet(
     scenario = pt.Scenario(
         admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.0422, velocity=-np.asarray(speed, dtype=float))
     )
-    return pt.simulate(scenario, SENSOR, BareLaw(-0.7, 1e-3), plant=plant, contact=contact, follow_time=0.1)
+    return pt.simulation.simulate_loop(
+        scenario, SENSOR, BareLaw(-0.7, 1e-3), plant=plant, contact=contact, follow_time=0.1
+    )
 
 
 def until_they_stop(run: pt.simulation.SimulationResult) -> tuple[float, bool]:
@@ -113,7 +115,7 @@ def test_the_time_of_an_impact_is_that_of_free_bodies_without_loss(
         obstacle=pt.Obstacle(position=0.01),
         plant=pt.Plant(velocity=speed),
     )
-    run = pt.simulate(scenario, SENSOR, law, plant=plant, contact=contact, horizon=2.0, follow_time=0.5)
+    run = pt.simulation.simulate_loop(scenario, SENSOR, law, plant=plant, contact=contact, horizon=2.0, follow_time=0.5)
     lasting = elastic_duration(contact, 1 / 1.7 + 1 / obstacle_mass, speed)
     # the end is seen at the end of a step: one of 1/50 of a time scale, of which an impact lasts 2.9 or more
     assert lasting <= run.contact_list[0, 5] <= lasting * (1 + STEP / 2.9)

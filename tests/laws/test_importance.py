@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pretouch.design import Task, excursion_objective
-from pretouch.design.robust import RobustOptions
-from pretouch.design.robust.importance import rank_uncertain_inputs
-from pretouch.design.robust.problem import RobustProblem
-from pretouch.design.search import GainAxis
+from pretouch.designs import RobustOptions, Task, excursion_objective
+from pretouch.designs.robust.importance import rank_uncertain_inputs
+from pretouch.designs.robust.problem import RobustProblem
+from pretouch.designs.search import GainAxis
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.sensors import InversePower
 from pretouch.uncertainty import CorrelatedNormal, Normal, Uncertainty, Uniform, make_ensemble

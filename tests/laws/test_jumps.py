@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 import pretouch as pt
 from pretouch._core.numbers import FloatArray
-from pretouch.design import Constraint
-from pretouch.design.search import Landscape, search_axis
-from pretouch.design.search.jumps import RESERVE
+from pretouch.designs import Constraint
+from pretouch.designs.search import Landscape, search_axis
+from pretouch.designs.search.jumps import RESERVE
 from pretouch.motion import Plant
 from pretouch.motion.bodies import Stretch
 
@@ -58,7 +58,7 @@ def test_a_narrow_band_next_to_a_jump_is_kept_and_reported() -> None:
 
 
 @pytest.fixture(scope="module")
-def nearly_stopping() -> pt.GainDesign:
+def nearly_stopping() -> pt.designs.GainDesign:
     """An object that brakes for 2 ms from 0.3 m/s to rest, just before its contact."""
     course = (Stretch(until=0.3403, acceleration=0.0), Stretch(until=0.3423, acceleration=150.0))
     scenario = pt.Scenario(
@@ -67,10 +67,10 @@ def nearly_stopping() -> pt.GainDesign:
     )
     sensor = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
     objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    return pt.design_gain(pt.Task(scenario, sensor, objective, bounds=(-1.0, -0.01)))
+    return pt.design(pt.Task(scenario, sensor, objective, bounds=(-1.0, -0.01)))
 
 
-def test_an_object_that_nearly_stops(nearly_stopping: pt.GainDesign) -> None:
+def test_an_object_that_nearly_stops(nearly_stopping: pt.designs.GainDesign) -> None:
     """The lowest objective is that of a contact without speed; a gain 1e-9 away has a contact 0.15 s later."""
     design = nearly_stopping
     jump = design.jump
@@ -85,7 +85,7 @@ def test_an_object_that_nearly_stops(nearly_stopping: pt.GainDesign) -> None:
     assert json.loads(json.dumps(design.to_dict()))["jump"]["kept"] is True
 
 
-def test_a_small_change_of_gain_or_encounter_does_not_cross_the_jump(nearly_stopping: pt.GainDesign) -> None:
+def test_a_small_change_of_gain_or_encounter_does_not_cross_the_jump(nearly_stopping: pt.designs.GainDesign) -> None:
     design = nearly_stopping
     nominal = float(design.problem.run(design.gain).end.time)
     for factor in (0.995, 1.005):
@@ -101,7 +101,7 @@ def test_a_gain_keeps_a_distance_from_the_edge_of_contact() -> None:
     )
     sensor = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
     objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    design = pt.design_gain(pt.Task(scenario, sensor, objective, bounds=(-2.0, -0.01)))
+    design = pt.design(pt.Task(scenario, sensor, objective, bounds=(-2.0, -0.01)))
     assert design.jump.misses
     assert design.jump.gains[0] < design.jump.gains[1]
     assert design.gain == pytest.approx(design.jump.gains[1] + design.jump.reserve, rel=1e-3)
@@ -115,4 +115,4 @@ def test_a_smooth_optimum_has_no_jump(letter_encounter: pt.Scenario) -> None:
     limits = (Constraint(name="excursion", limit=0.08),)
     for constraints in ((), limits):
         task = pt.Task(letter_encounter, sensor, objective, bounds=(-10.0, -0.01), constraints=constraints)
-        assert pt.design_gain(task).jump is None
+        assert pt.design(task).jump is None

@@ -44,8 +44,8 @@ def many(count: int, scenario: pt.Scenario = SCENARIO) -> pt.Scenario:
 
 
 @lru_cache(maxsize=1)
-def slow_design() -> pt.robust.RobustDesign:
-    return pt.robust.design_robust_gain(
+def slow_design() -> pt.designs.RobustDesign:
+    return pt.robust(
         pt.Task(
             SCENARIO,
             SENSOR,
@@ -53,7 +53,7 @@ def slow_design() -> pt.robust.RobustDesign:
             bounds=BOUNDS,
             uncertainty={},
             evaluate=SLOW,
-            robust=pt.robust.RobustOptions(samples=128, validation=1024),
+            robust=pt.designs.RobustOptions(samples=128, validation=1024),
         )
     )
 
@@ -69,7 +69,7 @@ def test_every_gain_meets_the_noise_of_the_same_run() -> None:
     column = replace(SCENARIO, obstacle=pt.Obstacle(position=np.full((8, 1), 0.0422), velocity=-0.3))
     assert np.array_equal(NOISY(column, SENSOR, gains).end.relative_velocity, wide.T)
     law = NOISY.law.with_value(-0.7)
-    alone = pt.simulate(SCENARIO, SENSOR, law, chain=NOISY.chain, runs=8)
+    alone = pt.simulation.simulate_loop(SCENARIO, SENSOR, law, chain=NOISY.chain, runs=8)
     assert np.array_equal(alone.relative_velocity, wide[1])
 
 
@@ -103,7 +103,7 @@ def test_a_loop_fills_the_state_at_contact_as_the_motion_does() -> None:
 def test_a_run_without_contact_ends_in_a_finite_state() -> None:
     gone = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=0.1))
     found = replace(NOISY, horizon=0.5)(gone, SENSOR, np.array([0.0, -0.7]))
-    assert np.all(np.asarray(found.status) == pt.ContactStatus.HORIZON)
+    assert np.all(np.asarray(found.status) == pt.motion.ContactStatus.HORIZON)
     assert all(np.isfinite(getattr(found.end, name)).all() for name in pt.motion.ContactState.names())
     assert np.allclose(found.end.time, 0.5)
     assert np.isnan(replace(NOISY, horizon=0.5).run(gone, SENSOR, -0.7).time)
@@ -112,21 +112,21 @@ def test_a_run_without_contact_ends_in_a_finite_state() -> None:
 @pytest.mark.parametrize(
     "sensor", [SENSOR, pt.ExponentialFirstOrder(scale=0.458, rate=-61.0)], ids=["inverse-power", "exponential-1"]
 )
-def test_the_optimum_on_the_loop_tends_to_the_ideal_one_with_the_period(sensor: pt.SensorModel) -> None:
+def test_the_optimum_on_the_loop_tends_to_the_ideal_one_with_the_period(sensor: pt.sensors.SensorModel) -> None:
     """Order 1: halving T halves the distance, up to a term in T^2, for which 0.1 of the order is left."""
-    ideal = pt.design_gain(pt.Task(SCENARIO, sensor, OBJECTIVE, bounds=BOUNDS)).gain
+    ideal = pt.design(pt.Task(SCENARIO, sensor, OBJECTIVE, bounds=BOUNDS)).gain
     periods = [8e-4, 4e-4, 2e-4]
     errors = []
     for period in periods:
         bare = pt.ClosedLoop(law=controller(0.0, period), chain=pt.SensorChain(rate=1 / period))
-        found = pt.design_gain(pt.Task(SCENARIO, sensor, OBJECTIVE, bounds=(-3.0, -0.2), evaluate=bare))
+        found = pt.design(pt.Task(SCENARIO, sensor, OBJECTIVE, bounds=(-3.0, -0.2), evaluate=bare))
         errors.append(smoothed(found, 0.1) - ideal)
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
     assert abs(errors[-1]) < 0.02 * abs(ideal)
     assert orders == pytest.approx(1.0, abs=0.1)
 
 
-def smoothed(design: pt.GainDesign, half: float) -> float:
+def smoothed(design: pt.designs.GainDesign, half: float) -> float:
     """The minimum of a polynomial of degree 6 through 201 objectives: contact between two steps leaves ripples."""
     u = np.log(-design.gain) + np.linspace(-half, half, 201)
     evaluate = design.problem.task.evaluate
@@ -141,7 +141,7 @@ def smoothed(design: pt.GainDesign, half: float) -> float:
 def test_a_slow_sensor_has_another_optimum_and_the_ideal_gain_is_worse() -> None:
     """On 1024 fresh runs, pair by pair: more than three standard errors."""
     design = slow_design()
-    assert design.nominal_gain == pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS)).gain
+    assert design.nominal_gain == pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS)).gain
     loss = design.loss_of_nominal
     assert loss is not None
     assert loss.relative > 3 * loss.standard_error > 0
@@ -165,37 +165,35 @@ def test_no_gain_of_a_dense_grid_is_better_than_the_robust_one() -> None:
 
 def test_the_samples_of_a_sensor_parameter_meet_the_same_runs() -> None:
     """Curves one by one, or all alike at once: where the curve is the same, so is every encounter."""
-    alike = pt.robust.Empirical(samples=(3.32, 3.32))
+    alike = pt.uncertainty.Empirical(samples=(3.32, 3.32))
     options: dict[str, Any] = {
         "bounds": (-1.0, -0.5),
         "evaluate": NOISY,
-        "robust": pt.robust.RobustOptions(samples=16, validation=16),
+        "robust": pt.designs.RobustOptions(samples=16, validation=16),
     }
-    each = pt.robust.design_robust_gain(
-        pt.Task(SCENARIO, SENSOR, OBJECTIVE, uncertainty={"sensor.exponent": alike}, **options)
-    )
-    once = pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, uncertainty={}, **options))
+    each = pt.robust(pt.Task(SCENARIO, SENSOR, OBJECTIVE, uncertainty={"sensor.exponent": alike}, **options))
+    once = pt.robust(pt.Task(SCENARIO, SENSOR, OBJECTIVE, uncertainty={}, **options))
     assert np.array_equal(each.outcomes().objective, once.outcomes(each.gain).objective)
     assert each.gain == pytest.approx(once.gain, rel=1e-12)
 
 
 @pytest.mark.slow
 def test_noise_counts_beside_the_inputs_that_vary() -> None:
-    design = pt.robust.design_robust_gain(
+    design = pt.robust(
         pt.Task(
             SCENARIO,
             SENSOR,
             OBJECTIVE,
             bounds=(-2.0, -0.2),
-            uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.35, high=-0.25)},
+            uncertainty={"obstacle.velocity": pt.uncertainty.Uniform(low=-0.35, high=-0.25)},
             constraints=[
-                pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.12), probability=0.9)
+                pt.designs.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.12), probability=0.9)
             ],
-            robust=pt.robust.RobustOptions(measure=pt.robust.ConditionalValueAtRisk(probability=0.8), samples=64),
+            robust=pt.designs.RobustOptions(measure=pt.designs.ConditionalValueAtRisk(probability=0.8), samples=64),
             evaluate=NOISY,
         )
     )
-    assert design.status is pt.DesignStatus.OPTIMAL
+    assert design.status is pt.designs.DesignStatus.OPTIMAL
     assert design.method == "loop"
     assert {one.name for one in design.importance} == {"obstacle.velocity", "noise"}
     assert all(one.by_gradient is None for one in design.importance)
@@ -210,7 +208,7 @@ def test_noise_counts_beside_the_inputs_that_vary() -> None:
 
 
 def test_a_design_on_a_loop_says_so() -> None:
-    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=NOISY))
+    design = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=NOISY))
     assert design.method == "loop"
     assert line(str(design), "motion") == "sampled loop, simulated with every gain"
     assert "nan" not in str(design)
@@ -227,8 +225,8 @@ def test_a_design_on_a_loop_says_so() -> None:
 
 def test_a_design_on_a_loop_tells_what_the_ideal_gain_loses_there() -> None:
     still = replace(SLOW, chain=replace(SLOW.chain, noise=0.0, relative_noise=0.0))
-    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=still))
-    alone = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
+    design = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=still))
+    alone = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
     found = design.ideal
     assert found is not None
     assert found.gain == pytest.approx(alone.gain, rel=1e-9)
@@ -242,8 +240,8 @@ def test_a_design_on_a_loop_tells_what_the_ideal_gain_loses_there() -> None:
     assert alone.ideal is None
     assert "ideal design" not in str(alone)
     slow = pt.Constraint(name="relative_velocity", limit=0.07)
-    held = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=still, constraints=[slow])).ideal
-    free = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, constraints=[slow])).gain
+    held = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=still, constraints=[slow])).ideal
+    free = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, constraints=[slow])).gain
     assert held is not None
     assert held.gain == pytest.approx(free, rel=1e-6)
     ratio = abs(still(SCENARIO, SENSOR, held.gain).contact.relative_velocity) / slow.limit
@@ -253,12 +251,12 @@ def test_a_design_on_a_loop_tells_what_the_ideal_gain_loses_there() -> None:
 def test_a_scan_of_jumps_ends() -> None:
     calls = []
 
-    def rough(scenario: pt.Scenario, sensor: pt.SensorModel, gain: Any) -> pt.ContactResult:
+    def rough(scenario: pt.Scenario, sensor: pt.sensors.SensorModel, gain: Any) -> pt.motion.ContactResult:
         calls.append(np.size(gain))
         return SLOW(scenario, sensor, gain)
 
-    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=rough))
-    assert design.status is pt.DesignStatus.OPTIMAL
+    design = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=rough))
+    assert design.status is pt.designs.DesignStatus.OPTIMAL
     assert sum(calls) < 10_000
 
 
@@ -266,28 +264,28 @@ def test_a_scan_of_jumps_ends() -> None:
 def test_each_encounter_of_an_array_keeps_its_own_noise() -> None:
     speeds = np.array([-0.3, -0.25, -0.3])
     several = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=speeds))
-    designs = pt.design_gain(pt.Task(several, SENSOR, OBJECTIVE, bounds=(-0.8, -0.6), evaluate=NOISY))
+    designs = pt.design(pt.Task(several, SENSOR, OBJECTIVE, bounds=(-0.8, -0.6), evaluate=NOISY))
     for i, speed in enumerate(speeds):
         one = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=float(speed)))
-        alone = pt.design_gain(pt.Task(one, SENSOR, OBJECTIVE, bounds=(-0.8, -0.6), evaluate=NOISY.after(i)))
+        alone = pt.design(pt.Task(one, SENSOR, OBJECTIVE, bounds=(-0.8, -0.6), evaluate=NOISY.after(i)))
         assert designs.gain[i] == alone.gain
     assert designs.at(2).gain == designs.gain[2]
     assert designs.gain[0] != designs.gain[2]  # the same encounter, another run
 
 
 def test_a_function_of_the_users_is_an_evaluator() -> None:
-    def ideal(scenario: pt.Scenario, sensor: pt.SensorModel, gain: Any) -> pt.ContactResult:
+    def ideal(scenario: pt.Scenario, sensor: pt.sensors.SensorModel, gain: Any) -> pt.motion.ContactResult:
         return pt.find_contact(scenario, sensor, gain)
 
     assert not isinstance(ideal, NoisyEvaluator)
-    uncertainty = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
+    uncertainty = {"obstacle.velocity": pt.uncertainty.Uniform(low=-0.4, high=-0.2)}
     options: dict[str, Any] = {
         "bounds": BOUNDS,
         "uncertainty": uncertainty,
-        "robust": pt.robust.RobustOptions(samples=64, validation=64),
+        "robust": pt.designs.RobustOptions(samples=64, validation=64),
     }
-    theirs = pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, evaluate=ideal, **options))
-    ours = pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **options))
+    theirs = pt.robust(pt.Task(SCENARIO, SENSOR, OBJECTIVE, evaluate=ideal, **options))
+    ours = pt.robust(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **options))
     assert theirs.gain == pytest.approx(ours.gain, rel=1e-6)
     assert theirs.strongest == BOUNDS[0]  # what is proved of L(1) is not said of what others compute
     assert [one.name for one in theirs.importance] == ["obstacle.velocity"]
@@ -297,25 +295,25 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
     ("make", "message"),
     [
         (
-            lambda: pt.robust.design_robust_gain(
+            lambda: pt.robust(
                 pt.Task(
                     SCENARIO,
                     SENSOR,
                     OBJECTIVE,
                     bounds=BOUNDS,
-                    uncertainty={"obstacle.velocity": pt.robust.Interval(low=-0.4, high=-0.2)},
-                    robust=pt.robust.RobustOptions(measure=pt.robust.WorstCase()),
+                    uncertainty={"obstacle.velocity": pt.uncertainty.Interval(low=-0.4, high=-0.2)},
+                    robust=pt.designs.RobustOptions(measure=pt.designs.WorstCase()),
                     evaluate=NOISY,
                 )
             ),
             "WorstCase does not work with evaluate",
         ),
         (
-            lambda: pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={})),
+            lambda: pt.robust(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={})),
             "uncertainty: found none",
         ),
         (
-            lambda: pt.robust.design_robust_gain(
+            lambda: pt.robust(
                 pt.Task(
                     SCENARIO,
                     SENSOR,
@@ -323,13 +321,13 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
                     bounds=BOUNDS,
                     uncertainty={},
                     evaluate=NOISY,
-                    robust=pt.robust.RobustOptions(samples=0),
+                    robust=pt.designs.RobustOptions(samples=0),
                 )
             ),
             "samples: found 0",
         ),
         (
-            lambda: pt.design_admittance(
+            lambda: pt.design(
                 pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, damping_ratio=(0.7, 2.0), evaluate=NOISY)
             ),
             "the controller has only one admittance",
@@ -354,7 +352,7 @@ def test_the_evidence_of_a_smooth_loop_has_its_derivatives() -> None:
     """
     quiet = loop(1000.0)
     quiet = replace(quiet, law=replace(quiet.law, conditioning=pt.control.Conditioning(floor=1e-9)))  # type: ignore[type-var]
-    found = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=quiet))
-    ideal = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
+    found = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=quiet))
+    ideal = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
     assert found.certificate.at == "interior"
     assert found.gradient("obstacle.velocity") == pytest.approx(ideal.gradient("obstacle.velocity"), rel=0.1)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pretouch._core.errors import ResultUnavailableError
-from pretouch.design import Constraint, DesignStatus, Task, Term, design_gain, excursion_objective, time_objective
-from pretouch.design.objectives import Objective
+from pretouch.designs import Constraint, DesignStatus, Task, Term, design_gain, excursion_objective, time_objective
+from pretouch.designs.objectives import Objective
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from encounters import CURVES, KINDS, random_encounters
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.fields import declared
-from pretouch.design.later_contact import never_touches
+from pretouch.designs.later_contact import never_touches
 from pretouch.motion import (
     Admittance,
     ContactStatus,

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 import pretouch as pt
 from pretouch._core.numbers import FloatArray
-from pretouch.design import Constraint, HertzImpact
-from pretouch.design.robust import Expected, Measure, Quantile, WorstCase, design_robust_gain
-from pretouch.design.search import RUNS, SAMPLED, Effort, Landscape, search_axis
-from pretouch.design.search.scan import EXACT
+from pretouch.designs import Constraint, Expected, HertzImpact, Measure, Quantile, WorstCase
+from pretouch.designs.robust import robust
+from pretouch.designs.search import RUNS, SAMPLED, Effort, Landscape, search_axis
+from pretouch.designs.search.scan import EXACT
 from pretouch.uncertainty import TruncatedNormal
 
 
@@ -97,7 +97,7 @@ def test_a_robust_gain_does_not_depend_on_bounds_that_contain_it(measure: Measur
     """The feasible band is 3 % wide, and two neighboring gains of the first scan differ by 15 %."""
     task = TASK.replace(robust=replace(TASK.robust, measure=measure, samples=128, validation=128))
     gains = [
-        design_robust_gain(task.replace(bounds=bounds)).gain
+        robust(task.replace(bounds=bounds)).gain
         for bounds in [(-10.0, -0.001), (-2.0, -0.1), (-0.5, -0.05), (-0.3, -0.15)]
     ]
     assert gains[0] is not None

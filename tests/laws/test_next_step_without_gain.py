@@ -27,7 +27,7 @@ def task(speed: float, excursion: float, bounds: tuple[float, float] = (-10.0, -
 
 
 def next_step(of: pt.Task) -> str:
-    design = pt.design_gain(of)
+    design = pt.design(of)
     assert design.gain is None
     return page_of(design).next_step
 
@@ -47,8 +47,8 @@ def test_following_the_next_step_leads_to_a_gain(infeasible: pt.Task, helps: tup
     start = re.search(r"act from a distance of (\S+) mm", text)
     assert ((wider is not None), (start is not None)) == ("bounds" in helps, "start" in helps)
     if wider is not None:
-        assert pt.design_gain(infeasible.replace(bounds=(float(wider[1]), float(wider[2])))).gain is not None
+        assert pt.design(infeasible.replace(bounds=(float(wider[1]), float(wider[2])))).gain is not None
     if start is not None:
         moved = replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, position=1e-3 * float(start[1])))
-        assert pt.design_gain(infeasible.replace(scenario=moved)).gain is not None
+        assert pt.design(infeasible.replace(scenario=moved)).gain is not None
     assert "earlier" not in text

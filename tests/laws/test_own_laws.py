@@ -61,7 +61,7 @@ class PlainLaw(Own):
 
 
 def results(law: Any, scenario: pt.Scenario = SCENARIO, **robot: Any) -> list[np.ndarray]:
-    run = pt.simulate(scenario, SENSOR, law, chain=CHAIN, seed=3, **robot)
+    run = pt.simulation.simulate_loop(scenario, SENSOR, law, chain=CHAIN, seed=3, **robot)
     return [np.asarray(getattr(run, name)) for name in QUANTITIES]
 
 
@@ -130,8 +130,10 @@ def test_a_law_that_answers_beyond_all_bounds_ends_its_run(far: float, contact: 
         return state, Output(far, far, far, 0.0, 0.0, 0)
 
     own = PlainLaw(wild, parameters_as=plain)
-    run = pt.simulate(SCENARIO, SENSOR, own, chain=CHAIN, plant=ROBOT["plant"], contact=contact, horizon=0.02)
-    assert np.isin(run.status, [pt.ContactStatus.UNRESOLVED, pt.ContactStatus.CONTACT]).all()
+    run = pt.simulation.simulate_loop(
+        SCENARIO, SENSOR, own, chain=CHAIN, plant=ROBOT["plant"], contact=contact, horizon=0.02
+    )
+    assert np.isin(run.status, [pt.motion.ContactStatus.UNRESOLVED, pt.motion.ContactStatus.CONTACT]).all()
     assert contact is None or (run.end_time <= 0.02).all()
 
 

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from encounters import CURVES
 from pretouch._core.errors import InvalidInputError
-from pretouch.design import (
+from pretouch.designs import (
     Constraint,
     FrontStatus,
     ParetoOptions,
@@ -23,12 +23,12 @@ from pretouch.design import (
     Task,
     design_gain,
     excursion_objective,
-    pareto_front,
+    pareto,
     quantity_of,
 )
-from pretouch.design.front.curve_front import trace_front
-from pretouch.design.front.dominance import non_dominated, shortfall
-from pretouch.design.search import Landscape
+from pretouch.designs.front.curve_front import trace_front
+from pretouch.designs.front.dominance import non_dominated, shortfall
+from pretouch.designs.search import Landscape
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact
 from pretouch.sensors import ExponentialFirstOrder
 
@@ -133,7 +133,7 @@ def test_a_front_within_a_narrow_band_is_found() -> None:
 @pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("name", CURVES)
 def test_brute_force_over_the_gain_finds_nothing_better(letter_encounter: Scenario, name: str) -> None:
-    front = pareto_front(Task(letter_encounter, CURVES[name], bounds=BOUNDS))
+    front = pareto(Task(letter_encounter, CURVES[name], bounds=BOUNDS))
     assert front.status is FrontStatus.FOUND
     everywhere = find_contact(letter_encounter, CURVES[name], -np.geomspace(0.01, 10.0, 2001))
     brute = magnitudes(everywhere, PAIR)[everywhere.reached]
@@ -151,9 +151,7 @@ def test_what_the_front_misses_is_what_dense_sampling_finds(
     letter_encounter: Scenario, name: str, quantities: tuple[str, ...]
 ) -> None:
     """Between its points, too: they are looked at to 1/128 of an interval, so to 2 % of the largest shift."""
-    front = pareto_front(
-        Task(letter_encounter, CURVES[name], bounds=BOUNDS, pareto=ParetoOptions(quantities=quantities))
-    )
+    front = pareto(Task(letter_encounter, CURVES[name], bounds=BOUNDS, pareto=ParetoOptions(quantities=quantities)))
     everywhere = find_contact(letter_encounter, CURVES[name], -np.geomspace(0.01, 10.0, 20_001))
     dense = shortfall(
         magnitudes(everywhere, quantities)[everywhere.reached] / extent_of(front), front.values / extent_of(front)
@@ -166,7 +164,7 @@ def test_what_the_front_misses_is_what_dense_sampling_finds(
     "quantities", [PAIR, ("largest_excursion", "time"), TRIPLE, ("position", "largest_virtual_force")]
 )
 def test_each_point_is_the_encounter_of_its_gain(letter_encounter: Scenario, quantities: tuple[str, ...]) -> None:
-    front = pareto_front(
+    front = pareto(
         Task(letter_encounter, CURVES["inverse-power"], pareto=ParetoOptions(quantities=quantities), bounds=BOUNDS)
     )
     again = find_contact(letter_encounter, CURVES["inverse-power"], front.gain)
@@ -178,7 +176,7 @@ def test_each_point_is_the_encounter_of_its_gain(letter_encounter: Scenario, qua
 
 def test_limits_end_the_front_exactly(letter_encounter: Scenario) -> None:
     limits = [Constraint(name="excursion", limit=0.05), Constraint(name="relative_velocity", limit=0.2)]
-    front = pareto_front(Task(letter_encounter, CURVES["inverse-power"], bounds=BOUNDS, constraints=limits))
+    front = pareto(Task(letter_encounter, CURVES["inverse-power"], bounds=BOUNDS, constraints=limits))
     assert front.of("displacement").max() == pytest.approx(0.05, rel=1e-9)
     assert front.of("relative_velocity").max() == pytest.approx(0.2, rel=1e-9)
     assert front.meets(displacement=0.05, relative_velocity=0.2).all()
@@ -187,7 +185,7 @@ def test_limits_end_the_front_exactly(letter_encounter: Scenario) -> None:
 
 def test_quantities_that_do_not_conflict_leave_one_point(letter_encounter: Scenario) -> None:
     """Without mitigation the obstacle arrives first, and finds the plant where it was: the weakest gain is best."""
-    front = pareto_front(
+    front = pareto(
         Task(
             letter_encounter,
             CURVES["inverse-power"],
@@ -206,7 +204,7 @@ def test_the_optimum_of_any_weights_lies_on_the_front(letter_encounter: Scenario
     for weight in (0.1, 1.0, 10.0):
         objective = excursion_objective(position_scale=0.5, velocity_scale=0.3, velocity_weight=weight)
         design = design_gain(Task(letter_encounter, sensor, objective, bounds=BOUNDS))
-        front = pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS, pareto=ParetoOptions(choice=design)))
+        front = pareto(Task(letter_encounter, sensor, bounds=BOUNDS, pareto=ParetoOptions(choice=design)))
         assert front.choice.gain == design.gain
         # the front's points on both sides of it are 0.01 of the extent apart
         assert abs(front.choice.distance_to_front) < 0.01
@@ -215,7 +213,7 @@ def test_the_optimum_of_any_weights_lies_on_the_front(letter_encounter: Scenario
 
 def test_the_knee_is_deepest_below_the_chord(letter_encounter: Scenario) -> None:
     sensor = CURVES["inverse-power"]
-    front = pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS))
+    front = pareto(Task(letter_encounter, sensor, bounds=BOUNDS))
     ends = front.values[[0, -1]]
     everywhere = magnitudes(find_contact(letter_encounter, sensor, -np.geomspace(0.01, 10.0, 4001)), PAIR)
     share = (everywhere - ends.min(axis=0)) / np.ptp(ends, axis=0)
@@ -233,7 +231,7 @@ def wide() -> object:
     scenario = Scenario(
         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.0422, velocity=-0.3)
     )
-    return scenario, pareto_front(
+    return scenario, pareto(
         Task(scenario, CURVES["inverse-power"], bounds=BOUNDS, pareto=ParetoOptions(choice=-0.7463451), **FREE)
     )
 
@@ -261,7 +259,7 @@ def test_what_a_front_of_gain_and_admittance_misses_is_no_less_than_dense_sampli
 ) -> None:
     scenario, front = wide  # type: ignore[misc]
     if quantities != PAIR:
-        front = pareto_front(
+        front = pareto(
             Task(scenario, CURVES["inverse-power"], bounds=BOUNDS, pareto=ParetoOptions(quantities=quantities), **FREE)
         )
     rng, count = np.random.default_rng(5), 60_000
@@ -293,7 +291,7 @@ def test_freedom_of_the_admittance_moves_the_front_and_leaves_the_choice_behind(
     scenario, front = wide  # type: ignore[misc]
     assert front.free == ("gain", "natural_frequency", "damping_ratio")
     assert front.choice.distance_to_front > 0.01
-    narrow = pareto_front(Task(scenario, CURVES["inverse-power"], bounds=BOUNDS))
+    narrow = pareto(Task(scenario, CURVES["inverse-power"], bounds=BOUNDS))
     for speed in (0.05, 0.1, 0.2):
         shorter = front.of("displacement")[front.of("relative_velocity") <= speed].min()
         assert shorter < narrow.of("displacement")[narrow.of("relative_velocity") <= speed].min()
@@ -302,7 +300,7 @@ def test_freedom_of_the_admittance_moves_the_front_and_leaves_the_choice_behind(
 def test_three_quantities_over_gain_and_frequency_are_not_beaten_by_brute_force(letter_encounter: Scenario) -> None:
     sensor = ExponentialFirstOrder(scale=0.458, rate=-61.0)
     quantities = ("time", "relative_velocity", "virtual_force")
-    front = pareto_front(
+    front = pareto(
         Task(
             letter_encounter,
             sensor,
@@ -328,7 +326,7 @@ def test_infeasible_and_no_contact_are_statuses(letter_encounter: Scenario) -> N
     sensor = CURVES["inverse-power"]
     limits = [Constraint(name="excursion", limit=1e-4), Constraint(name="relative_velocity", limit=0.01)]
     for free in ({}, FREE):
-        front = pareto_front(
+        front = pareto(
             Task(letter_encounter, sensor, bounds=BOUNDS, constraints=limits, pareto=ParetoOptions(choice=-0.7), **free)
         )
         assert front.status is FrontStatus.INFEASIBLE
@@ -337,7 +335,7 @@ def test_infeasible_and_no_contact_are_statuses(letter_encounter: Scenario) -> N
         assert json.loads(json.dumps(front.to_dict(), allow_nan=False))["knee"] is None
         assert str(front).startswith("Infeasible")
     still = replace(letter_encounter, obstacle=Obstacle(position=0.03))
-    front = pareto_front(Task(still, sensor, bounds=BOUNDS, pareto=ParetoOptions(choice=-0.7)))
+    front = pareto(Task(still, sensor, bounds=BOUNDS, pareto=ParetoOptions(choice=-0.7)))
     assert front.status is FrontStatus.NO_CONTACT
     assert front.choice is None
     assert front.no_bound.startswith("found an obstacle that does not approach")
@@ -345,14 +343,14 @@ def test_infeasible_and_no_contact_are_statuses(letter_encounter: Scenario) -> N
 
 def test_a_plant_in_motion_has_a_front_but_no_bound(letter_encounter: Scenario) -> None:
     moving = replace(letter_encounter, plant=Plant(velocity=0.05))
-    front = pareto_front(Task(moving, CURVES["inverse-power"], bounds=BOUNDS))
+    front = pareto(Task(moving, CURVES["inverse-power"], bounds=BOUNDS))
     assert front.comparison is None
     assert "is not at rest at its reference" in str(front)
 
 
 def test_forces_are_traded_with_the_physical_mass(letter_encounter: Scenario) -> None:
     impact = SpringImpact(robot_mass=0.5, stiffness=2e4)
-    front = pareto_front(
+    front = pareto(
         Task(
             letter_encounter,
             CURVES["inverse-power"],
@@ -364,7 +362,7 @@ def test_forces_are_traded_with_the_physical_mass(letter_encounter: Scenario) ->
     speed = np.abs(front.result.end.relative_velocity)
     assert front.of("impact_force") == pytest.approx(speed * math.sqrt(0.5 * 2e4), rel=1e-12)
     with pytest.raises(InvalidInputError, match="depends on the physical masses"):
-        pareto_front(
+        pareto(
             Task(
                 letter_encounter,
                 CURVES["inverse-power"],
@@ -376,10 +374,10 @@ def test_forces_are_traded_with_the_physical_mass(letter_encounter: Scenario) ->
 
 def test_a_users_own_evaluator_is_traded_with(letter_encounter: Scenario) -> None:
     sensor = CURVES["inverse-power"]
-    front = pareto_front(
+    front = pareto(
         Task(letter_encounter, sensor, bounds=BOUNDS, evaluate=lambda e, s, g: find_contact(e, s, 2 * np.asarray(g)))
     )
-    plain = pareto_front(Task(letter_encounter, sensor, bounds=(-20.0, -0.02)))
+    plain = pareto(Task(letter_encounter, sensor, bounds=(-20.0, -0.02)))
     assert front.knee.gain == pytest.approx(plain.knee.gain / 2, rel=1e-5)
     assert front.comparison is None
     assert "motions in continuous time, L(1), that start from the given state" in front.no_bound
@@ -387,7 +385,7 @@ def test_a_users_own_evaluator_is_traded_with(letter_encounter: Scenario) -> Non
 
 def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> None:
     limits = [Constraint(name="acceleration", limit=5.0), Constraint(name="speed", limit=0.5)]
-    front = pareto_front(
+    front = pareto(
         Task(
             letter_encounter,
             CURVES["inverse-power"],
@@ -427,7 +425,7 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
 )
 def test_a_request_that_makes_no_sense_is_refused(letter_encounter: Scenario, change: dict, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        pareto_front(Task(letter_encounter, CURVES["exponential-1"], **{"bounds": BOUNDS, **change}))
+        pareto(Task(letter_encounter, CURVES["exponential-1"], **{"bounds": BOUNDS, **change}))
 
 
 @pytest.mark.parametrize(
@@ -442,20 +440,20 @@ def test_a_request_that_makes_no_sense_is_refused(letter_encounter: Scenario, ch
 )
 def test_options_that_make_no_sense_are_refused(letter_encounter: Scenario, options: dict, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        pareto_front(Task(letter_encounter, CURVES["exponential-1"], bounds=BOUNDS, pareto=ParetoOptions(**options)))
+        pareto(Task(letter_encounter, CURVES["exponential-1"], bounds=BOUNDS, pareto=ParetoOptions(**options)))
 
 
 def test_arrays_and_admittances_without_a_ratio_are_refused(letter_encounter: Scenario) -> None:
     sensor = CURVES["exponential-1"]
     many = replace(letter_encounter, obstacle=Obstacle(position=0.04, velocity=[-0.1, -0.2]))
     with pytest.raises(InvalidInputError, match="array of encounters of shape"):
-        pareto_front(Task(many, sensor, bounds=BOUNDS))
+        pareto(Task(many, sensor, bounds=BOUNDS))
     free = replace(letter_encounter, admittance=Admittance(mass=1.0, damping=1.0, stiffness=0.0))
-    assert pareto_front(Task(free, sensor, bounds=BOUNDS)).status is FrontStatus.FOUND
+    assert pareto(Task(free, sensor, bounds=BOUNDS)).status is FrontStatus.FOUND
     with pytest.raises(InvalidInputError, match="there is no damping ratio to keep"):
-        pareto_front(Task(free, sensor, bounds=BOUNDS, natural_frequency=(1.0, 2.0)))
+        pareto(Task(free, sensor, bounds=BOUNDS, natural_frequency=(1.0, 2.0)))
     with pytest.raises(InvalidInputError, match="the damping ratio is undefined; add bounds"):
-        pareto_front(Task(free, sensor, bounds=BOUNDS, damping_ratio=(1.0, 2.0)))
+        pareto(Task(free, sensor, bounds=BOUNDS, damping_ratio=(1.0, 2.0)))
     designs = design_gain(Task(many, sensor, F1, bounds=BOUNDS))
     with pytest.raises(InvalidInputError, match="array of designs"):
-        pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS, pareto=ParetoOptions(choice=designs)))
+        pareto(Task(letter_encounter, sensor, bounds=BOUNDS, pareto=ParetoOptions(choice=designs)))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from encounters import CURVES, random_encounters
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import declared
-from pretouch.design import PhysicalBound, Task, find_physical_bound, pareto_front
+from pretouch.designs import PhysicalBound, Task, find_physical_bound, pareto
 from pretouch.motion import Admittance, Obstacle, Plant, Reference, Scenario, find_contact, solve_motion
 from pretouch.sensors import ExponentialFirstOrder, InversePower
 
@@ -55,7 +55,7 @@ def test_no_point_of_a_front_beats_the_bound(ratio: float) -> None:
         obstacle=Obstacle(position=0.15, velocity=-0.25),
     )
     sensor = InversePower(scale=1e-4, distance_offset=0.02, exponent=2.0)
-    front = pareto_front(Task(scenario, sensor, bounds=(-5.0, -0.001)))
+    front = pareto(Task(scenario, sensor, bounds=(-5.0, -0.001)))
     assert front.comparison is not None
     known = np.isfinite(front.comparison.ratio)
     assert (front.comparison.ratio[known] >= 1 - 1e-9).all()
@@ -73,7 +73,7 @@ def test_a_plant_that_swings_toward_the_obstacle_first_is_left_out() -> None:
     gains = -np.geomspace(0.01, 0.1, 7)
     motion = solve_motion(scenario, sensor, gains, samples=3000)
     assert (motion.displacement.max(axis=-1) > 1e-6).all()
-    front = pareto_front(Task(scenario, sensor, bounds=(-0.1, -0.01)))
+    front = pareto(Task(scenario, sensor, bounds=(-0.1, -0.01)))
     assert front.comparison is not None
     assert np.isnan(front.comparison.least_excursion).all()
     assert np.isnan(front.comparison.ratio).all()

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pretouch.calibration import Calibration
 from pretouch.config import load_calibration_plan, load_scenario
-from pretouch.design import Task
+from pretouch.designs import Task
 from pretouch.recording.record_judgment import RecordGoal, judge_recording
 from pretouch.recording.record_missing import missing_distances
 from pretouch.recording.record_settling import Stay, drifts, robust_spread

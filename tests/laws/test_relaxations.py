@@ -10,11 +10,11 @@ import pytest
 
 import pretouch as pt
 from pretouch._core.units import to_si
-from pretouch.design import Constraint, DesignStatus, HertzImpact
-from pretouch.design.front.result import FrontStatus
-from pretouch.design.page import gain_page
-from pretouch.design.relaxation import Relaxation, relaxations_in_words, round_up
-from pretouch.design.robust import Expected, Measure, Required, WorstCase, design_robust_gain
+from pretouch.designs import Constraint, DesignStatus, Expected, HertzImpact, Measure, Required, WorstCase
+from pretouch.designs.front.result import FrontStatus
+from pretouch.designs.page import gain_page
+from pretouch.designs.relaxation import Relaxation, relaxations_in_words, round_up
+from pretouch.designs.robust import robust
 from pretouch.uncertainty import Uniform
 
 BOTH = (Constraint(name="excursion", limit=0.052), Constraint(name="impact_force", limit=10.5))
@@ -53,14 +53,14 @@ def _printed(relaxation: Relaxation) -> list[float]:
 
 
 def test_a_design_names_the_smallest_value_of_each_limit() -> None:
-    design = pt.design_gain(TASK)
+    design = pt.design(TASK)
     assert design.status is DesignStatus.INFEASIBLE
     assert {limit.name for one in design.relaxations for limit in one.limits} == {"excursion", "impact_force"}
     for one in design.relaxations:
-        assert pt.design_gain(followed(TASK, one)).status is DesignStatus.OPTIMAL
+        assert pt.design(followed(TASK, one)).status is DesignStatus.OPTIMAL
         (limit,) = one.limits
         tighter = tuple(replace(c, limit=0.985 * limit.raised) if c.name == limit.name else c for c in BOTH)
-        assert pt.design_gain(TASK.replace(constraints=tighter)).status is DesignStatus.INFEASIBLE
+        assert pt.design(TASK.replace(constraints=tighter)).status is DesignStatus.INFEASIBLE
     assert design.to_dict()["relaxations"][0]["limits"][0]["raised"] == design.relaxations[0].limits[0].raised
     assert f"to {_shown(design.relaxations[0])}" in gain_page(design).next_step
 
@@ -73,10 +73,10 @@ def test_two_limits_are_raised_together_if_neither_suffices_alone() -> None:
     """With bounds that contain a single kind of gain, both limits are below what any gain reaches."""
     task = TASK.replace(bounds=(-0.21, -0.2))
     limits = tuple(replace(c, limit=0.5 * c.limit) for c in BOTH)
-    design = pt.design_gain(task.replace(constraints=limits))
+    design = pt.design(task.replace(constraints=limits))
     (one,) = design.relaxations
     assert len(one.limits) == 2
-    assert pt.design_gain(followed(task.replace(constraints=limits), one)).status is DesignStatus.OPTIMAL
+    assert pt.design(followed(task.replace(constraints=limits), one)).status is DesignStatus.OPTIMAL
 
 
 @pytest.mark.parametrize("measure", [Expected(), WorstCase()])
@@ -87,35 +87,35 @@ def test_a_robust_design_names_values_that_suffice(measure: Measure, probability
     limits = tuple(Required(constraint=c, probability=probability) for c in BOTH)
     options = replace(UNCERTAIN.robust, measure=measure, samples=64, validation=64)
     task = UNCERTAIN.replace(constraints=limits, robust=options)
-    design = design_robust_gain(task)
+    design = robust(task)
     assert design.status is DesignStatus.INFEASIBLE
     assert len(design.relaxations) == 2
     for one in design.relaxations:
-        assert design_robust_gain(followed(task, one)).status is DesignStatus.OPTIMAL
+        assert robust(followed(task, one)).status is DesignStatus.OPTIMAL
 
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("free", [{}, {"natural_frequency": (4.9, 5.1)}])
 def test_a_front_names_values_that_suffice(free: dict[str, Any]) -> None:
     task = TASK.replace(**free)
-    front = pt.pareto_front(task)
+    front = pt.pareto(task)
     assert front.status is FrontStatus.INFEASIBLE
     assert front.relaxations
-    assert pt.pareto_front(followed(task, front.relaxations[0])).status is FrontStatus.FOUND
+    assert pt.pareto(followed(task, front.relaxations[0])).status is FrontStatus.FOUND
 
 
 @pytest.mark.slow
 def test_a_co_design_names_values_that_suffice() -> None:
     task = TASK.replace(natural_frequency=(4.9, 5.1))
-    design = pt.design_admittance(task)
+    design = pt.design(task)
     assert design.status is DesignStatus.INFEASIBLE
     assert design.best_ratio is not None
     for one in design.relaxations:
-        assert pt.design_admittance(followed(task, one)).status is DesignStatus.OPTIMAL
+        assert pt.design(followed(task, one)).status is DesignStatus.OPTIMAL
 
 
 def test_a_feasible_design_names_none() -> None:
-    assert pt.design_gain(TASK.replace(constraints=BOTH[:1])).relaxations == ()
+    assert pt.design(TASK.replace(constraints=BOTH[:1])).relaxations == ()
 
 
 @pytest.mark.parametrize("value", np.geomspace(1e-4, 3e3, 7))

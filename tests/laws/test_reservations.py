@@ -19,14 +19,14 @@ TRUTH = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 @dataclass(frozen=True)
 class Answer:
     scenario: pt.Scenario
-    sensor: pt.SensorModel
+    sensor: pt.sensors.SensorModel
     gain: Any = None
 
 
 @cache
-def report(first: float, last: float) -> pt.CalibrationReport:
+def report(first: float, last: float) -> pt.calibration.CalibrationReport:
     distances = np.linspace(first, last, 21)
-    return pt.rank_models(
+    return pt.fit(
         pt.Calibration(distances=distances, outputs=TRUTH.output(distances), unit="V"),
         models=("inverse-power",),
         offset="zero",
@@ -44,7 +44,7 @@ def answer(first: float, last: float, *, recess: float = 0.0, gain: Any = -0.75,
     return reservations_of(report(first, last), Answer(encounter(**given), sensor, gain))
 
 
-def silent_nearer(sensor: pt.SensorModel, near: float) -> pt.CustomSensor:
+def silent_nearer(sensor: pt.sensors.SensorModel, near: float) -> pt.CustomSensor:
     """The curve with an output that stays the same nearer than a distance."""
     return pt.CustomSensor(
         log_output_function=lambda distance: np.asarray(sensor.log_output(np.maximum(distance, near))),
@@ -98,7 +98,10 @@ def test_shares_are_those_of_the_impulse_along_the_motion(first: float, last: fl
     [
         {},
         {"reference": pt.Reference(velocity=0.05, acceleration=-0.1)},
-        {"obstacle": pt.Obstacle(position=0.05, velocity=-0.2, acceleration=-0.5), "plant": pt.Plant(velocity=0.1)},
+        {
+            "obstacle": pt.Obstacle(position=0.05, velocity=-0.2, acceleration=-0.5),
+            "plant": pt.Plant(velocity=0.1),
+        },
     ],
 )
 def test_without_force_nearer_than_the_data_contact_is_that_of_a_silent_sensor(gain: float, given: Any) -> None:
@@ -234,5 +237,5 @@ def test_what_a_drag_does_where_no_data_are_is_its_share_of_the_logarithm_of_the
     assert found.speed_without_force > found.speed
     assert "at distances nearer than 8 mm, the sensor curve is extrapolated" in str(found)
     assert "% of the effect of the drag, ln(1/\u03c1)\n" in str(found)
-    design = pt.design_drag(task.replace(drag_effect=pt.DragEffect(ratio=0.15)))
+    design = pt.design(task.replace(drag_effect=pt.DragEffect(ratio=0.15)))
     assert reservations_of(report(0.008, 0.06), design).speed == pytest.approx(0.15 * 0.3, rel=1e-9)

@@ -10,18 +10,23 @@ import pytest
 from scipy import optimize, stats
 
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
-from pretouch.design import Constraint, DesignStatus, Objective, Task, design_gain, excursion_objective
-from pretouch.design.robust import (
+from pretouch.designs import (
     ConditionalValueAtRisk,
+    Constraint,
+    DesignStatus,
     Expected,
     Measure,
+    Objective,
     Quantile,
     Required,
     RobustDesign,
+    Task,
     WorstCase,
-    design_robust_gain,
+    design_gain,
+    excursion_objective,
 )
-from pretouch.design.robust.problem import RobustProblem
+from pretouch.designs.robust import robust
+from pretouch.designs.robust.problem import RobustProblem
 from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
 from pretouch.motion.scenario import scenario_with, sensor_with
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
@@ -43,7 +48,7 @@ MEASURES = (Expected(), Quantile(probability=0.9), ConditionalValueAtRisk(probab
 
 def design(sensor: SensorModel = CONSTANT, *, scenario: Scenario = SCENARIO, **given: object) -> RobustDesign:
     asked = {"uncertainty": SPEED, "samples": 256, "validation": 256, "bounds": BOUNDS, **given}
-    return design_robust_gain(Task(scenario, sensor, asked.pop("objective", OBJECTIVE), **with_robust_options(**asked)))  # type: ignore[arg-type]
+    return robust(Task(scenario, sensor, asked.pop("objective", OBJECTIVE), **with_robust_options(**asked)))  # type: ignore[arg-type]
 
 
 def limit(name: str, size: float, probability: float = 1.0) -> Required:

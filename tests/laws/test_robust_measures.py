@@ -12,10 +12,9 @@ from scipy import optimize, stats
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.vocabulary import QUANTITIES
-from pretouch.design import Constraint
-from pretouch.design.robust import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
-from pretouch.design.robust.required import least_probability
-from pretouch.design.robust.validation import LimitOutcome, Validation
+from pretouch.designs import ConditionalValueAtRisk, Constraint, Expected, Measure, Quantile, Required, WorstCase
+from pretouch.designs.robust.required import least_probability
+from pretouch.designs.robust.validation import LimitOutcome, Validation
 from properties import examples
 
 VALUES = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40)

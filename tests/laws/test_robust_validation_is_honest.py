@@ -16,11 +16,11 @@ TASK = pt.Task(
     pt.excursion_objective(position_scale=0.5, velocity_scale=0.3),
     bounds=(-10.0, -0.01),
     constraints=[
-        pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.1), probability=0.5),
+        pt.designs.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.1), probability=0.5),
     ],
     uncertainty={
-        "obstacle.velocity": pt.robust.TruncatedNormal(location=-0.3, deviation=0.1, low=-0.6, high=-0.1),
-        "obstacle.position": pt.robust.Uniform(low=0.035, high=0.05),
+        "obstacle.velocity": pt.uncertainty.TruncatedNormal(location=-0.3, deviation=0.1, low=-0.6, high=-0.1),
+        "obstacle.position": pt.uncertainty.Uniform(low=0.035, high=0.05),
     },
 )
 SEEDS = 40
@@ -28,9 +28,9 @@ SEEDS = 40
 
 @pytest.mark.parametrize("sampling", ["sobol", "random"])
 def test_the_bounds_of_the_validation_contain_the_truth_for_all_seeds(sampling: str) -> None:
-    def design(seed: int, validation: int = 300) -> pt.robust.RobustDesign:
-        options = pt.robust.RobustOptions(samples=64, validation=validation, seed=seed, sampling=sampling)
-        return pt.robust.design_robust_gain(TASK.replace(robust=options, bounds=(-0.800001, -0.8)))
+    def design(seed: int, validation: int = 300) -> pt.designs.RobustDesign:
+        options = pt.designs.RobustOptions(samples=64, validation=validation, seed=seed, sampling=sampling)
+        return pt.robust(TASK.replace(robust=options, bounds=(-0.800001, -0.8)))
 
     truth = design(1000, validation=40_000).validation
     held = truth.limits[0].held

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch.design.drag import DragLimits, predict_drag
+from pretouch.designs.drag import DragLimits, predict_drag
 
 PATH = Path(__file__).parents[2] / "examples" / "self_ranging.py"
 
@@ -68,7 +68,7 @@ def test_without_noise_and_delay_it_keeps_the_bound_of_the_weak_rail(
         admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
         obstacle=pt.Obstacle(position=example.START, velocity=-speed, acceleration=acceleration),
     )
-    found = pt.simulate(scenario, example.SENSOR, controller, chain=pt.SensorChain(rate=4000.0))
+    found = pt.simulation.simulate_loop(scenario, example.SENSOR, controller, chain=pt.SensorChain(rate=4000.0))
     assert -found.relative_velocity <= 1.01 * example.RAILS.contact_speed_bound(speed, -acceleration)
 
 

@@ -21,7 +21,7 @@ XI = SENSOR.output(0.02)
 
 def readings(horizon: float = 2.0, scenario: pt.Scenario = STILL, seed: int = 0, **chain: Any) -> np.ndarray:
     law = BareLaw(-1e-12, 1e-3)
-    run = pt.simulate(
+    run = pt.simulation.simulate_loop(
         scenario, SENSOR, law, chain=pt.SensorChain(**{"rate": 1000.0} | chain), horizon=horizon, seed=seed
     )
     return run.trace().reading
@@ -100,7 +100,7 @@ def test_a_slower_sensor_keeps_its_reading_between() -> None:
 def test_nothing_is_seen_beyond_the_range() -> None:
     near = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32, maximum_distance=0.03)
     law = BareLaw(-1e-12, 1e-3)
-    trace = pt.simulate(PASSING, near, law, chain=pt.SensorChain(rate=1000.0, offset=0.01)).trace()
+    trace = pt.simulation.simulate_loop(PASSING, near, law, chain=pt.SensorChain(rate=1000.0, offset=0.01)).trace()
     seen = trace.distance <= 0.03
     assert seen.any()
     assert not seen.all()
@@ -114,7 +114,7 @@ def test_runs_of_one_seed_meet_the_same_noise_whatever_else_is_changed() -> None
     assert abs(np.corrcoef(one, other)[0, 1]) < 4 / np.sqrt(2000)
     law = BareLaw(-1e-12, 1e-3)
     chain = pt.SensorChain(rate=1000.0, noise=1e-3)
-    many = pt.simulate(STILL, SENSOR, law, chain=chain, runs=3, horizon=0.1, seed=5)
+    many = pt.simulation.simulate_loop(STILL, SENSOR, law, chain=chain, runs=3, horizon=0.1, seed=5)
     first, second = many.trace(0).reading, many.trace(1).reading
     assert np.array_equal(first, one[:100])
     assert not np.array_equal(first, second)
@@ -124,7 +124,7 @@ def curve_errors(runs: int, **chain: Any) -> tuple[np.ndarray, np.ndarray]:
     """The distances that an object passes, and ln of reading / xi at them in each run."""
     law = BareLaw(-1e-12, 1e-3)
     made = pt.SensorChain(**{"rate": 1000.0, "misfit": 0.03, "misfit_length": 0.008} | chain)
-    several = pt.simulate(PASSING, SENSOR, law, chain=made, runs=runs, horizon=0.1)
+    several = pt.simulation.simulate_loop(PASSING, SENSOR, law, chain=made, runs=runs, horizon=0.1)
     distance = 0.04 - 0.3 * np.arange(100) * 1e-3
     found = np.array([several.trace(i).reading for i in range(runs)])
     return distance, np.log(found / SENSOR.output(distance))
@@ -168,7 +168,7 @@ def test_a_misfit_moves_the_contact_of_a_run_and_no_noise_does_that_for_it() -> 
     law = BareLaw(-0.7, 1e-3)
 
     def spread(**chain: Any) -> float:
-        run = pt.simulate(PASSING, SENSOR, law, chain=pt.SensorChain(rate=1000.0, **chain), runs=200)
+        run = pt.simulation.simulate_loop(PASSING, SENSOR, law, chain=pt.SensorChain(rate=1000.0, **chain), runs=200)
         return float(np.std(run.relative_velocity))
 
     none = spread()
@@ -200,7 +200,7 @@ def test_the_chain_of_a_calibration_has_its_noise_offset_and_steps() -> None:
     rng = np.random.default_rng(3)
     distance = np.repeat(np.linspace(0.002, 0.04, 20), 10)
     outputs = SENSOR.output(distance) + 0.05 + 1e-3 * rng.standard_normal(200)
-    fit = pt.fit_sensor(pt.Calibration(distances=distance, outputs=outputs), "inverse-power")
+    fit = pt.calibration.fit_sensor(pt.Calibration(distances=distance, outputs=outputs), "inverse-power")
     chain = pt.simulation.chain_of_fit(fit, rate=100.0, delay=0.002)
     assert chain.noise == fit.noise.output
     assert chain.relative_noise == fit.noise.relative
@@ -214,9 +214,12 @@ def test_a_random_phase_is_another_in_each_run_and_uniform() -> None:
     """The law sees the object at its first step after the first reading, so phases come out rounded up to 1 ms."""
     chain = pt.SensorChain(rate=20.0, random_phase=True)
     law = BareLaw(-1e-12, 1e-3, hold=0.05)
-    start = [pt.simulate(STILL, SENSOR, law, chain=chain, horizon=0.06, seed=seed).trace().reading for seed in range(3)]
+    start = [
+        pt.simulation.simulate_loop(STILL, SENSOR, law, chain=chain, horizon=0.06, seed=seed).trace().reading
+        for seed in range(3)
+    ]
     assert len({int(np.argmax(reading > 0)) for reading in start}) == 3  # another with each seed
-    several = pt.simulate(STILL, SENSOR, law, chain=chain, horizon=0.06, runs=400)
+    several = pt.simulation.simulate_loop(STILL, SENSOR, law, chain=chain, horizon=0.06, runs=400)
     first = np.array([np.argmax(several.trace(i).reading > 0) for i in range(400)]) * 1e-3
     assert first.max() <= 0.051
     assert stats.kstest(first, "uniform", args=(0.0005, 0.05)).pvalue > 1e-3
@@ -242,7 +245,7 @@ def test_a_reading_within_the_step_that_ends_at_a_touch_is_that_of_its_instant()
     law = BareLaw(-1e-12, 1e-3, damping=0.0, stiffness=0.0)
     chain = pt.SensorChain(rate=1000.0, phase=1e-4)
     contact = pt.simulation.SpringDamper(stiffness=1e4)
-    run = pt.simulate(scenario, curve, law, chain=chain, plant=free, contact=contact, follow_time=0.01)
+    run = pt.simulation.simulate_loop(scenario, curve, law, chain=chain, plant=free, contact=contact, follow_time=0.01)
     trace = run.trace()
     assert run.time == pytest.approx(0.01 / 0.3, abs=1e-9)
     read = trace.reading[np.searchsorted(trace.time, 0.034 - 1e-9)]
@@ -279,7 +282,7 @@ def test_a_disturbance_changes_the_readings_while_it_lasts(kind: str, own: dict[
 def test_a_disturbance_begins_at_its_distance() -> None:
     law = BareLaw(-1e-12, 1e-3)
     chain = pt.SensorChain(rate=1000.0, disturbances=[Disturbance(kind="cable", distance=0.02)])
-    run = pt.simulate(PASSING, SENSOR, law, chain=chain, horizon=2.0)
+    run = pt.simulation.simulate_loop(PASSING, SENSOR, law, chain=chain, horizon=2.0)
     trace = run.trace()
     assert ((trace.reading == 0.0) == (trace.distance <= 0.02)).all()
 

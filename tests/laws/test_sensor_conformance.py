@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from encounters import CURVES
 from pretouch._core.errors import InvalidInputError
-from pretouch.design import DragEffect, Task, design_drag, design_gain, excursion_objective
+from pretouch.designs import DragEffect, Task, design_drag, design_gain, excursion_objective
 from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
 from pretouch.sensors import (
     CustomSensor,

@@ -49,16 +49,19 @@ def loop(**given: Any) -> ClosedLoop:
     return ClosedLoop(**{"law": law(), "chain": pt.SensorChain(rate=1000.0), **given})
 
 
-def compared(encounter: pt.SimulatedEncounter) -> dict[str, tuple[float | None, ...]]:
+def compared(encounter: pt.verification.SimulatedEncounter) -> dict[str, tuple[float | None, ...]]:
     return {row.name: row.values for row in encounter.comparisons}
 
 
 @pytest.mark.parametrize("sensor", [POWER, CONSTANT], ids=["any curve", "constant slope"])
-def test_compared_numbers_are_those_of_simulate_and_find_contact(sensor: pt.SensorModel) -> None:
+def test_compared_numbers_are_those_of_simulate_and_find_contact(sensor: pt.sensors.SensorModel) -> None:
     built = loop(chain=pt.SensorChain(rate=250.0, noise=1e-3, delay=1e-3), law=law(sensor_period=4e-3), plant=ROBOT)
-    rows = compared(pt.simulate_encounter(pt.Task(SCENARIO, sensor, loop=built, gain=GAIN)))
+    rows = compared(pt.simulate(pt.Task(SCENARIO, sensor, loop=built, gain=GAIN)))
     assert list(rows) == ["time", "relative_velocity", "position", "largest_excursion", "largest_virtual_force"]
-    runs = [pt.simulate(SCENARIO, sensor, built.law.with_value(g), chain=built.chain, plant=ROBOT) for g in (GAIN, 0.0)]
+    runs = [
+        pt.simulation.simulate_loop(SCENARIO, sensor, built.law.with_value(g), chain=built.chain, plant=ROBOT)
+        for g in (GAIN, 0.0)
+    ]
     solved = [pt.find_contact(SCENARIO, sensor, g).end for g in (GAIN, 0.0)]
     for name, row in rows.items():
         assert row == (
@@ -68,7 +71,7 @@ def test_compared_numbers_are_those_of_simulate_and_find_contact(sensor: pt.Sens
 
 
 def test_differences_are_of_the_loop_against_the_prediction() -> None:
-    row = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(), gain=GAIN)).comparison("relative_velocity")
+    row = pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(), gain=GAIN)).comparison("relative_velocity")
     assert row.loop is not None
     assert row.predicted is not None
     assert row.difference == row.loop - row.predicted
@@ -80,7 +83,7 @@ def test_differences_are_of_the_loop_against_the_prediction() -> None:
 
 def test_contact_quantities_are_those_of_the_loop_and_of_the_impact_model() -> None:
     built = loop(plant=ROBOT, contact=CONTACT)
-    encounter = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=built, gain=GAIN, impact=IMPACT))
+    encounter = pt.simulate(pt.Task(SCENARIO, POWER, loop=built, gain=GAIN, impact=IMPACT))
     rows = compared(encounter)
     for name in ("impact_force", "peak_force", "impulse"):
         assert rows[name][0] == getattr(encounter.run, name)
@@ -88,7 +91,7 @@ def test_contact_quantities_are_those_of_the_loop_and_of_the_impact_model() -> N
     assert rows["impact_force"][1] == IMPACT.peak_force(encounter.prediction.end.relative_velocity)
     assert rows["impact_force"][3] == IMPACT.peak_force(-0.3)
     assert rows["peak_force"][1] is None
-    without = compared(pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=built, gain=GAIN)))
+    without = compared(pt.simulate(pt.Task(SCENARIO, POWER, loop=built, gain=GAIN)))
     assert without["impact_force"] == (rows["impact_force"][0], None, rows["impact_force"][2], None)
 
 
@@ -99,14 +102,14 @@ def test_both_runs_meet_the_same_noise() -> None:
     def noise(trace: pt.simulation.LoopTrace) -> Any:
         return trace.reading - POWER.output(trace.distance)
 
-    one = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(chain=noisy), gain=GAIN))
+    one = pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(chain=noisy), gain=GAIN))
     with_gain, without = noise(one.trace), noise(one.unmitigated_trace)
     count = min(len(with_gain), len(without))
     assert count > 100
     # ln xi is tabulated to 1e-12, and xi is below 0.5
     assert with_gain[:count] == pytest.approx(without[:count], abs=1e-11)
     assert np.std(without) == pytest.approx(2e-3, rel=0.3)  # of 140 readings: 5 standard errors
-    other = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(chain=noisy, seed=1), gain=GAIN))
+    other = pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(chain=noisy, seed=1), gain=GAIN))
     assert not np.allclose(noise(other.trace)[:count], with_gain[:count], atol=1e-5)
 
 
@@ -114,7 +117,7 @@ def test_the_law_sees_the_object_where_a_reading_first_exceeds_its_floor() -> No
     reach = 0.020
     chain = pt.SensorChain(rate=200.0, delay=2e-3)
     floor = float(CONSTANT.output(reach))
-    encounter = pt.simulate_encounter(
+    encounter = pt.simulate(
         pt.Task(SCENARIO, CONSTANT, loop=loop(law=law(floor, sensor_period=5e-3), chain=chain), gain=GAIN)
     )
     seen = encounter.detection
@@ -135,7 +138,7 @@ def speeds_by_reach(*reaches: float) -> list[float]:
     """Contact speeds where the law sees the object from these distances on, and where it says so."""
     found = []
     for reach in reaches:
-        encounter = pt.simulate_encounter(
+        encounter = pt.simulate(
             pt.Task(SCENARIO, CONSTANT, loop=loop(law=law(float(CONSTANT.output(reach)))), gain=GAIN)
         )
         assert encounter.detection is not None
@@ -161,7 +164,7 @@ def test_an_object_that_is_seen_earlier_is_not_always_met_softer() -> None:
 
 
 def test_a_law_that_sees_nothing_is_said_to_see_nothing() -> None:
-    encounter = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(law=law(floor=10.0)), gain=GAIN))
+    encounter = pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(law=law(floor=10.0)), gain=GAIN))
     assert encounter.detection is None
     assert "never detected" in encounter.warnings[0]
     rows = compared(encounter)
@@ -171,7 +174,7 @@ def test_a_law_that_sees_nothing_is_said_to_see_nothing() -> None:
 
 def test_repeated_contacts_are_told_one_by_one() -> None:
     built = loop(plant=SOFT_ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e7, dissipation=0.3), follow_time=0.2)
-    encounter = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=built, gain=-0.3))
+    encounter = pt.simulate(pt.Task(SCENARIO, POWER, loop=built, gain=-0.3))
     run, contacts = encounter.run, encounter.contacts
     assert len(contacts) == run.contacts > 2
     assert contacts[0].time == run.time
@@ -188,7 +191,7 @@ def test_repeated_contacts_are_told_one_by_one() -> None:
 
 
 def test_a_contact_that_lasts_has_no_end() -> None:
-    encounter = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(plant=ROBOT, contact=CONTACT), gain=GAIN))
+    encounter = pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(plant=ROBOT, contact=CONTACT), gain=GAIN))
     last = encounter.contacts[-1]
     assert last.rebound_velocity is None
     assert " in contact at the end " in line(str(encounter), f"after {format_quantity(last.time, 's')}")
@@ -197,7 +200,7 @@ def test_a_contact_that_lasts_has_no_end() -> None:
 
 def test_flags_say_what_was_reported_since_when_and_for_how_long() -> None:
     built = loop(law=law(float(POWER.output(0.03)), limits=Limits(force=2.0)), plant=ROBOT, contact=CONTACT)
-    encounter = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=built, gain=GAIN))
+    encounter = pt.simulate(pt.Task(SCENARIO, POWER, loop=built, gain=GAIN))
     flags, trace = {flag.name: flag for flag in encounter.flags}, encounter.trace
     assert set(flags) == {"detecting", "force-limited", "in-contact"}
     assert next(iter(flags)) == "detecting"
@@ -238,7 +241,7 @@ class LoudLaw(BareLaw):
 
 
 def test_any_law_can_be_looked_at() -> None:
-    encounter = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(law=LoudLaw(0.0, 1e-3)), gain=GAIN))
+    encounter = pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(law=LoudLaw(0.0, 1e-3)), gain=GAIN))
     # as close as the law of pretouch.control is: an error of the first order in T
     assert abs(encounter.comparison("relative_velocity").relative_difference or 1.0) < 0.02
     assert [flag.name for flag in encounter.flags] == ["detecting", "flag-4096"]
@@ -250,15 +253,15 @@ def test_any_law_can_be_looked_at() -> None:
 
 def test_a_loop_that_runs_away_says_so() -> None:
     with np.errstate(over="ignore"):
-        encounter = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(law=LoudLaw(0.0, 1e-3)), gain=-1e308))
-    assert encounter.run.status is pt.ContactStatus.UNRESOLVED
+        encounter = pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(law=LoudLaw(0.0, 1e-3)), gain=-1e308))
+    assert encounter.run.status is pt.motion.ContactStatus.UNRESOLVED
     assert encounter.headline.startswith("The simulated loop diverges: its values exceed all bounds after ")
     assert json.loads(as_json(encounter.to_dict()))["status"] == "unresolved"
     assert_legible(plots.simulation(encounter))
 
 
 def test_runs_that_do_not_come_to_a_contact_say_so() -> None:
-    short = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(horizon=0.2), gain=GAIN))
+    short = pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(horizon=0.2), gain=GAIN))
     assert short.headline.startswith(
         "The run on the simulated loop ends after 200 ms without contact; the smallest distance is "
     )
@@ -271,8 +274,8 @@ def test_runs_that_do_not_come_to_a_contact_say_so() -> None:
     free = pt.Admittance(mass=1.0, damping=10.0, stiffness=0.0)
     thrown = pt.Scenario(admittance=free, obstacle=pt.Obstacle(position=0.0422), plant=pt.Plant(velocity=0.5))
     built = loop(law=dataclasses.replace(law(), admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=0.0)))
-    never = pt.simulate_encounter(pt.Task(thrown, POWER, loop=built, gain=-0.9))
-    assert never.prediction.status is pt.ContactStatus.NEVER
+    never = pt.simulate(pt.Task(thrown, POWER, loop=built, gain=-0.9))
+    assert never.prediction.status is pt.motion.ContactStatus.NEVER
     assert "predicted: never in contact" in never.headline
     assert compared(never)["largest_excursion"][1] is None
     assert never.contacts == ()
@@ -282,7 +285,7 @@ def test_runs_that_do_not_come_to_a_contact_say_so() -> None:
 
 
 def test_the_headline_is_made_of_the_numbers() -> None:
-    encounter = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(), gain=GAIN))
+    encounter = pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(), gain=GAIN))
     speed, time = encounter.comparison("relative_velocity"), encounter.comparison("time")
     assert speed.relative_difference is not None
     assert time.difference is not None
@@ -297,9 +300,7 @@ def test_the_headline_is_made_of_the_numbers() -> None:
 
 
 def test_an_encounter_is_one_json_object_one_line_and_a_report() -> None:
-    encounter = pt.simulate_encounter(
-        pt.Task(SCENARIO, POWER, loop=loop(plant=ROBOT, contact=CONTACT), gain=GAIN, impact=IMPACT)
-    )
+    encounter = pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(plant=ROBOT, contact=CONTACT), gain=GAIN, impact=IMPACT))
     found = json.loads(as_json(encounter.to_dict()))
     assert found["status"] == "contact"
     assert found["loop"]["time"] == encounter.run.time
@@ -315,7 +316,7 @@ def test_an_encounter_is_one_json_object_one_line_and_a_report() -> None:
 @pytest.mark.slow
 def test_an_obstacle_with_a_course_is_run_and_predicted(tmp_path: Path) -> None:
     """The example comes, stops at 28 mm, and comes again: by its stretches at 0.3 m/s, from 0.4 s on."""
-    encounter = pt.simulate_encounter(pt.load_scenario(EXAMPLES / "course.toml"))
+    encounter = pt.simulate(pt.load_scenario(EXAMPLES / "course.toml"))
     # 42.2 mm: 10 mm and 4 mm until it is at rest, 15 mm while it comes again, 13.2 mm at 0.3 m/s; the robot rests
     assert encounter.unmitigated.time == pytest.approx(0.444, abs=1e-9)
     assert encounter.unmitigated.relative_velocity == pytest.approx(-0.3, abs=1e-9)
@@ -335,10 +336,10 @@ def test_an_obstacle_with_a_course_is_run_and_predicted(tmp_path: Path) -> None:
 def test_an_encounter_that_cannot_be_asked_for_is_refused() -> None:
     many = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.0422, velocity=[-0.3, -0.4]))
     with pytest.raises(pt.errors.InvalidInputError, match=r"scenario: found an array of encounters of shape \(2,\)"):
-        pt.simulate_encounter(pt.Task(many, POWER, loop=loop(), gain=GAIN))
+        pt.simulate(pt.Task(many, POWER, loop=loop(), gain=GAIN))
     with pytest.raises(pt.errors.InvalidInputError, match=r"gain: found \[-0.7, -0.8\], expected a number"):
-        pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(), gain=[-0.7, -0.8]))  # type: ignore[arg-type]
+        pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(), gain=[-0.7, -0.8]))  # type: ignore[arg-type]
     with pytest.raises(pt.errors.InvalidInputError, match="gain: found nan"):
-        pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(), gain=math.nan))
+        pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(), gain=math.nan))
     with pytest.raises(pt.errors.InvalidInputError, match="expected one of time, relative_velocity"):
-        pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(), gain=GAIN)).comparison("speed")
+        pt.simulate(pt.Task(SCENARIO, POWER, loop=loop(), gain=GAIN)).comparison("speed")

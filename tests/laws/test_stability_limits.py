@@ -252,12 +252,12 @@ def test_the_limit_bounds_a_design(letter_power: pt.InversePower, letter_encount
         letter_power, LETTER, pt.simulation.LoopTiming(rate=15.0), distance=np.linspace(0, 0.0422, 33)
     )
     bounds = limit.bounds(margin=2.0)
-    design = pt.design_gain(pt.Task(letter_encounter, letter_power, objective, bounds=bounds))
+    design = pt.design(pt.Task(letter_encounter, letter_power, objective, bounds=bounds))
     assert design.gain == pytest.approx(limit.strongest / 2)
     fast = pt.simulation.gain_limit(
         letter_power, LETTER, pt.simulation.LoopTiming(rate=1000.0), distance=np.linspace(0, 0.0422, 33)
     )
-    design = pt.design_gain(pt.Task(letter_encounter, letter_power, objective, bounds=fast.bounds()))
+    design = pt.design(pt.Task(letter_encounter, letter_power, objective, bounds=fast.bounds()))
     assert design.gain == pytest.approx(-0.7463, abs=1e-4)
 
 

@@ -16,16 +16,16 @@ import pretouch as pt
 from page_rows import line
 from pretouch._core.files import as_json
 from pretouch._core.vocabulary import QUANTITIES
-from pretouch.design import QUANTITY_UNITS
-from pretouch.design.constraints import CONSTRAINT_NAMES
-from pretouch.design.robust.required import least_probability, runs_to_show
+from pretouch.designs import QUANTITY_UNITS
+from pretouch.designs.constraints import CONSTRAINT_NAMES
+from pretouch.designs.robust.required import least_probability, runs_to_show
 from pretouch.report.pages import page_of
 from pretouch.verification.appraisal import simulated_quantity
 from verification_samples import NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-HOLDS, NARROWLY = pt.VerdictStatus.HOLDS, pt.VerdictStatus.HOLDS_NARROWLY
-DOES_NOT, NO_GAIN = pt.VerdictStatus.DOES_NOT_HOLD, pt.VerdictStatus.NO_GAIN
+HOLDS, NARROWLY = pt.verification.VerdictStatus.HOLDS, pt.verification.VerdictStatus.HOLDS_NARROWLY
+DOES_NOT, NO_GAIN = pt.verification.VerdictStatus.DOES_NOT_HOLD, pt.verification.VerdictStatus.NO_GAIN
 ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
 
 
@@ -94,7 +94,9 @@ def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
         ([pt.Constraint(name="excursion", limit=0.0985)], NARROWLY, "is met with a margin of only"),
     ],
 )
-def test_the_status_follows_from_limits(limits: list[Any], status: pt.VerdictStatus, reason: str | None) -> None:
+def test_the_status_follows_from_limits(
+    limits: list[Any], status: pt.verification.VerdictStatus, reason: str | None
+) -> None:
     """All of 60 runs show 0.05^(1/60) = 95.13 % and no more."""
     found = verdict(NOISY, gain=-0.7463, constraints=limits, changes=False)
     assert found.status is status
@@ -265,13 +267,13 @@ def test_a_gain_is_verified_where_there_is_no_ideal_one() -> None:
     ],
 )
 def test_a_gain_is_praised_for_a_contact_that_it_avoids_and_not_for_one_that_never_comes(
-    acceleration: float, status: pt.VerdictStatus, headline: str
+    acceleration: float, status: pt.verification.VerdictStatus, headline: str
 ) -> None:
     """Without mitigation, the object stops after 0.3^2 / (2 a): 45 mm, or 37.5 mm, which is less than its distance."""
     scenario = replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, acceleration=acceleration))
-    verify = pt.VerifyOptions(runs=10)
+    verify = pt.designs.VerifyOptions(runs=10)
     task = pt.Task(scenario, SENSOR, OBJECTIVE, loop=NOISY, bounds=(-10.0, -0.01), gain=-0.5, verify=verify)
-    found = pt.verify_gain(task, changes=False)
+    found = pt.verify(task, changes=False)
     assert (found.status, found.mitigated.touched.any()) == (status, False)
     assert found.unmitigated.touched.all() == (status is HOLDS)
     assert headline in found.headline
@@ -280,13 +282,13 @@ def test_a_gain_is_praised_for_a_contact_that_it_avoids_and_not_for_one_that_nev
 @pytest.mark.slow
 @pytest.mark.parametrize(("excursion", "status"), [(0.2, HOLDS), (0.01, DOES_NOT)])
 def test_a_gain_that_avoids_the_contact_keeps_limits_of_the_contact_but_not_of_the_motion(
-    excursion: float, status: pt.VerdictStatus
+    excursion: float, status: pt.verification.VerdictStatus
 ) -> None:
     scenario = replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, acceleration=1.0))
     limits = pt.Constraint(name="relative_velocity", limit=1e-3), pt.Constraint(name="excursion", limit=excursion)
-    verify = pt.VerifyOptions(runs=10)
+    verify = pt.designs.VerifyOptions(runs=10)
     task = pt.Task(scenario, SENSOR, OBJECTIVE, loop=NOISY, bounds=(-10.0, -0.01), gain=-0.5, verify=verify)
-    found = pt.verify_gain(task.replace(constraints=limits))
+    found = pt.verify(task.replace(constraints=limits))
     assert not found.mitigated.touched.any()
     assert found.status is status
     assert [check.held for check in found.limits] == [1.0, 1.0 if status is HOLDS else 0.0]
@@ -302,7 +304,7 @@ def test_readings_that_are_older_than_the_timeout_are_named() -> None:
     step = page_of(found).next_step
     assert step.startswith("set timeout of the controller well above 12 ms, because it ignores readings older than 10")
     assert any(text.startswith("PT405") and "set timeout" in text for text in found.warnings)
-    alone = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=late, gain=-0.5))
+    alone = pt.simulate(pt.Task(SCENARIO, SENSOR, loop=late, gain=-0.5))
     assert any(text.startswith("PT405") and "set timeout" in text for text in alone.warnings)
     patient = loop_of(rate=1000.0, delay=12e-3, conditioning={"timeout": 0.05})
     assert not any(text.startswith("PT405: The object was never") for text in verdict(patient, runs=5).warnings)
@@ -319,7 +321,7 @@ def test_the_next_step_for_an_unstable_loop_is_a_stable_gain() -> None:
 @pytest.mark.slow
 def test_runs_without_the_contact_that_is_predicted_are_counted() -> None:
     """The slower the object, the later it comes: some come after the loop has stopped waiting."""
-    known = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
+    known = {"obstacle.velocity": pt.uncertainty.Uniform(low=-0.4, high=-0.2)}
     found = verdict(replace(NOISY, horizon=0.5), gain=-0.7463, uncertainty=known, runs=100, changes=False)
     assert found.mitigated is not None
     missing = int((~found.mitigated.touched).sum())
@@ -342,11 +344,11 @@ def test_runs_without_the_contact_that_is_predicted_are_counted() -> None:
 @pytest.mark.slow
 def test_uncertain_inputs_make_other_encounters_and_sensors() -> None:
     known = {
-        "obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2),
-        "sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.1),
+        "obstacle.velocity": pt.uncertainty.Uniform(low=-0.4, high=-0.2),
+        "sensor.exponent": pt.uncertainty.Normal(mean=3.32, deviation=0.1),
     }
     found = verdict(NOISY, gain=-0.7463, uncertainty=known, runs=40, changes=False)
-    drawn = pt.robust.sample_inputs(known, 40, seed=0)
+    drawn = pt.uncertainty.sample_inputs(known, 40, seed=0)
     assert found.unmitigated is not None
     assert found.mitigated is not None
     assert np.abs(found.unmitigated.relative_velocity) == pytest.approx(-drawn["obstacle.velocity"])
@@ -422,8 +424,8 @@ def test_the_objective_of_a_run_is_that_of_its_contact() -> None:
 def test_an_objective_of_forces_is_that_of_the_runs() -> None:
     objective = pt.Objective(terms=(pt.Term(quantity="virtual_force", scale=10.0),))
     options: dict[str, Any] = {"bounds": (-10.0, -0.01), "gain": -0.7463, "constraints": [velocity_limit(0.08)]}
-    found = pt.verify_gain(
-        pt.Task(SCENARIO, SENSOR, objective, loop=NOISY, verify=pt.VerifyOptions(runs=60), **options)
+    found = pt.verify(
+        pt.Task(SCENARIO, SENSOR, objective, loop=NOISY, verify=pt.designs.VerifyOptions(runs=60), **options)
     )
     assert found.loss is not None
     assert found.mitigated is not None
@@ -476,7 +478,7 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     )
     low: Any = replace(task.loop.law, conditioning=replace(task.loop.law.conditioning, floor=100.0))
     task = task.replace(loop=replace(task.loop, law=replace(low, law=replace(low.law, approach_only=False)), seed=seed))
-    (said,) = (text for text in pt.verify_gain(task, changes=False).warnings if "robot at rest" in text)
+    (said,) = (text for text in pt.verify(task, changes=False).warnings if "robot at rest" in text)
     found = re.search(
         r"by up to ([\d.]+) mm within 30 s: a controller floor of ([\d.]+) instead of 100 limits this to 1 mm, "
         r"but detects objects only at ([\d.]+) mm, where the encounter must then start\. ",
@@ -485,7 +487,7 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     assert found is not None
     moved, floor, place = (float(number) for number in found.groups())
     assert moved > 1
-    loop, gain = task.loop, pt.design_gain(task.replace(evaluate=None)).gain
+    loop, gain = task.loop, pt.design(task.replace(evaluate=None)).gain
     places = np.linspace(0.02, 0.25, 4001)
     level = np.exp(np.asarray(task.sensor.log_output(places)))  # crosstalk and offset are the same
     assert 1e3 * places[level >= floor].max() == pytest.approx(place, abs=1.0)  # of which the steps are 1 mm
@@ -502,7 +504,7 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     assert (moves(loop.law.conditioning.floor) > moved).mean(axis=1).max() < 7 / 24  # 7 of 24: by chance 1e-4
     assert (moves(floor) > 1).mean(axis=1).max() < 7 / 24
     held = replace(loop.law, conditioning=replace(loop.law.conditioning, floor=floor))
-    still = pt.verify_gain(task.replace(loop=replace(loop, law=held)), changes=False)
+    still = pt.verify(task.replace(loop=replace(loop, law=held)), changes=False)
     assert not any("robot at rest" in text for text in still.warnings)
 
 
@@ -532,7 +534,7 @@ def test_pages_have_words_instead_of_identifiers() -> None:
     found = str(verdict(replace(NOISY, plant=pt.simulation.ImpedancePlant(mass=4.0, stiffness=4e3, damping=250.0))))
     assert "law virtual damper;" in found
     assert "(unit of the readings)" in found
-    encounter = str(pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=NOISY, gain=-0.7463)))
+    encounter = str(pt.simulate(pt.Task(SCENARIO, SENSOR, loop=NOISY, gain=-0.7463)))
     assert "Robot: ideal: it follows the virtual object exactly" in encounter
     for identifier in ("[unit of", "VirtualDamper", "ImpedancePlant", "IdealPlant", "Controller every"):
         assert identifier not in found + encounter

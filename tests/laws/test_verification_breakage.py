@@ -125,7 +125,7 @@ def _at_rest(release: float | None, floor: float, noise: float) -> FloatArray:
     places = np.array([0.03, 0.0422, 0.06])
     admittance = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
     scenario = pt.Scenario(admittance=admittance, obstacle=pt.Obstacle(position=0.0422))
-    task = pt.design.Task(scenario, sensor, loop=loop, gain=GAIN)
+    task = pt.designs.Task(scenario, sensor, loop=loop, gain=GAIN)
     return _largest(task, GAIN, loop, places, 4)
 
 

@@ -60,7 +60,7 @@ def test_a_calibration_with_its_offset_holds(tmp_path: Path) -> None:
     file = write_scene(tmp_path, SCENE, far=0.06, no_object=True)
     problem = pt.load_scenario(file)
     assert problem.calibration.verdict == "usable"
-    found = pt.verify_gain(problem, changes=False)
+    found = pt.verify(problem, changes=False)
     check = found.calibration_check
     assert found.status.value == "holds"
     assert check.is_good_enough
@@ -76,13 +76,13 @@ def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
 ) -> None:
     """8 distances up to 14 mm, extended to 45 mm: many more sensors fail where the offset is withheld."""
     file = write_scene(tmp_path, ON_ITS_LIMIT, far=0.014, no_object=True, seed=4)
-    known = pt.verify_gain(pt.load_scenario(file), changes=False).calibration_check
+    known = pt.verify(pt.load_scenario(file), changes=False).calibration_check
     assert known.failing < 20
     file = write_scene(tmp_path, ON_ITS_LIMIT, far=0.014, no_object=False, seed=4)
     problem = pt.load_scenario(file)
-    found = pt.verify_gain(problem, changes=False)
+    found = pt.verify(problem, changes=False)
     check = found.calibration_check
-    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD
     assert check.reason in found.reasons
     assert f"  {check.reason}\n" in str(found)
     assert check.failing > 2 * known.failing
@@ -110,7 +110,7 @@ def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
 
 @dataclass(frozen=True)
 class Drawn:
-    sensor: pt.SensorModel
+    sensor: pt.sensors.SensorModel
     offset: float
     ignored: float | None = None
 
@@ -129,27 +129,29 @@ class Allowed:
 
 
 @cache
-def report() -> pt.CalibrationReport:
+def report() -> pt.calibration.CalibrationReport:
     """The letter's curve without noise, its offset of 0.05 known."""
     distance = np.linspace(0, 0.06, 20)
     outputs = SENSOR.output(distance) + 0.05
     calibration = pt.Calibration(distances=distance, outputs=outputs, no_object=[0.05, 0.05, 0.05], unit="V")
-    return pt.rank_models(calibration, models=("inverse-power",))
+    return pt.fit(calibration, models=("inverse-power",))
 
 
-def judged(make: Callable[[np.random.Generator], Drawn], sensor: Any = SENSOR, **options: Any) -> pt.Verdict:
+def judged(
+    make: Callable[[np.random.Generator], Drawn], sensor: Any = SENSOR, **options: Any
+) -> pt.verification.Verdict:
     """Judge the letter's gain with a calibration that allows these curves."""
     known = replace(report(), curves=Allowed(make))
     chain = {"offset": 0.05} | options.pop("chain", {})
     loop = loop_of(rate=1000.0, conditioning={"offset": 0.05, "floor": 1e-3}, **chain)
-    return pt.verify_gain(
+    return pt.verify(
         pt.Task(
             SCENARIO,
             sensor,
             OBJECTIVE,
             loop=loop,
             bounds=BOUNDS,
-            verify=pt.VerifyOptions(runs=2),
+            verify=pt.designs.VerifyOptions(runs=2),
             calibration=known,
             **options,
         ),
@@ -182,7 +184,7 @@ def test_what_matters_most_is_what_is_open() -> None:
     """Each of the three alone, wide enough to move contact by far more than 15 %."""
     found = judged(lambda rng: drawn(exponent=rng.uniform(1.0, 5.0)))
     curve = found.calibration_check
-    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD
     assert found.reasons == (curve.reason,)
     assert curve.reason in found.headline
     assert not curve.is_good_enough
@@ -223,13 +225,10 @@ def test_drawn_curves_are_sunk_and_extended_as_the_fitted_one() -> None:
 
 def test_without_a_calibration_or_with_too_few_readings_nothing_is_said() -> None:
     loop = loop_of(rate=1000.0)
-    given: dict[str, Any] = {"bounds": BOUNDS, "verify": pt.VerifyOptions(runs=2)}
-    assert (
-        pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, **given), changes=False).calibration_check
-        is None
-    )
+    given: dict[str, Any] = {"bounds": BOUNDS, "verify": pt.designs.VerifyOptions(runs=2)}
+    assert pt.verify(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, **given), changes=False).calibration_check is None
     few = replace(report(), curves=None)
-    found = pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, calibration=few, **given), changes=False)
+    found = pt.verify(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, calibration=few, **given), changes=False)
     assert found.calibration_check is None
     assert any(
         "too few to check whether the calibration is good enough: record readings at more distances" in warning

@@ -66,7 +66,7 @@ def test_a_redesign_goes_up_to_the_limit_that_was_missed() -> None:
     """Where nothing is random the speed at contact falls steadily with the gain: the search ends within 0.1 % of where
     3 % of the limit begin to remain free, since the optimum without it lies below, and with the printed digits."""
     found = verdict(QUICK, constraints=[velocity_limit(0.07)], gain=-0.7463, runs=2)
-    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD
     best = found.best_change
     assert best is not None
     assert best.name == "gain"
@@ -165,17 +165,17 @@ def test_a_change_that_turns_the_status_helps() -> None:
     """A force 20 ms late leaves a margin of 1.5; without the delay it has 4.5, though the objective is no better."""
     late = loop_of(rate=100.0, delay=0.02)
     found = verdict(late, gain=-0.5, runs=2)
-    assert found.status is pt.VerdictStatus.HOLDS_NARROWLY
+    assert found.status is pt.verification.VerdictStatus.HOLDS_NARROWLY
     change = next(c for c in found.changes if c.name == "delay")
     assert found.stability is not None
     assert found.stability.margin < 2 < change.margin
     assert change.improvement < 0.01
     assert change.helps
-    assert change.status is pt.VerdictStatus.HOLDS
+    assert change.status is pt.verification.VerdictStatus.HOLDS
     assert "No change helps" not in str(found)
     assert "forbid it" not in str(found)
     loop = next(c.loop for c in candidates_of(late, **APPROACH) if c.name == "delay")
-    assert verdict(loop, gain=-0.5, runs=2, changes=False).status is pt.VerdictStatus.HOLDS
+    assert verdict(loop, gain=-0.5, runs=2, changes=False).status is pt.verification.VerdictStatus.HOLDS
 
 
 @pytest.mark.slow
@@ -275,7 +275,7 @@ def test_another_law_is_judged_by_its_runs_and_nothing_is_said_of_its_stability(
     found, known = (verdict(loop, gain=-0.7463, runs=2, changes=True) for loop in (own, QUICK))
     assert found.stability is None
     assert known.stability is not None
-    assert found.status is pt.VerdictStatus.HOLDS_NARROWLY
+    assert found.status is pt.verification.VerdictStatus.HOLDS_NARROWLY
     assert found.stability_text.startswith("The stability of the loop is unknown, because ")
     for mine, theirs in zip(found.comparisons, known.comparisons, strict=True):
         assert mine.simulated is not None

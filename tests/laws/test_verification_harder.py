@@ -27,7 +27,7 @@ def test_contact_that_is_harder_than_without_mitigation_does_not_hold() -> None:
     limit = pt.Constraint(name="excursion", limit=0.3)
     found = verdict(WILD, gain=-0.7463, constraints=[limit], changes=False)
     assert all(check.is_met for check in found.limits)
-    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD
     speed = np.abs(WILD.run(SCENARIO, SENSOR, -0.7463, runs=60).relative_velocity)
     more, error = speed.mean() - 0.3, speed.std(ddof=1) / np.sqrt(60)
     assert more > 2 * error
@@ -91,7 +91,7 @@ def test_contact_that_is_harder_in_more_runs_than_half_is_harder_whatever_its_me
 def test_a_gain_of_the_wrong_sign_does_not_hold_whatever_the_limits(gain: float) -> None:
     found = verdict(QUICK, gain=gain, runs=1, changes=False)
     assert not found.limits
-    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD
     assert found.reasons[0] == f"D_p = {gain:g} N s makes the robot chase the object: mitigating gains are negative"
     assert found.reasons[1].startswith("contact is harder than without mitigation: ")
     assert found.reasons[2].startswith(
@@ -116,14 +116,14 @@ def test_contact_that_comes_with_the_gain_alone_is_harder() -> None:
         loop=loop,
         gain=1.0,
         bounds=(-10.0, 2.0),
-        verify=pt.VerifyOptions(runs=2),
+        verify=pt.designs.VerifyOptions(runs=2),
         horizon=1.0,
     )
-    found = pt.verify_gain(task, changes=False)
+    found = pt.verify(task, changes=False)
     assert found.effect is not None
     assert found.effect.unmitigated == 0
     assert found.effect.is_harder
-    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD
     assert found.reasons[-2].endswith("instead of no contact")
 
 
@@ -141,17 +141,19 @@ BOTH = {"natural_frequency": (2.0, 12.0)}
 @pytest.mark.parametrize(
     "verb",
     [
-        pt.design_gain,
-        pt.pareto_front,
-        pt.robust.design_robust_gain,
-        pt.verify_gain,
-        lambda task: pt.pareto_front(task.replace(**BOTH)),
-        lambda task: pt.design_admittance(task.replace(**BOTH)),
-        lambda task: pt.design_gain(task.replace(stability_margin=2.0)),
+        pt.design,
+        pt.pareto,
+        pt.robust,
+        pt.verify,
+        lambda task: pt.pareto(task.replace(**BOTH)),
+        lambda task: pt.design(task.replace(**BOTH)),
+        lambda task: pt.design(task.replace(stability_margin=2.0)),
     ],
 )
 def test_bounds_without_a_gain_that_mitigates_are_refused_with_the_sign(verb: Any) -> None:
-    task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=QUICK, bounds=(0.01, 10.0), verify=pt.VerifyOptions(runs=2))
+    task = pt.Task(
+        SCENARIO, SENSOR, OBJECTIVE, loop=QUICK, bounds=(0.01, 10.0), verify=pt.designs.VerifyOptions(runs=2)
+    )
     expected = (
         "bounds: no gain from 0.01 to 10 N s mitigates the impact. The sign of a mitigating gain is negative. "
         "Did you mean -10 to -0.01 N s?"
@@ -168,15 +170,15 @@ def test_bounds_of_a_drag_are_positive_and_those_with_both_signs_are_searched() 
     with pytest.raises(
         pt.errors.InvalidInputError, match=r"a mitigating drag is positive. Did you mean 0\.001 to 0\.1"
     ):
-        pt.design_gain(drag)
-    both = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-10.0, 0.5)))
+        pt.design(drag)
+    both = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-10.0, 0.5)))
     assert both.gain == pytest.approx(-0.7463, abs=1e-4)
 
 
 def test_a_design_that_makes_contact_harder_does_not_call_that_less() -> None:
     """Without mitigation contact comes after 141 ms; only gains that chase the object make it sooner."""
     late = [pt.Constraint(name="time", limit=0.12)]
-    found = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-1.0, 1.0), constraints=late))
+    found = pt.design(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-1.0, 1.0), constraints=late))
     assert found.gain is not None
     assert found.gain > 0
     assert ", harder than the 0.3 m/s without mitigation." in found.headline
@@ -192,20 +194,20 @@ def test_a_loop_without_effect_does_not_hold() -> None:
         loop=loop_of(rate=8.0, random_phase=True),
         gain=-0.2,
         bounds=BOUNDS,
-        verify=pt.VerifyOptions(runs=20),
+        verify=pt.designs.VerifyOptions(runs=20),
     )
-    found = pt.verify_gain(task, changes=False)
+    found = pt.verify(task, changes=False)
     assert found.mitigated is not None
     assert np.all(found.mitigated.largest_excursion == 0)
     assert found.stability is not None
     assert found.stability.margin > 1
-    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD
     assert found.reasons[0].startswith("the gain has no effect: the average contact speed is 0.5 m/s with the gain, ")
     assert found.sensor_speed is not None
     assert "The sensor is too slow" in found.sensor_speed.text
     assert "The sensor is too slow" in " ".join(str(found).split())
-    assert verdict(QUICK, gain=0.0, runs=1, changes=False).status is pt.VerdictStatus.DOES_NOT_HOLD
-    one = pt.simulate_encounter(task)
+    assert verdict(QUICK, gain=0.0, runs=1, changes=False).status is pt.verification.VerdictStatus.DOES_NOT_HOLD
+    one = pt.simulate(task)
     assert one.warnings[-1].startswith(
         "PT415: The gain has no effect in this run: the contact speed is 0.5 m/s with this gain and "
     )
@@ -221,7 +223,7 @@ def test_a_loop_that_loses_most_of_the_mitigation_does_not_hold() -> None:
         assert found.effect is not None
         assert found.effect.lost == pytest.approx((mean - predicted) / (free - predicted))
         assert (found.effect.lost > 0.5) == lost
-        assert (found.status is pt.VerdictStatus.DOES_NOT_HOLD) == lost
+        assert (found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD) == lost
         said = (
             "most of the predicted mitigation is lost on the simulated loop: the mean contact speed is "
             f"{mean:.3g} m/s (predicted speed: {predicted:.3g} m/s; without mitigation: 0.3 m/s)"
@@ -238,7 +240,7 @@ def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sens
     predicted = abs(float(pt.find_contact(SCENARIO, SENSOR, -0.4).contact.relative_velocity))
     excess = speed.mean() / predicted - 1
     assert excess > 0.1
-    assert found.status is pt.VerdictStatus.HOLDS_NARROWLY
+    assert found.status is pt.verification.VerdictStatus.HOLDS_NARROWLY
     assert found.reasons[0].startswith(f"the contact speed is {100 * excess:.2g} % higher than predicted, ")
     assert found.reasons[0] in found.headline
     assert found.reasons[1].startswith("the sensor is too slow: in 95 % of the runs, the contact speed is up to ")
@@ -259,7 +261,7 @@ def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sens
 
 
 def test_simulate_warns_first_of_a_gain_that_makes_contact_harder() -> None:
-    found = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=0.3))
+    found = pt.simulate(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=0.3))
     assert found.warnings[0] == "PT403: D_p = 0.3 N s makes the robot chase the object: mitigating gains are negative."
     assert found.warnings[1].startswith(
         "PT403: With this gain, contact is harder than without mitigation: the contact speed is 0.81"
@@ -269,7 +271,7 @@ def test_simulate_warns_first_of_a_gain_that_makes_contact_harder() -> None:
     assert found.headline.startswith(
         "Contact is harder than without mitigation: the contact speed on the simulated loop is 0.81"
     )
-    assert not pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=-0.7463)).warnings
+    assert not pt.simulate(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=-0.7463)).warnings
 
 
 def test_simulate_warns_of_a_loop_that_is_unstable_or_nearly_and_of_a_force_far_above_the_predicted_one() -> None:
@@ -278,13 +280,13 @@ def test_simulate_warns_of_a_loop_that_is_unstable_or_nearly_and_of_a_force_far_
     assert limit is not None
 
     def warnings(gain: float) -> str:
-        return " ".join(pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=slow, gain=gain)).warnings)
+        return " ".join(pt.simulate(pt.Task(SCENARIO, SENSOR, loop=slow, gain=gain)).warnings)
 
     strongest = f"{limit.strongest:.3g} N s"
     assert f": the strongest stable gain there is {strongest}" in warnings(1.05 * limit.strongest)
     assert "The gain margin of the sampled loop is only 1.05 at" in warnings(limit.strongest / 1.05)
     assert "gain margin" not in warnings(limit.strongest / 2.1)
-    wild = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=loop_of(relative_noise=0.1), gain=-0.7463))
+    wild = pt.simulate(pt.Task(SCENARIO, SENSOR, loop=loop_of(relative_noise=0.1), gain=-0.7463))
     force = wild.comparison("largest_virtual_force")
     assert abs(force.loop) > 1.5 * abs(force.predicted)
     assert any(
@@ -322,7 +324,7 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
 
 def test_a_run_with_a_sensor_curve_of_its_own_meets_the_noise_of_its_number() -> None:
     """So verdicts of neighboring seeds share no noise, and a run is the same whether its curve differs or not."""
-    known = {"sensor.exponent": pt.robust.Uniform(low=3.3199999, high=3.3200001)}
+    known = {"sensor.exponent": pt.uncertainty.Uniform(low=3.3199999, high=3.3200001)}
     own = verdict(NOISY, gain=-0.7463, runs=4, changes=False, uncertainty=known)
     same = NOISY.run(SCENARIO, SENSOR, -0.7463, runs=4)
     assert own.mitigated is not None
@@ -359,7 +361,7 @@ def test_the_speed_of_a_sensor_is_compared_in_words(excess: float, words: str) -
 )
 def test_the_next_step_for_a_gain_of_the_wrong_sign_is_the_sign(gain: float, step: str) -> None:
     """The prediction is harder than without mitigation, too, so a comparison with it would reassure."""
-    found = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=gain))
+    found = pt.simulate(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=gain))
     assert page_of(found).next_step.startswith(step)
     assert found.is_mitigated is page_of(found).good is (gain < 0)
     assert ("predicted 0.8" in found.headline) is (gain > 0)

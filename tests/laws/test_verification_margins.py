@@ -67,7 +67,7 @@ def test_a_gain_that_is_better_for_lack_of_margin_is_said_to_lack_it() -> None:
     assert weaker.improvement is not None
     assert weaker.improvement < 0
     assert weaker.helps  # for it holds, and not narrowly alone
-    assert weaker.status is pt.VerdictStatus.HOLDS
+    assert weaker.status is pt.verification.VerdictStatus.HOLDS
 
 
 def test_the_rate_that_is_tried_gives_the_gain_its_margin() -> None:
@@ -148,7 +148,7 @@ def test_a_gain_that_only_the_required_margin_excludes_is_refused_with_the_rate_
     for share, same in ((1.0, True), (0.5, False)):
         faster = loop_of(rate=share * float(advice[1]), exposure=170e-6)
         task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=faster, bounds=BOUNDS, **options)
-        gain = pt.design_gain(task).gain
+        gain = pt.design(task).gain
         assert (gain == pytest.approx(free, rel=1e-6)) is same
 
 
@@ -246,13 +246,15 @@ def test_where_no_gain_is_stable_the_verdict_says_so() -> None:
     late = loop_of(delay=0.05)
     loop = replace(late, law=replace(late.law, admittance=ringing))
     scenario = replace(SCENARIO, admittance=pt.Admittance(mass=1.0, damping=0.0, stiffness=2500.0))
-    found = pt.verify_gain(
-        pt.Task(scenario, SENSOR, OBJECTIVE, loop=loop, gain=-0.3, bounds=BOUNDS, verify=pt.VerifyOptions(runs=2))
+    found = pt.verify(
+        pt.Task(
+            scenario, SENSOR, OBJECTIVE, loop=loop, gain=-0.3, bounds=BOUNDS, verify=pt.designs.VerifyOptions(runs=2)
+        )
     )
     assert found.stability is not None
     assert found.stability.margin == 0
     assert found.stability.lowest_rate == math.inf
-    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD
     assert "No gain is stable on the simulated loop, however weak" in " ".join(str(found).split())
     assert found.loss is None or found.loss.loop_gain is None
     assert found.reasons[0] == "the loop is unstable with any gain, however weak"

@@ -16,8 +16,8 @@ from scipy.special import lambertw
 from encounters import CURVES
 from pretouch._core.errors import InvalidInputError
 from pretouch.config import load_scenario
-from pretouch.design import HertzImpact, SpringImpact, design_drag, design_gain
-from pretouch.design.drag import DragLimits, drag_by, drag_trade_off, predict_drag
+from pretouch.designs import HertzImpact, SpringImpact, design_drag, design_gain
+from pretouch.designs.drag import DragLimits, drag_by, drag_trade_off, predict_drag
 from pretouch.motion import DRAG, Admittance, Obstacle, Scenario
 from pretouch.motion.drag import slope_integral, solve_drag
 from pretouch.sensors import InversePower, SensorModel, Table

@@ -8,10 +8,19 @@ import numpy as np
 import pytest
 
 from pretouch._core.errors import InvalidInputError
-from pretouch.design import Constraint, Task, excursion_objective, time_objective
-from pretouch.design.objectives import Objective, Term
-from pretouch.design.robust import Expected, Required, RobustOptions, WorstCase, design_robust_gain
-from pretouch.design.search.box_maximum import maximize_on_box
+from pretouch.designs import (
+    Constraint,
+    Expected,
+    Required,
+    RobustOptions,
+    Task,
+    WorstCase,
+    excursion_objective,
+    time_objective,
+)
+from pretouch.designs.objectives import Objective, Term
+from pretouch.designs.robust import robust
+from pretouch.designs.search.box_maximum import maximize_on_box
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, Recessed, SensorModel
 from pretouch.uncertainty import Interval, Normal, TruncatedNormal, make_ensemble
@@ -62,7 +71,7 @@ def test_what_is_monotone_is_settled_at_a_corner_exactly() -> None:
 @pytest.mark.parametrize("sensor", [FIRST, POWER], ids=lambda s: s.name)
 @pytest.mark.parametrize("objective", [F1, time_objective(time_scale=1.0, velocity_scale=0.3)], ids=["f_1", "f_2"])
 def test_no_gain_has_a_milder_worst_encounter(sensor: SensorModel, objective: Objective) -> None:
-    design = design_robust_gain(
+    design = robust(
         Task(
             SCENARIO,
             sensor,
@@ -94,7 +103,7 @@ def test_a_worst_encounter_inside_the_box_is_found() -> None:
         )
     )
     box = {"obstacle.velocity": Interval(low=-1.5, high=-0.05)}
-    design = design_robust_gain(
+    design = robust(
         Task(
             SCENARIO,
             FIRST,
@@ -115,7 +124,7 @@ def test_a_worst_encounter_inside_the_box_is_found() -> None:
 
 def test_a_limit_holds_in_the_worst_encounter_too() -> None:
     limit = Constraint(name="excursion", limit=0.12)
-    design = design_robust_gain(
+    design = robust(
         Task(
             SCENARIO,
             FIRST,
@@ -126,7 +135,7 @@ def test_a_limit_holds_in_the_worst_encounter_too() -> None:
             constraints=[limit],
         )
     )
-    free = design_robust_gain(
+    free = robust(
         Task(SCENARIO, FIRST, F1, bounds=(-10.0, -0.01), uncertainty=BOX, robust=RobustOptions(measure=WorstCase()))
     )
     assert design.gain > free.gain, "weaker, since the limit binds"
@@ -191,7 +200,7 @@ def test_slopes_of_an_ensemble_are_differences_of_it(sensor: SensorModel) -> Non
 )
 def test_what_has_no_worst_case_is_refused(known: dict, measure: object, limits: list, words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
-        design_robust_gain(
+        robust(
             Task(
                 SCENARIO,
                 FIRST,

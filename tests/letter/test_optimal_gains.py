@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pretouch.design import Objective, Task, design_gain, excursion_objective, time_objective
+from pretouch.designs import Objective, Task, design_gain, excursion_objective, time_objective
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower
 

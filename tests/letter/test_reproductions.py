@@ -13,7 +13,7 @@ import pytest
 from figure_checks import assert_legible
 from pretouch._core.blocks import tables_of
 from pretouch._core.errors import InvalidInputError
-from pretouch.design import Objective
+from pretouch.designs import Objective
 from pretouch.letter import IDS, Agreement, Reproduction, inputs, reproduce
 from pretouch.letter.parts import PARTS
 from pretouch.letter.program import Program

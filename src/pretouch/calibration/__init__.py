@@ -5,8 +5,8 @@ A calibration also decides whether the sensor is usable.
 
 from .data import Calibration, Provenance
 from .file_reading import read_calibration, read_calibrations
-from .fit import fit_sensor
-from .ranking import rank_models
+from .model_fit import fit_sensor
+from .ranking import fit
 from .result import CalibrationReport, Estimate, NoiseEstimate, OffsetEstimate, SensorFit, UsableWindow
 from .window import find_window
 
@@ -20,8 +20,8 @@ __all__ = [
     "SensorFit",
     "UsableWindow",
     "find_window",
+    "fit",
     "fit_sensor",
-    "rank_models",
     "read_calibration",
     "read_calibrations",
 ]

@@ -12,7 +12,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.warning_codes import split_code
 
 from .data import Calibration
-from .fit import attempt_fit, check_models, model_names
+from .model_fit import attempt_fit, check_models, model_names
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import CalibrationReport, SensorFit
 from .slope_uncertainty import estimate_slope
@@ -33,7 +33,7 @@ _DOUBTFUL: Final = frozenset({"PT103", "PT108", "PT109"})  # the readings contra
 
 
 @check_arguments
-def rank_models(
+def fit(
     calibration: Calibration,
     models: tuple[str, ...] | None = None,
     *,
@@ -62,7 +62,7 @@ def rank_models(
         >>> import numpy as np
         >>> distance = np.repeat(np.arange(12) * 0.005, 3)
         >>> outputs = 0.3 + 2.0 * np.exp(-60 * distance) + np.tile([-0.002, 0.0, 0.002], 12)
-        >>> report = rank_models(Calibration(distances=distance, outputs=outputs, no_object=[0.298, 0.3, 0.302]))
+        >>> report = fit(Calibration(distances=distance, outputs=outputs, no_object=[0.298, 0.3, 0.302]))
         >>> report.verdict, report.best.model
         ('usable', 'exponential-1')
     """

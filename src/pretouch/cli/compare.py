@@ -13,7 +13,7 @@ from pretouch._core.files import refuse_input
 from .terminal import Presentation, option, print_progress, verb
 
 if TYPE_CHECKING:
-    from pretouch.design import Task
+    from pretouch.designs import Task
 
 
 @verb
@@ -42,13 +42,13 @@ def compare(
 
     Exit status: 0 at least one candidate holds, 1 none does, 2 a mistake in the request.
     """
-    from pretouch.verification import compare_candidates  # noqa: PLC0415 - keeps `pretouch --help` quick
+    from pretouch.verification import compare  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     if shown.output is not None:
         refuse_input(shown.output, files)
     tasks, notes = _tasks(files, parts=parts)
     print_progress(f"simulating {len(tasks)} candidates")
-    result = compare_candidates(tasks, runs=runs, notes=notes)
+    result = compare(tasks, runs=runs, notes=notes)
     default = f"{files[0].stem}-compare.html"
     shown.show(result, default, good=result.best is not None, inputs=files, lines=None)
 

@@ -21,7 +21,7 @@ from .verbs import LoopFile, LoopGain, load_loop
 class Target(StrEnum):
     """Format of an exported control law.
 
-    The values are the names in `pretouch.export.TARGETS`.
+    The values are the names in `pretouch.exports.TARGETS`.
     """
 
     C = "c"
@@ -92,7 +92,7 @@ def _export(
     json: bool,
 ) -> None:
     """Export a control law and print the result."""
-    from pretouch.export import export_law  # noqa: PLC0415
+    from pretouch.exports import export  # noqa: PLC0415
     from pretouch.report.pages import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     from .summary import summary_of  # noqa: PLC0415
@@ -103,7 +103,7 @@ def _export(
             "fails every verification"
         )
     task = load_loop(file, "simulating encounters on the loop" if not unverified else "simulating", gain, None)
-    result = export_law(
+    result = export(
         task,
         output,
         target.value,

@@ -28,7 +28,7 @@ from .verbs import refuse_existing
 if TYPE_CHECKING:
     from pretouch.config.first_scenario import FirstScenario
     from pretouch.config.sensor import FitRequest
-    from pretouch.design import Task
+    from pretouch.designs import Task
     from pretouch.simulation import SensorPart
 
 _T = TypeVar("_T")

@@ -40,9 +40,9 @@ def _project(file: Path, *, verbose: bool, json: bool) -> None:
     """Print mass and limits at all named points of a robot model."""
     from pretouch._core.files import as_json  # noqa: PLC0415
     from pretouch.report.pages import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick, as below
-    from pretouch.robots import load_model, project_all  # noqa: PLC0415
+    from pretouch.robots import load_model, project  # noqa: PLC0415
 
-    table = project_all(load_model(file))
+    table = project(load_model(file))
     if json:
         print_text(as_json(table.to_dict()))
         return

@@ -34,7 +34,7 @@ from .terminal import (
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pretouch.design import Task
+    from pretouch.designs import Task
     from pretouch.sweeps import Progress
     from pretouch.uncertainty import Reservations
 
@@ -137,7 +137,7 @@ def _nominal(task: Task) -> Any:
     """Design the gain for the nominal inputs. The task is returned unchanged if there is no gain to design."""
     if task.gain is not None or task.objective is None or task.bounds is None:
         return task
-    from pretouch.design import design_gain  # noqa: PLC0415 - keeps `pretouch --help` quick
+    from pretouch.designs import design_gain  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     return design_gain(task.replace(evaluate=None))
 

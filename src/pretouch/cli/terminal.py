@@ -21,7 +21,7 @@ from pretouch._core.units import read_quantity
 from pretouch._core.warning_codes import caution
 
 if TYPE_CHECKING:
-    from pretouch.design import Task
+    from pretouch.designs import Task
     from pretouch.motion import ContinuousLaw
     from pretouch.uncertainty import Reservations
 

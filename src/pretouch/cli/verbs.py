@@ -13,7 +13,7 @@ from pretouch._core.errors import InvalidInputError, OutputExistsError
 from .terminal import Presentation, ScenarioFile, option, print_progress, read_gain, verb
 
 if TYPE_CHECKING:
-    from pretouch.design import Task
+    from pretouch.designs import Task
     from pretouch.recording.mcap_output import Series
     from pretouch.verification import Verdict
 
@@ -83,15 +83,12 @@ def design(shown: Presentation, *, file: ScenarioFile) -> None:
     Exit status: 0 optimal, or a drag that meets all limits, 1 no gain meets the constraints or ends in contact, or the
     drag misses a limit, 2 a mistake in the request.
     """
-    from pretouch.design import design_admittance, design_drag, design_gain  # noqa: PLC0415 - keeps `--help` quick
+    from pretouch.designs import DragDesign, design  # noqa: PLC0415 - keeps `--help` quick
 
     task = _load(file, "searching gains")
-    if task.drag_effect is not None:
-        drag = design_drag(task)
-        shown.show(drag, f"{file.stem}-design.html", task, good=drag.holds)
-        return
-    result = design_admittance(task) if task.is_admittance_free else design_gain(task)
-    shown.show(result, f"{file.stem}-design.html", task, good=result.status == "optimal")
+    result = design(task)
+    good = result.holds if isinstance(result, DragDesign) else result.status == "optimal"
+    shown.show(result, f"{file.stem}-design.html", task, good=good)
 
 
 @verb
@@ -104,10 +101,10 @@ def pareto(shown: Presentation, *, file: ScenarioFile) -> None:
 
     Exit status: 0 a front was found, 1 no gain meets the constraints or ends in contact, 2 a mistake in the request.
     """
-    from pretouch.design import pareto_front  # noqa: PLC0415
+    from pretouch.designs import pareto  # noqa: PLC0415
 
     task = _load(file, "computing the Pareto front")
-    front = pareto_front(task)
+    front = pareto(task)
     shown.show(front, f"{file.stem}-pareto.html", task, good=front.status == "found")
 
 
@@ -134,13 +131,13 @@ def robust(
     Exit status: 0 optimal, 1 no gain meets the constraints or ends in contact with the required probability, 2 a
     mistake in the request.
     """
-    from pretouch.design.robust import design_robust_gain  # noqa: PLC0415
+    from pretouch.designs.robust import robust  # noqa: PLC0415
 
     task = _load(file, "sampling encounters")
     options = task.robust if seed is None else replace(task.robust, seed=seed)
     if samples is not None:
         options = replace(options, samples=samples, validation=samples)
-    result = design_robust_gain(task.replace(robust=options))
+    result = robust(task.replace(robust=options))
     shown.show(result, f"{file.stem}-robust.html", task, good=result.status == "optimal")
 
 
@@ -157,11 +154,11 @@ def simulate(
     Exit status: 0 the run ended in contact, 1 it did not, or contact is harder than without mitigation, 2 a mistake in
     the request.
     """
-    from pretouch.verification import simulate_encounter  # noqa: PLC0415
+    from pretouch.verification import simulate  # noqa: PLC0415
 
     refuse_existing(mcap, force=shown.force)
     task = load_loop(file, "simulating the loop", gain, seed)
-    encounter = simulate_encounter(task)
+    encounter = simulate(task)
     files: tuple[str, ...] = ()
     if mcap is not None:
         from pretouch.recording.mcap_output import series_of_trace  # noqa: PLC0415
@@ -197,13 +194,13 @@ def verify(
     Exit status: 0 the gain holds, or holds narrowly, 1 it does not hold, or there is no gain, 2 a mistake in the
     request.
     """
-    from pretouch.verification import verify_gain  # noqa: PLC0415
+    from pretouch.verification import verify  # noqa: PLC0415
 
     refuse_existing(mcap, force=shown.force)
     task = load_loop(file, "simulating encounters on the loop", gain, seed)
     if runs is not None:
         task = task.replace(verify=replace(task.verify, runs=runs))
-    verdict = verify_gain(task, changes=changes)
+    verdict = verify(task, changes=changes)
     files: tuple[str, ...] = ()
     if mcap is not None:
         files = (write_series(mcap, _series_of_verdict(verdict, task), force=shown.force),)

@@ -21,11 +21,11 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError, PretouchError, ScenarioFileError
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import QUANTITIES
-from pretouch.design.constraints import Constraint
-from pretouch.design.custom_objectives import AnyObjective
-from pretouch.design.objectives import OBSTACLE_SPEED, Objective, Term
-from pretouch.design.quantities import CONSTRAINT_NAMES
-from pretouch.design.task import Task
+from pretouch.designs.constraints import Constraint
+from pretouch.designs.custom_objectives import AnyObjective
+from pretouch.designs.objectives import OBSTACLE_SPEED, Objective, Term
+from pretouch.designs.quantities import CONSTRAINT_NAMES
+from pretouch.designs.task import Task
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import Recessed, SensorModel
 from pretouch.uncertainty.reservations import recess_advice
@@ -41,7 +41,7 @@ from .sensor import CALIBRATION, FROM_SURFACE, FitRequest, fit_sensor_of, read_n
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
-    from pretouch.design.impact import ImpactModel
+    from pretouch.designs.impact import ImpactModel
     from pretouch.robots import Projection
 
 __all__ = ["ScenarioSource", "load_calibration_plan", "load_scenario"]
@@ -70,8 +70,8 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
         path: the file.
 
     Returns:
-        The task, for example for `design_gain(load_scenario(path))`. With [uncertainty], it also has the
-        distributions for `design_robust_gain`; with [chain] and [controller], the sampled loop for `verify_gain`.
+        The task, for example for `design(load_scenario(path))`. With [uncertainty], it also has the
+        distributions for `robust`; with [chain] and [controller], the sampled loop for `verify`.
 
     Raises:
         ScenarioFileError: the file has mistakes. The message has a sentence for each: line, key, value, and what is

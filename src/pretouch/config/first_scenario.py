@@ -16,7 +16,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch.design.task import Task
+from pretouch.designs.task import Task
 from pretouch.simulation import SensorPart
 from pretouch.simulation.detection import AGREES, detection_distance
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from pretouch.control import Law, VirtualDrag
-from pretouch.design import DragEffect
+from pretouch.designs import DragEffect
 from pretouch.motion.laws import DAMPER, DRAG
 from pretouch.motion.scenario import Scenario
 

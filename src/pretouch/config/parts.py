@@ -17,7 +17,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError, ScenarioFileError
 from pretouch._core.units import format_quantity
-from pretouch.design.task import Task
+from pretouch.designs.task import Task
 from pretouch.simulation import PARTS, SensorPart
 from pretouch.simulation.detection import floor_at
 

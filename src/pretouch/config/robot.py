@@ -48,12 +48,12 @@ def project_robot(file: Reading) -> Projection | None:
 
 
 def _project(file: Reading, values: Mapping[str, Any]) -> Projection:
-    from pretouch.robots import project  # noqa: PLC0415 - only with a robot model
+    from pretouch.robots import project_site  # noqa: PLC0415 - only with a robot model
 
     path = model_path(file.source, values)
     robot = read_robot(path, values)
     file.source = replace(file.source, model_files=(path,))
-    return project(robot.model, robot.data, robot.site, joint_speeds=values.get("joint_speeds"))
+    return project_site(robot.model, robot.data, robot.site, joint_speeds=values.get("joint_speeds"))
 
 
 def model_path(source: ScenarioSource, values: Mapping[str, Any]) -> Path:

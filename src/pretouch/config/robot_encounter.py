@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, ScenarioFileError
 from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
-from pretouch.design.impact import SpringImpact
+from pretouch.designs.impact import SpringImpact
 from pretouch.motion import DAMPER
 from pretouch.simulation import SensorChain
-from pretouch.verification.verify import chosen_gain
+from pretouch.verification.verdict import chosen_gain
 
 from .document import read_document
 from .reading import Reading
@@ -23,7 +23,7 @@ from .robot_section import has_model
 from .schema import FREE
 
 if TYPE_CHECKING:
-    from pretouch.design import Task
+    from pretouch.designs import Task
     from pretouch.robots import RobotSimulation
 
 _PERIOD: Final = 1e-3  # s, of the controller of a file without [controller]

@@ -7,8 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pretouch._core.errors import InvalidInputError
-from pretouch.design.constraints import Constraint
-from pretouch.design.robust.required import Required
+from pretouch.designs.constraints import Constraint
+from pretouch.designs.robust.required import Required
 from pretouch.motion.scenario import Scenario, sensor_inputs
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import (

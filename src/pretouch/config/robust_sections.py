@@ -13,9 +13,9 @@ from typing import Any, Final
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import INPUT
 from pretouch._core.units import written_unit
-from pretouch.design.options import RobustOptions
-from pretouch.design.quantities import CONSTRAINT_NAMES
-from pretouch.design.robust.measures import ConditionalValueAtRisk, Expected, Measure, Quantile, WorstCase
+from pretouch.designs.options import RobustOptions
+from pretouch.designs.quantities import CONSTRAINT_NAMES
+from pretouch.designs.robust.measures import ConditionalValueAtRisk, Expected, Measure, Quantile, WorstCase
 from pretouch.motion.scenario import SCENARIO_INPUTS
 from pretouch.sensors import sensor_curves
 from pretouch.uncertainty.correlated import DISTRIBUTION_KINDS

@@ -13,11 +13,11 @@ from typing import Any, Final
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.extensions import Extensions
 from pretouch._core.units import written_unit
-from pretouch.design.custom_objectives import OBJECTIVE_KINDS
-from pretouch.design.impact import HertzImpact, ImpactModel, SpringImpact
-from pretouch.design.options import ParetoOptions, VerifyOptions
-from pretouch.design.quantities import CONSTRAINT_NAMES, QUANTITY_KINDS, QUANTITY_UNITS, find_quantity
-from pretouch.design.task import Task
+from pretouch.designs.custom_objectives import OBJECTIVE_KINDS
+from pretouch.designs.impact import HertzImpact, ImpactModel, SpringImpact
+from pretouch.designs.options import ParetoOptions, VerifyOptions
+from pretouch.designs.quantities import CONSTRAINT_NAMES, QUANTITY_KINDS, QUANTITY_UNITS, find_quantity
+from pretouch.designs.task import Task
 from pretouch.motion.bodies import Obstacle, Plant, Reference, Stretch
 from pretouch.motion.laws import DAMPER, LAW_KINDS, ContinuousLaw
 from pretouch.motion.scenario import Admittance

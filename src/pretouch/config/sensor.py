@@ -260,14 +260,14 @@ class FitRequest:
 
     def rank(self, calibration: Calibration) -> CalibrationReport:
         """Fit all curve models to one calibration and rank the fitted curves."""
-        from pretouch.calibration import rank_models  # noqa: PLC0415
+        from pretouch.calibration import fit  # noqa: PLC0415
 
         models = {"models": self.models} if self.models else {}
         offset, saturation = (
             value if isinstance(value, str) else _in_unit_of(calibration, value, name)
             for name, value in (("offset", self.offset), ("saturation", self.saturation))
         )
-        report = rank_models(
+        report = fit(
             calibration,
             **models,
             offset=offset,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from pretouch.design import Constraint, GainDesign, Task, design_gain
+from pretouch.designs import Constraint, GainDesign, Task, design_gain
 
 from .experiment import Finding, Reproduction, Variables, finding, readings
 from .inputs import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
@@ -25,7 +25,7 @@ velocity = pt.Constraint(name="relative_velocity", limit=0.09)
 cases = {"range of motion limited": [], "relative velocity, too": [velocity]}
 gains, speeds = {}, {}
 for name, more in cases.items():
-    designs = [pt.design_gain(task.replace(constraints=[e, *more])) for e in excursions]
+    designs = [pt.design(task.replace(constraints=[e, *more])) for e in excursions]
     gains[name] = [d.gain or np.nan for d in designs]
     speeds[name] = [-d.result.contact.relative_velocity if d.result else np.nan for d in designs]
 panels = {"optimal gain D_p [N s]": (gains, {}), "speed at contact [m/s]": (speeds, {"limit of the velocity": 0.09})}

@@ -31,7 +31,7 @@ gains = {}
 for scale in ("obstacle speed", 0.3):
     f_1 = pt.excursion_objective(position_scale=0.5, velocity_scale=scale)
     for name, (sensor, way) in models.items():
-        designs = pt.design_gain(pt.Task(encounters, sensor, f_1, bounds=(-20.0, -0.01), method=way))
+        designs = pt.design(pt.Task(encounters, sensor, f_1, bounds=(-20.0, -0.01), method=way))
         gains[scale, name] = designs.gain
 labels = {"x_label": "obstacle speed [m/s]", "y_label": "optimal gain −D_p [N s]", "y_log": True}
 titles = {"obstacle speed": "l′_typ follows the obstacle", 0.3: "l′_typ fixed at 0.3 m/s"}

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from pretouch.design import Constraint, GainDesign, Task, design_gain
+from pretouch.designs import Constraint, GainDesign, Task, design_gain
 
 from .experiment import Finding, Reproduction, Variables, finding, readings
 from .inputs import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
@@ -27,7 +27,7 @@ designs, curves, marks = {}, [], []
 for name, impact in impacts.items():
     force = pt.Term(quantity="impact_force", scale=impact.peak_force(0.3))
     goal = pt.Objective(terms=(excursion, force))
-    design = designs[name] = pt.design_gain(pt.Task(scenario, sensor, goal, bounds=(-10.0, -0.01), impact=impact))
+    design = designs[name] = pt.design(pt.Task(scenario, sensor, goal, bounds=(-10.0, -0.01), impact=impact))
     curves.append(pt.report.Curve(x=-gains, y=impact.peak_force(speeds), label=name))
     peak = impact.peak_force(design.result.contact.relative_velocity)
     marks.append(pt.report.Mark(x=-design.gain, y=peak, label=f"optimum {design.gain:.3f} N s", shape="ring"))

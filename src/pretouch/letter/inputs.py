@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch.design import Objective, Task, design_gain, excursion_objective, time_objective
+from pretouch.designs import Objective, Task, design_gain, excursion_objective, time_objective
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
 

@@ -20,7 +20,7 @@ PROGRAM: Final = Program(
 f_1 = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle speed")
 speeds, candidates = np.arange(1, 101) / 100, -np.geomspace(0.5, 5.0, 500)
 encounters = pt.Scenario(admittance=admittance, obstacle=pt.Obstacle(position=0.0422, velocity=-speeds))
-designs = pt.design_gain(pt.Task(encounters, sensor, f_1, bounds=(-20.0, -0.01)))
+designs = pt.design(pt.Task(encounters, sensor, f_1, bounds=(-20.0, -0.01)))
 contact = pt.find_contact(encounters, sensor, candidates[:, None]).contact
 losses = f_1.value(contact, speeds) / designs.objective - 1
 ranges = {"one gain for all speeds": speeds > 0, "one gain from 0.2 m/s on": speeds >= 0.2}

@@ -24,7 +24,7 @@ PROGRAM: Final = Program(
     ONE_APPROACH,
     """\
 objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
-design = pt.design_gain(pt.Task(scenario, sensor, objective, bounds=(-10.0, -0.01)))
+design = pt.design(pt.Task(scenario, sensor, objective, bounds=(-10.0, -0.01)))
 gains, tabulated = -np.geomspace(0.01, 10.0, 400), np.array([-0.1, -0.6, -0.7, -0.8, -0.9, -1.0, -10.0])
 terms = objective.parts(pt.find_contact(scenario, sensor, gains).contact, 0.3)
 values = objective.value(pt.find_contact(scenario, sensor, tabulated).contact, 0.3)

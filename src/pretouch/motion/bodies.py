@@ -123,7 +123,7 @@ class Obstacle(_Body):
         if self.course:
             raise InvalidInputError(
                 f"obstacle course: found {len(self.course)} Stretch objects, expected none; use find_contact, "
-                "design_gain or simulate instead. This solver needs an obstacle with constant acceleration"
+                "design or simulate instead. This solver needs an obstacle with constant acceleration"
             )
         return self.acceleration
 

@@ -16,10 +16,10 @@ from pretouch._core.errors import PretouchError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch.calibration import Calibration, CalibrationReport, rank_models
+from pretouch.calibration import Calibration, CalibrationReport, fit
 from pretouch.calibration.averaging import average
-from pretouch.design import Task, design_gain
-from pretouch.design.gain import designed_number
+from pretouch.designs import Task, design_gain
+from pretouch.designs.gain import designed_number
 from pretouch.uncertainty import reservations_of
 from pretouch.verification.calibration_check import check_calibration
 
@@ -96,7 +96,7 @@ def judge_recording(calibration: Calibration | None, goal: RecordGoal, *, final:
         missing = _missing(calibration, None, goal)
         if missing.ends:
             return Judgment(is_enough=False, reason=_ENDS, missing=missing)
-    report = rank_models(calibration)
+    report = fit(calibration)
     missing = _missing(calibration, report, goal)
     slope = None if report.slope is None else report.slope.largest
     reason = _objection(report, slope, missing, goal)

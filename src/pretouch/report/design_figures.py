@@ -16,10 +16,10 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
 from pretouch._core.vocabulary import unit_of, words_for
-from pretouch.design.certificate import ConstraintOutcome, Sensitivity
-from pretouch.design.gain import GainDesign
-from pretouch.design.page import shows_equals, traded_quantity
-from pretouch.design.quantities import contact_value
+from pretouch.designs.certificate import ConstraintOutcome, Sensitivity
+from pretouch.designs.gain import GainDesign
+from pretouch.designs.page import shows_equals, traded_quantity
+from pretouch.designs.quantities import contact_value
 from pretouch.motion import LawNumber
 
 from .new_figure import new_figure

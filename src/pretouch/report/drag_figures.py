@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from pretouch._core.arguments import check_arguments
-from pretouch.design.drag import DragDesign, drag_trade_off
-from pretouch.design.drag.page import at_speeds, letters_optimum, speeds_of
-from pretouch.design.gain import GainDesign
+from pretouch.designs.drag import DragDesign, drag_trade_off
+from pretouch.designs.drag.page import at_speeds, letters_optimum, speeds_of
+from pretouch.designs.gain import GainDesign
 from pretouch.motion import DAMPER
 
 from .panel_figure import panel_figure

@@ -12,7 +12,7 @@ import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.numbers import FloatArray
-from pretouch.design.gain import GainDesign
+from pretouch.designs.gain import GainDesign
 from pretouch.motion import ContactResult, Motion, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop

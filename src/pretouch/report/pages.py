@@ -33,32 +33,32 @@ def _calibration() -> Rows:
 
 
 def _design() -> Rows:
-    from pretouch.design.admittance_page import admittance_page
-    from pretouch.design.admittance_result import AdmittanceDesign
-    from pretouch.design.gain import GainDesign
-    from pretouch.design.page import gain_page, task_page
-    from pretouch.design.task import Task
+    from pretouch.designs.admittance_page import admittance_page
+    from pretouch.designs.admittance_result import AdmittanceDesign
+    from pretouch.designs.gain import GainDesign
+    from pretouch.designs.page import gain_page, task_page
+    from pretouch.designs.task import Task
 
     return {Task: task_page, GainDesign: gain_page, AdmittanceDesign: admittance_page}
 
 
 def _design_drag() -> Rows:
-    from pretouch.design.drag.page import drag_page
-    from pretouch.design.drag.result import DragDesign
+    from pretouch.designs.drag.page import drag_page
+    from pretouch.designs.drag.result import DragDesign
 
     return {DragDesign: drag_page}
 
 
 def _design_front() -> Rows:
-    from pretouch.design.front.page import front_page
-    from pretouch.design.front.result import ParetoFront
+    from pretouch.designs.front.page import front_page
+    from pretouch.designs.front.result import ParetoFront
 
     return {ParetoFront: front_page}
 
 
 def _design_robust() -> Rows:
-    from pretouch.design.robust.page import robust_page
-    from pretouch.design.robust.result import RobustDesign
+    from pretouch.designs.robust.page import robust_page
+    from pretouch.designs.robust.result import RobustDesign
 
     return {RobustDesign: robust_page}
 
@@ -92,7 +92,7 @@ def _recording() -> Rows:
 
 
 def _export() -> Rows:
-    from pretouch.export.export import Export, export_page
+    from pretouch.exports.result import Export, export_page
 
     return {Export: export_page}
 
@@ -107,14 +107,14 @@ def _letter() -> Rows:
 PAGES: Final[dict[str, Callable[[], Rows]]] = {
     "motion": _motion,
     "calibration": _calibration,
-    "design": _design,
-    "design.drag": _design_drag,
-    "design.front": _design_front,
-    "design.robust": _design_robust,
+    "designs": _design,
+    "designs.drag": _design_drag,
+    "designs.front": _design_front,
+    "designs.robust": _design_robust,
     "verification": _verification,
     "robots": _robots,
     "recording": _recording,
-    "export": _export,
+    "exports": _export,
     "letter": _letter,
 }
 """The pages of the results that are defined in each folder."""

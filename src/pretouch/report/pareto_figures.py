@@ -13,9 +13,9 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import pretty_unit
 from pretouch._core.vocabulary import words_for
-from pretouch.design.admittance_result import AdmittanceDesign
-from pretouch.design.front.dominance import shortfall
-from pretouch.design.front.result import FrontPoint, ParetoFront
+from pretouch.designs.admittance_result import AdmittanceDesign
+from pretouch.designs.front.dominance import shortfall
+from pretouch.designs.front.result import FrontPoint, ParetoFront
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel

@@ -10,9 +10,9 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
-from pretouch.design.robust.outcomes import RobustOutcomes
-from pretouch.design.robust.price import Price
-from pretouch.design.robust.result import RobustDesign
+from pretouch.designs.robust.outcomes import RobustOutcomes
+from pretouch.designs.robust.price import Price
+from pretouch.designs.robust.result import RobustDesign
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel, containing

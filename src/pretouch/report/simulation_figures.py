@@ -48,7 +48,7 @@ def simulation(encounter: SimulatedEncounter) -> Figure:
     """Draw a simulated encounter, its prediction, and the same encounter without mitigation.
 
     Args:
-        encounter: a result of `simulate_encounter`, with any status.
+        encounter: a result of `simulate`, with any status.
 
     Returns:
         Panels over the same time axis: distance, relative velocity, virtual force, and the readings of the law compared
@@ -72,7 +72,7 @@ def simulated_lanes(encounter: SimulatedEncounter) -> tuple[list[Lane], SensorMo
     The animation has one row with mitigation, and one row without mitigation. Each row ends with the first contact.
 
     Args:
-        encounter: a result of `simulate_encounter`.
+        encounter: a result of `simulate`.
     """
     end = _shown_until(encounter)
     runs = ((_unmitigated_series(encounter), encounter.unmitigated), (_loop_series(encounter), encounter.run))

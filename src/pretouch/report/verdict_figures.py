@@ -10,7 +10,7 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
-from pretouch.design.quantities import size_of
+from pretouch.designs.quantities import size_of
 from pretouch.motion import ContactResult
 from pretouch.simulation import SimulationResult
 from pretouch.verification import LimitCheck, Verdict

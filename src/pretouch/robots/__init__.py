@@ -5,12 +5,12 @@ from .drives import AxisLimits
 from .encounter import simulate_robot
 from .model import load_model, make_data
 from .path import Excursion
-from .projection import Projection, project
+from .projection import Projection, project_site
 from .result import RobotSimulation, RobotTrace, SiteContact
 from .site import SensorSite
 from .site_law import SiteLaw
 from .sweep import sweep_robot
-from .table import ProjectionTable, project_all
+from .table import ProjectionTable, project
 from .tracking import ComputedTorque, OperationalSpace, PositionControl, Tracking
 from .viewer import view_robot
 from .workspace import Workspace, project_workspace, random_postures
@@ -34,7 +34,7 @@ __all__ = [
     "load_model",
     "make_data",
     "project",
-    "project_all",
+    "project_site",
     "project_workspace",
     "random_postures",
     "simulate_robot",

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError, require
+from pretouch._core.messages import short_repr
 from pretouch._core.numbers import IntArray
 from pretouch._core.units import to_si
 
@@ -47,6 +48,17 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         return library.MjModel.from_xml_path(str(file))
     except ValueError as error:
         raise InvalidInputError(f"model: MuJoCo cannot read {file}: {' '.join(str(error).split())}") from None
+
+
+def check_model(model: Any) -> None:
+    """Check that an argument is a model of MuJoCo.
+
+    Raises:
+        InvalidInputError: it is something else.
+    """
+    if not isinstance(model, mujoco().MjModel):
+        found = f"found {short_repr(model)}, expected a mujoco.MjModel, such as load_model(path) returns"
+        raise InvalidInputError(f"model: {found}")
 
 
 def make_data(model: Model, posture: Mapping[str, Any] | None = None, *, keyframe: int | str | None = None) -> Data:

@@ -16,13 +16,13 @@ from pretouch._core.numbers import FloatArray, finite_or_none, positive
 from pretouch._core.units import format_quantity, to_si
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
-from pretouch.design import Constraint, Task
+from pretouch.designs import Constraint, Task
 from pretouch.motion import Scenario
 
 from .deviations import SIDEWAYS, TURN
 from .drives import AxisLimits, acceleration_limits, drives_of, force_limits, speed_limits
 from .dynamics import AxisMotion, Drivetrain, axis_motion, drivetrain_of, posture_dynamics
-from .model import Data, Model, joint_label, mujoco, site_index, unit_of_joint
+from .model import Data, Model, check_model, joint_label, mujoco, site_index, unit_of_joint
 from .obstruction import refuse_covered_sensor
 from .path import Excursion, excursion
 from .site import SensorSite
@@ -205,7 +205,7 @@ class Projection(Described, Value):
 
 
 @check_arguments
-def project(
+def project_site(
     model: Model,
     data: Data,
     site: SensorSite,
@@ -231,6 +231,7 @@ def project(
         InvalidInputError: the model has no such site, the site is covered by a body or cannot move along the axis, or
             a slide joint has no range.
     """
+    check_model(model)
     index = site_index(model, site.name)
     data = _at_rest(model, data)
     drivetrain = drivetrain_of(model, data, index)

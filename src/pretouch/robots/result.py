@@ -13,7 +13,7 @@ from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite_or_none
 from pretouch._core.values import Value
-from pretouch.design.impact import SpringImpact
+from pretouch.designs.impact import SpringImpact
 from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact, solve_motion
 
 from .site_law import SiteLaw

@@ -14,8 +14,8 @@ from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import Value
 
-from .model import Model, make_data, names_of
-from .projection import Projection, project
+from .model import Model, check_model, make_data, names_of
+from .projection import Projection, project_site
 from .site import SensorSite
 
 REFERENCE: Final = "reference"
@@ -82,7 +82,7 @@ def _row_as_dict(row: ProjectionRow) -> dict[str, Any]:
 
 
 @check_arguments
-def project_all(model: Model) -> ProjectionTable:
+def project(model: Model) -> ProjectionTable:
     """Compute mass and limits of a robot at every named site.
 
     They count along the site's own axes x, y and z. The postures are that in which the model is defined, and its
@@ -95,8 +95,9 @@ def project_all(model: Model) -> ProjectionTable:
         The overview.
 
     Raises:
-        InvalidInputError: the model has no named site, or no site can be projected in any posture.
+        InvalidInputError: this is no model, the model has no named site, or no site can be projected in any posture.
     """
+    check_model(model)
     sites = [name for name in names_of(model, "site") if name]
     if not sites:
         raise InvalidInputError("site: the model has no site with a name; add <site name=... pos=.../> to a body")
@@ -117,7 +118,7 @@ def _rows(model: Model, sites: list[str]) -> Iterator[ProjectionRow]:
             for axis in _AXES:
                 row = ProjectionRow(site=site, posture=posture, axis=axis, projection=None)
                 try:
-                    yield replace(row, projection=project(model, data, SensorSite(site, axis=axis)))
+                    yield replace(row, projection=project_site(model, data, SensorSite(site, axis=axis)))
                 except InvalidInputError as error:
                     yield replace(row, reason=str(error))
 

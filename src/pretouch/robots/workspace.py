@@ -15,13 +15,13 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
-from pretouch.design import Task
+from pretouch.designs import Task
 from pretouch.simulation.result import whole
 
 from .dynamics import drivetrain_of
 from .model import Model, joint_label, make_data, site_index
 from .path import ranges_of
-from .projection import Projection, project
+from .projection import Projection, project_site
 from .site import SensorSite
 
 PLACE = "place"
@@ -136,7 +136,7 @@ def project_workspace(
         data = make_data(model, posture)
         for axis in directions or (site.axis,):
             try:
-                projections.append(project(model, data, replace(site, axis=axis), joint_speeds=joint_speeds))
+                projections.append(project_site(model, data, replace(site, axis=axis), joint_speeds=joint_speeds))
             except InvalidInputError as error:
                 omitted, reason = omitted + 1, str(error)
     if not projections:

@@ -50,7 +50,7 @@ def sensor_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, t
 CURVE_KINDS: Final = Extensions(
     group="pretouch.sensors",
     built_in=sensor_curves,
-    problem=kind_problem(SensorModel, "pretouch.SensorModel"),
+    problem=kind_problem(SensorModel, "pretouch.sensors.SensorModel"),
 )
 """The curves that files and fits may name: those of pretouch, and those of installed packages."""
 

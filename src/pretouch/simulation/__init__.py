@@ -3,7 +3,7 @@
 from .chain import LoopTiming, SensorChain, chain_of_fit, timing_of
 from .closed_loop import ClosedLoop
 from .disturbance import Disturbance
-from .loop import simulate
+from .loop import simulate_loop
 from .parts import PARTS, SensorPart, sensor_part
 from .result import LoopTrace, SimulationResult
 from .robot import ContactModel, HuntCrossley, IdealPlant, ImpedancePlant, PlantModel, PositionPlant, SpringDamper
@@ -38,7 +38,7 @@ __all__ = [
     "largest_damping",
     "lowest_rate",
     "sensor_part",
-    "simulate",
+    "simulate_loop",
     "speed_limit",
     "timing_of",
 ]

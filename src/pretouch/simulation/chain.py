@@ -226,7 +226,7 @@ def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: f
     Noise, curve error, offset, resolution and saturation level are those of the calibration.
 
     Args:
-        fit: a fit by `fit_sensor` or `rank_models`; its noise is that of a single reading.
+        fit: a fit by `fit_sensor` or `fit`; its noise is that of a single reading.
         rate: readings per second [Hz], which is unknown from a static calibration.
         exposure: time over which a reading is averaged [s].
         delay: time from the end of an exposure until the reading is available [s].

@@ -43,8 +43,8 @@ _TOLERANCE: Final = 1e-6  # relative change of the drag at which this iteration 
 class ClosedLoop:
     """A sampled control loop of sensor, controller, robot and contact.
 
-    Called with a scenario, a sensor and gains, it solves encounters like `find_contact`. So `design_gain` and
-    `design_robust_gain` accept it as the argument `evaluate`. With the law and the chain of the example of `simulate`,
+    Called with a scenario, a sensor and gains, it solves encounters like `find_contact`. So `design` and
+    `robust` accept it as the argument `evaluate`. With the law and the chain of the example of `simulate`,
     `ClosedLoop(law=law, chain=chain).run(scenario, sensor, -0.7)` returns the same as `simulate`.
 
     Args:

@@ -16,7 +16,7 @@ from .robot import ContactModel, IdealPlant, PlantModel
 
 
 @check_arguments
-def simulate(
+def simulate_loop(
     scenario: Scenario,
     sensor: SensorModel,
     law: SampledLaw,
@@ -68,7 +68,7 @@ def simulate(
         ...     law=VirtualDamper(gain=-0.7),
         ...     admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
         ... )
-        >>> round(simulate(scenario, sensor, law).relative_velocity, 3)  # -0.0815 in continuous time
+        >>> round(simulate_loop(scenario, sensor, law).relative_velocity, 3)  # -0.0815 in continuous time
         -0.082
     """
     chain, plant = chain or SensorChain(rate=1 / law.period), plant or IdealPlant()

@@ -236,7 +236,7 @@ def gain_limit(
         relative_velocity: l' at each distance [m/s], for a law whose damping depends on it, such as a drag.
 
     Returns:
-        The limits; their `allowed` is a constraint, and their `bounds` are bounds, of `design_gain`.
+        The limits; their `allowed` is a constraint, and their `bounds` are bounds, of `design`.
 
     Examples:
         >>> from pretouch.sensors import InversePower

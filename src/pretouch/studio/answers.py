@@ -21,7 +21,7 @@ from .opened_files import OpenedFiles, change_text
 
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, SensorFit
-    from pretouch.design import Task
+    from pretouch.designs import Task
     from pretouch.uncertainty import Reservations
 
 SECTIONS: Final = (
@@ -70,7 +70,7 @@ def ratio_of_drag(task: Task) -> str:
 
     The drag has the effect that the task requires.
     """
-    from pretouch.design import design_drag  # noqa: PLC0415
+    from pretouch.designs import design_drag  # noqa: PLC0415
 
     contact = design_drag(task).result.contact
     return f"{contact.relative_velocity / task.scenario.relative_velocity:.6g}"
@@ -91,9 +91,9 @@ def texts_of(document: dict[str, Any]) -> Iterator[tuple[str, Any]]:
 
 def _fixed(task: Task, document: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Return the parts of a scenario that only Python can compute. Notes describe the parts that the page ignores."""
-    from pretouch.design.problem import GainProblem  # noqa: PLC0415
-    from pretouch.design.search import GainAxis  # noqa: PLC0415
-    from pretouch.design.search.compiled import limit_rows, supported_terms  # noqa: PLC0415
+    from pretouch.designs.problem import GainProblem  # noqa: PLC0415
+    from pretouch.designs.search import GainAxis  # noqa: PLC0415
+    from pretouch.designs.search.compiled import limit_rows, supported_terms  # noqa: PLC0415
 
     fixed: dict[str, Any] = {}
     notes: list[str] = []
@@ -152,12 +152,12 @@ def fit_readings(files: OpenedFiles, name: str, window: tuple[float, float] | No
     Returns:
         The fitted curve. Without a window [m], it is fitted in the usable range.
     """
-    from pretouch.calibration import rank_models, read_calibration  # noqa: PLC0415
+    from pretouch.calibration import fit, read_calibration  # noqa: PLC0415
 
     calibration = read_calibration(files.file(name))
     if window is not None:
         calibration = _cut(calibration, *window)
-    report = rank_models(calibration, ("inverse-power", "exponential-1", "exponential-2"))
+    report = fit(calibration, ("inverse-power", "exponential-1", "exponential-2"))
     if report.best is None:
         return {"verdict": report.verdict, "reasons": list(report.reasons)}
     return _fit_as_dict(report.best, report.verdict)
@@ -273,7 +273,7 @@ def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | 
     from dataclasses import replace  # noqa: PLC0415
 
     from pretouch.config import load_scenario  # noqa: PLC0415
-    from pretouch.verification import simulate_encounter  # noqa: PLC0415
+    from pretouch.verification import simulate  # noqa: PLC0415
 
     task = load_scenario(files.write_scenario(text))
     if task.loop is None:
@@ -282,7 +282,7 @@ def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | 
             "those of examples/loop.toml"
         )
     loop = task.loop if seed is None else replace(task.loop, seed=seed)
-    encounter = simulate_encounter(task.replace(loop=loop, gain=task.gain if gain is None else gain))
+    encounter = simulate(task.replace(loop=loop, gain=task.gain if gain is None else gain))
     trace, reference = encounter.trace, task.scenario.reference
     end = trace.contacts[0, 0] if len(trace.contacts) else trace.time[-1]
     before = np.flatnonzero(trace.time <= end)

@@ -177,13 +177,13 @@ def _compute(verb: str, file: Path, gain: float | None, folder: Path, sender: Co
         return _export(task, folder)
     answer: Any
     if verb == "verify":
-        from pretouch.verification import verify_gain  # noqa: PLC0415
+        from pretouch.verification import verify  # noqa: PLC0415
 
-        answer = verify_gain(task)
+        answer = verify(task)
     else:
-        from pretouch.design import pareto_front  # noqa: PLC0415
+        from pretouch.designs import pareto  # noqa: PLC0415
 
-        answer = pareto_front(task)
+        answer = pareto(task)
     sender.send(("progress", "drawing the report"))
     from pretouch.report import write_report  # noqa: PLC0415
 
@@ -230,9 +230,9 @@ def _export(task: Any, folder: Path) -> dict[str, Any]:
     """Verify a control law, and export its C code as ZIP."""
     from datetime import UTC, datetime  # noqa: PLC0415
 
-    from pretouch.export import export_law  # noqa: PLC0415
+    from pretouch.exports import export  # noqa: PLC0415
 
-    result = export_law(task, folder / "law", "c", verify=True, date=datetime.now(UTC).date().isoformat())
+    result = export(task, folder / "law", "c", verify=True, date=datetime.now(UTC).date().isoformat())
     if result.is_written:
         with zipfile.ZipFile(folder / "export.zip", "w", zipfile.ZIP_DEFLATED) as archive:
             for path in sorted((folder / "law").rglob("*")):

@@ -15,7 +15,7 @@ from .answers import LIMITS, SECTIONS, ratio_of_drag, reservations_at, texts_of
 from .curves import IN_THE_PAGE
 
 if TYPE_CHECKING:
-    from pretouch.design import Task
+    from pretouch.designs import Task
 
 _KINDS: Final = {"excursion", "time"}
 """The kinds of objectives that the page computes from their fields."""
@@ -103,7 +103,7 @@ def _fitted_curve(task: Task) -> dict[str, Any]:
 
 def _warning(task: Task) -> Iterator[str]:
     """Yield a sentence on the contact speeds that the calibration allows, for the gain of the scenario or the best."""
-    from pretouch.design.gain import designed_number  # noqa: PLC0415
+    from pretouch.designs.gain import designed_number  # noqa: PLC0415
 
     gain = designed_number(task) if task.gain is None else task.gain
     found = None if gain is None else reservations_at(task, gain)

@@ -19,7 +19,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import read_quantity
 from pretouch._core.values import Value
-from pretouch.design import Constraint, Task
+from pretouch.designs import Constraint, Task
 from pretouch.motion.scenario import SCENARIO_INPUTS, sensor_inputs, sensor_with
 
 ENCOUNTER_INPUTS: Final = {"gain", *SCENARIO_INPUTS}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pretouch.design import Task, design_gain
+from pretouch.designs import Task, design_gain
 from pretouch.motion import ContactStatus
 from pretouch.motion.scenario import scenario_with
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.numbers import finite, positive
-from pretouch.design import OBSTACLE_SPEED, Task
-from pretouch.design.custom_objectives import CustomObjective
+from pretouch.designs import OBSTACLE_SPEED, Task
+from pretouch.designs.custom_objectives import CustomObjective
 from pretouch.motion import DAMPER, DRAG
 from pretouch.motion.scenario import scenario_with
 

@@ -12,9 +12,9 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch.design import ImpactModel, Objective, Task
-from pretouch.design.custom_objectives import CustomObjective
-from pretouch.design.quantities import QUANTITY_KINDS
+from pretouch.designs import ImpactModel, Objective, Task
+from pretouch.designs.custom_objectives import CustomObjective
+from pretouch.designs.quantities import QUANTITY_KINDS
 from pretouch.motion import ContactState
 from pretouch.sensors import SensorModel
 

@@ -15,8 +15,8 @@ from pretouch._core.blocks import aligned
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import QUANTITIES, unit_of, words_for
-from pretouch.design import QUANTITY_UNITS, DesignStatus, ImpactModel, quantity_of
-from pretouch.design.quantities import QUANTITY_KINDS, find_quantity
+from pretouch.designs import QUANTITY_UNITS, DesignStatus, ImpactModel, quantity_of
+from pretouch.designs.quantities import QUANTITY_KINDS, find_quantity
 from pretouch.motion import DAMPER, ContactResult, ContactState, ContactStatus, ContinuousLaw
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, OutOfRangeError, OutputExistsError, require
 from pretouch._core.numbers import finite
-from pretouch.design import Task
-from pretouch.design.task import with_file_location
+from pretouch.designs import Task
+from pretouch.designs.task import with_file_location
 
 from .axes import Axes
 from .cluster import connected, run_on, worker_count

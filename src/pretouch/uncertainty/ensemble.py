@@ -43,7 +43,7 @@ def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
         if not isinstance(distribution, JointDistribution):
             raise InvalidInputError(
                 f"uncertainty {name}: found {type(distribution).__name__}, expected a distribution such as "
-                "Uniform. A custom distribution must inherit from pt.robust.Distribution and define its members "
+                "Uniform. A custom distribution must inherit from pt.uncertainty.Distribution and define its members "
                 "support and _quantile"
             )
     names = [member for name, distribution in uncertainty.items() for member in distribution.inputs(name)]
@@ -365,7 +365,7 @@ def make_ensemble(
         method: the method of solution, as in `find_contact`.
         horizon: longest time to wait for contact [s].
         law: the law in continuous time.
-        evaluate: solves encounters instead of `find_contact`, as in `design_gain`.
+        evaluate: solves encounters instead of `find_contact`, as in `design`.
 
     Returns:
         The encounters.

@@ -362,11 +362,11 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
         The reservations.
 
     Examples:
-        >>> from pretouch.calibration import Calibration, rank_models
+        >>> from pretouch.calibration import Calibration, fit
         >>> from pretouch.motion import Admittance
         >>> distances = [0.002 * i for i in range(1, 16)]
         >>> readings = Calibration(distances=distances, outputs=[2 * np.exp(-60 * d) for d in distances], unit="V")
-        >>> report = rank_models(readings, models=("exponential-1",), offset="zero")
+        >>> report = fit(readings, models=("exponential-1",), offset="zero")
         >>> class Answer:
         ...     scenario = Scenario(
         ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),

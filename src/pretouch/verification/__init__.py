@@ -3,17 +3,17 @@
 The verification also suggests improvements of the loop.
 """
 
-from pretouch.design.options import VerifyOptions
+from pretouch.designs.options import VerifyOptions
 
 from .calibration_check import CalibrationCheck
-from .candidates import Candidate, CandidateComparison, compare_candidates
+from .candidates import Candidate, CandidateComparison, compare
 from .effect import Effect, SensorSpeed, VerdictStatus
 from .encounter import SimulatedEncounter
 from .gain_search import LoopCurve
 from .improvement import LoopChange, Loss
 from .result import Comparison, LimitCheck, Reached, RunSpread, Verdict
 from .stability import StabilityCheck
-from .verify import simulate_encounter, verify_gain
+from .verdict import simulate, verify
 
 __all__ = [
     "CalibrationCheck",
@@ -33,7 +33,7 @@ __all__ = [
     "Verdict",
     "VerdictStatus",
     "VerifyOptions",
-    "compare_candidates",
-    "simulate_encounter",
-    "verify_gain",
+    "compare",
+    "simulate",
+    "verify",
 ]

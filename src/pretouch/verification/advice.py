@@ -18,11 +18,10 @@ from pretouch._core.progress import note_work
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch._core.warning_codes import split_code
-from pretouch.design import Task
-from pretouch.design.gain import designed_number
-from pretouch.design.robust import Required
-from pretouch.design.robust.required import limits_of
-from pretouch.design.search import RUNS, Effort, GainAxis, Landscape, search_axis
+from pretouch.designs import Task
+from pretouch.designs.gain import designed_number
+from pretouch.designs.robust.required import Required, limits_of
+from pretouch.designs.search import RUNS, Effort, GainAxis, Landscape, search_axis
 from pretouch.simulation import ClosedLoop, chain_of_fit
 
 from .advised import Advice
@@ -36,7 +35,7 @@ from .settings import settings_between
 from .stability import ChangedLoop, Passed, candidates_of, limit_of, rounded_up, with_settings
 
 Judge: TypeAlias = Callable[[Task], Verdict]
-"""Function that returns the verdict on a changed task, as `verify_gain` does."""
+"""Function that returns the verdict on a changed task, as `verify` does."""
 
 _FRESH: Final = 1  # added to the seed for the encounters and the noise of fresh runs
 _FRESH_RUNS: Final = 1000  # number of fresh runs that confirm an advice about limits, at least

@@ -14,11 +14,10 @@ from numpy.typing import ArrayLike
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
-from pretouch.design import ElasticImpact, ImpactModel, Task
-from pretouch.design.custom_objectives import CustomObjective, appraise
-from pretouch.design.quantities import quantity_of, size_of
-from pretouch.design.robust import Required
-from pretouch.design.robust.required import least_probability, limits_of
+from pretouch.designs import ElasticImpact, ImpactModel, Task
+from pretouch.designs.custom_objectives import CustomObjective, appraise
+from pretouch.designs.quantities import quantity_of, size_of
+from pretouch.designs.robust.required import Required, least_probability, limits_of
 from pretouch.motion import ContactResult, ContactState, Scenario
 from pretouch.motion.layout import PEAKS
 from pretouch.motion.scenario import map_fields

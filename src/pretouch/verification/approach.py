@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch.design import Task
+from pretouch.designs import Task
 from pretouch.motion import ContactResult
 from pretouch.simulation.detection import DetectionRange, moved_on, time_at
 

@@ -18,7 +18,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
 from pretouch.control import Controller
-from pretouch.design import Task
+from pretouch.designs import Task
 from pretouch.motion import Obstacle, Scenario
 from pretouch.simulation import ClosedLoop, IdealPlant
 from pretouch.simulation.detection import detection_distance

@@ -18,8 +18,8 @@ from pretouch._core.warning_codes import split_code
 from pretouch.calibration import CalibrationReport
 from pretouch.calibration.contact_check import WitnessCheck, check_on_readings, is_within, measurement_that_helps, mount
 from pretouch.calibration.result import DrawnCurve
-from pretouch.design import Task
-from pretouch.design.quantities import size_of
+from pretouch.designs import Task
+from pretouch.designs.quantities import size_of
 from pretouch.simulation import SensorChain
 from pretouch.uncertainty.reservations import recess_advice
 

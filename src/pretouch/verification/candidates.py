@@ -14,11 +14,11 @@ from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
-from pretouch.design import Task
+from pretouch.designs import Task
 
 from .effect import VerdictStatus
 from .result import Verdict
-from .verify import verify_gain
+from .verdict import verify
 
 _ORDER: Final = (
     VerdictStatus.HOLDS,
@@ -118,7 +118,7 @@ class Candidate(Value):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CandidateComparison(Described, Value):
-    """Result of `compare_candidates`: the candidates from best to worst.
+    """Result of `compare`: the candidates from best to worst.
 
     A gain that holds is better than one that does not. Among equals, the lower mean contact speed is better.
 
@@ -180,9 +180,7 @@ class CandidateComparison(Described, Value):
 
 
 @check_arguments
-def compare_candidates(
-    tasks: Mapping[str, Task], *, runs: int | None = None, notes: Sequence[str] = ()
-) -> CandidateComparison:
+def compare(tasks: Mapping[str, Task], *, runs: int | None = None, notes: Sequence[str] = ()) -> CandidateComparison:
     """Verify and rank several tasks, such as different sensors.
 
     Each task gets the gain that it names, or else its own designed gain, which has the required gain margin.
@@ -237,7 +235,7 @@ def _verified(name: str, task: Task, runs: int | None) -> Candidate:
     if runs is not None:
         task = task.replace(verify=replace(task.verify, runs=runs))
     try:
-        return Candidate(name=name, verdict=verify_gain(task, changes=False))
+        return Candidate(name=name, verdict=verify(task, changes=False))
     except InvalidInputError as error:
         return Candidate(name=name, problem=str(error))
 

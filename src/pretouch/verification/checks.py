@@ -14,9 +14,9 @@ from pretouch._core.vocabulary import unit_of, words_for
 from pretouch._core.warning_codes import caution
 from pretouch.calibration import CalibrationReport
 from pretouch.control import Controller, Status
-from pretouch.design import GainDesign, ImpactModel, Task, quantity_of
-from pretouch.design.quantities import size_of
-from pretouch.design.robust.required import least_probability, limits_of
+from pretouch.designs import GainDesign, ImpactModel, Task, quantity_of
+from pretouch.designs.quantities import size_of
+from pretouch.designs.robust.required import least_probability, limits_of
 from pretouch.motion import ContactResult, Scenario
 from pretouch.motion.page_sections import mounting_in_words
 from pretouch.simulation import ClosedLoop, SimulationResult

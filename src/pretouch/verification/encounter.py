@@ -29,7 +29,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import words_for
 from pretouch._core.warning_codes import caution
-from pretouch.design.impact import ImpactModel, impact_rows
+from pretouch.designs.impact import ImpactModel, impact_rows
 from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Motion, Scenario
 from pretouch.motion.page_sections import approach_step, inputs_section, method_section, mitigating_step
 from pretouch.sensors import SensorModel
@@ -96,7 +96,7 @@ Row = tuple[Cell, ...]
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SimulatedEncounter(Described, Value):
-    """Result of `simulate_encounter`: one encounter, simulated and predicted.
+    """Result of `simulate`: one encounter, simulated and predicted.
 
     Both have results with and without impact mitigation. Comparisons are computed when they are first read.
 

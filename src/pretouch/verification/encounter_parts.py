@@ -15,7 +15,7 @@ from pretouch._core.values import Value
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch._core.warning_codes import caution
 from pretouch.control import Controller, Status
-from pretouch.design.impact import ImpactModel
+from pretouch.designs.impact import ImpactModel
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult

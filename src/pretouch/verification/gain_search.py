@@ -11,9 +11,9 @@ import numpy as np
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.progress import note_work
 from pretouch._core.values import Value
-from pretouch.design import Task
-from pretouch.design.robust.required import limits_of, runs_to_show
-from pretouch.design.search import RUNS, Effort, GainAxis, Landscape, search_axis
+from pretouch.designs import Task
+from pretouch.designs.robust.required import limits_of, runs_to_show
+from pretouch.designs.search import RUNS, Effort, GainAxis, Landscape, search_axis
 from pretouch.simulation import ClosedLoop, GainLimit
 
 from .appraisal import ROOM, USUAL_MARGIN, LoopOutcomes, LoopProblem

@@ -15,7 +15,7 @@ import numpy as np
 from pretouch._core.numbers import FloatArray, finite_or_none
 from pretouch._core.progress import note_work
 from pretouch._core.values import Value
-from pretouch.design import GainDesign, Task
+from pretouch.designs import GainDesign, Task
 from pretouch.motion import ContactResult, LawNumber
 from pretouch.simulation import GainLimit
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from pretouch._core.blocks import Cell, LazyBlock, Measured, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.vocabulary import words_for
-from pretouch.design.page import objective_rows
+from pretouch.designs.page import objective_rows
 
 from .appraisal import USUAL_MARGIN
 from .effect import SIGNIFICANT

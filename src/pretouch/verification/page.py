@@ -13,9 +13,9 @@ from pretouch._core.blocks import Cell, Listing, Measured, Page, PageSection, Pa
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch._core.warning_codes import split_code
-from pretouch.design import DesignStatus
-from pretouch.design.gain import designed_number
-from pretouch.design.page_sentences import step_without_gain
+from pretouch.designs import DesignStatus
+from pretouch.designs.gain import designed_number
+from pretouch.designs.page_sentences import step_without_gain
 from pretouch.motion import LawNumber
 from pretouch.motion.page_sections import approach_step, inputs_section, method_section, mitigating_step
 from pretouch.simulation.closed_loop import loop_section

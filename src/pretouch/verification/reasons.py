@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Final
 
 from pretouch._core.units import format_quantity
-from pretouch.design import GainDesign
-from pretouch.design.robust.required import least_probability, runs_to_show
+from pretouch.designs import GainDesign
+from pretouch.designs.robust.required import least_probability, runs_to_show
 from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import ROOM, USUAL_MARGIN

@@ -14,8 +14,8 @@ from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import Entry
-from pretouch.design import GainDesign, Objective
-from pretouch.design.robust import Required
+from pretouch.designs import GainDesign, Objective
+from pretouch.designs.robust.required import Required
 from pretouch.motion import ContactResult, ContinuousLaw, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
@@ -206,7 +206,7 @@ _HOLDS: Final = {
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Verdict(Described, Value):
-    """Result of `verify_gain`: whether a gain meets its requirements.
+    """Result of `verify`: whether a gain meets its requirements.
 
     The requirements are checked on the sampled loop. The result also says which changes would help.
 

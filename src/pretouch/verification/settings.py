@@ -11,8 +11,8 @@ from pretouch._core.fields import OUTPUT, OUTPUT_RATE
 from pretouch._core.units import written_unit
 from pretouch._core.vocabulary import unit_of
 from pretouch.control import Controller
-from pretouch.design import Task
-from pretouch.design.robust.required import limits_of
+from pretouch.designs import Task
+from pretouch.designs.robust.required import limits_of
 from pretouch.motion import DAMPER, DRAG
 
 Setting: TypeAlias = str | float | int | bool | None

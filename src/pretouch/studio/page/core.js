@@ -95,7 +95,7 @@ function slopeOfPieces(pieces, l) {
 /** Return an upper limit of a distance, rounded up to a power of two, as `reach_to` in pretouch/motion/curve.py. */
 const reachTo = (distance) => 2 ** (Math.floor(Math.log2(distance)) + 1);
 
-/** Return the coordinate asinh(gain / scale) in which gains are searched and drawn, as GainAxis of pretouch.design. */
+/** Return the coordinate asinh(gain / scale) in which gains are searched and drawn, as GainAxis of pretouch.designs. */
 export function gainAxis([low, high]) {
     const small = Math.min(Math.abs(low), Math.abs(high)), large = Math.max(Math.abs(low), Math.abs(high));
     const scale = low * high > 0 ? small : 1e-3 * large;

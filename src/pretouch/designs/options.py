@@ -75,7 +75,7 @@ class Choice(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class ParetoOptions(ExplainsNames, Value):
-    """Options of `pareto_front`, which a scenario file sets in its section [pareto].
+    """Options of `pareto`, which a scenario file sets in its section [pareto].
 
     Args:
         quantities: the quantities of the front: two or three names of QUANTITY_UNITS; magnitudes are minimized.
@@ -103,7 +103,7 @@ class ParetoOptions(ExplainsNames, Value):
 
 @dataclass(frozen=True, kw_only=True)
 class RobustOptions(ExplainsNames, Value):
-    """Options of `design_robust_gain`, which a scenario file sets in its section [robust].
+    """Options of `robust`, which a scenario file sets in its section [robust].
 
     Args:
         measure: the measure that a robust gain minimizes, of the objective over all encounters: Quantile,
@@ -134,7 +134,7 @@ class RobustOptions(ExplainsNames, Value):
 
 @dataclass(frozen=True, kw_only=True)
 class VerifyOptions(ExplainsNames, Value):
-    """Options of `verify_gain`, which a scenario file sets in its section [verify].
+    """Options of `verify`, which a scenario file sets in its section [verify].
 
     Args:
         runs: number of simulated runs, 1 or more.

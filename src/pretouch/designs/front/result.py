@@ -75,7 +75,7 @@ class FrontPoint(Value):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ParetoFront(Answer):
-    """Result of `pareto_front`: the best compromises between contact quantities.
+    """Result of `pareto`: the best compromises between contact quantities.
 
     No point can improve in one quantity without becoming worse in another.
 

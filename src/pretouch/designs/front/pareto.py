@@ -70,7 +70,7 @@ _ROUNDING: Final = 1e-9  # relative amount by which the choice may exceed a limi
 
 @check_arguments
 @with_file_location
-def pareto_front(task: Task) -> ParetoFront:
+def pareto(task: Task) -> ParetoFront:
     """Find the Pareto front of two or three contact quantities.
 
     The gain D_p and the free admittance parameters vary.
@@ -89,7 +89,7 @@ def pareto_front(task: Task) -> ParetoFront:
         The front; infeasible and no-contact are statuses, not errors.
 
     Examples:
-        >>> from pretouch.design import ParetoOptions
+        >>> from pretouch.designs import ParetoOptions
         >>> from pretouch.motion import Admittance, Obstacle
         >>> from pretouch.sensors import ExponentialFirstOrder
         >>> task = Task(
@@ -101,7 +101,7 @@ def pareto_front(task: Task) -> ParetoFront:
         ...     bounds=(-10.0, -0.01),
         ...     pareto=ParetoOptions(choice=-0.8),
         ... )
-        >>> front = pareto_front(task)
+        >>> front = pareto(task)
         >>> round(front.knee.gain, 3), round(front.knee.values["relative_velocity"], 4)
         (-0.865, 0.0944)
         >>> abs(front.choice.distance_to_front) < 0.01

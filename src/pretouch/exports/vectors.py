@@ -14,7 +14,7 @@ import numpy as np
 from pretouch._core.values import Value
 from pretouch.control import Controller, Output, Sample
 from pretouch.control.laws import as_step
-from pretouch.simulation import ClosedLoop, simulate
+from pretouch.simulation import ClosedLoop, simulate_loop
 
 MOST_STEPS: Final = 4000
 """The largest number of steps of one case; of a longer simulation, the last steps are taken."""
@@ -106,7 +106,7 @@ def _approach(loop: ClosedLoop, controller: Controller, encounter: tuple[Any, An
     """Return the input samples that a controller receives in one simulated encounter."""
     recorder = _Recorder(controller)
     options = {name: getattr(loop, name) for name in ("chain", "plant", "contact", "seed", "horizon", "follow_time")}
-    simulate(*encounter, recorder, **options)
+    simulate_loop(*encounter, recorder, **options)
     return tuple(recorder.samples[-MOST_STEPS:])
 
 

@@ -55,7 +55,7 @@ def design_admittance(task: Task) -> AdmittanceDesign:
         InvalidInputError: neither natural frequency nor damping ratio is free, or a request makes no sense.
 
     Examples:
-        >>> from pretouch.design import Constraint, excursion_objective
+        >>> from pretouch.designs import Constraint, excursion_objective
         >>> from pretouch.motion import Admittance, Obstacle
         >>> from pretouch.sensors import ExponentialFirstOrder
         >>> task = Task(

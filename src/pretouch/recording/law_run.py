@@ -14,9 +14,9 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.control import Controller, Status
-from pretouch.design import Task
+from pretouch.designs import Task
 from pretouch.simulation import ClosedLoop
-from pretouch.verification.verify import chosen_gain
+from pretouch.verification.verdict import chosen_gain
 
 from .chain_section import chain_section
 from .detections import BEFORE, detections_in, events_in, judge
@@ -53,7 +53,7 @@ def replay(
     exports contain.
 
     Args:
-        task: the task with its sampled loop; the gain as for `verify_gain`.
+        task: the task with its sampled loop; the gain as for `verify`.
         recording: the readings of the sensor.
         reference: another topic of the same recording that shows the same motion, such as a distance; for the latency
             and a calibration.

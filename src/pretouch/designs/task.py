@@ -85,7 +85,7 @@ class Task(ExplainsNames, Described, Value):
         law: the law whose number is chosen: a law in continuous time or its name, "virtual-damper" (the letter's
             force law L(2), the default) or "virtual-drag"; with a loop, by default the law of its controller. A gain
             always means the number of this law in its unit, such as D_p [N s] or phi [N s^2].
-        drag_effect: the effect by which `design_drag` chooses a drag, such as `DragEffect(ratio=0.15)`.
+        drag_effect: the effect by which `design` chooses a drag, such as `DragEffect(ratio=0.15)`.
         evaluate: a function of scenario, sensor and an array of gains that solves encounters instead of
             `find_contact`, or a `ClosedLoop`, for the gain that is optimal on the sampled loop.
         natural_frequency: bounds of sqrt(K_a / M_a) [rad/s] if it is free; None keeps that of the scenario.
@@ -101,12 +101,12 @@ class Task(ExplainsNames, Described, Value):
         source: the file that the task was read from; errors then name its line.
         warnings: sentences about the inputs, such as those on a robot model, which reports repeat.
         sensor_part: the sensor part, named in a file, that gives the default sensor chain of the loop.
-        pareto: the options of `pareto_front`.
-        robust: the options of `design_robust_gain`.
-        verify: the options of `verify_gain`.
+        pareto: the options of `pareto`.
+        robust: the options of `robust`.
+        verify: the options of `verify`.
 
     Examples:
-        >>> from pretouch.design import design_gain, excursion_objective
+        >>> from pretouch.designs import design_gain, excursion_objective
         >>> from pretouch.motion import Admittance, Obstacle
         >>> from pretouch.sensors import InversePower
         >>> task = Task(

@@ -8,12 +8,13 @@ from typing import Any, Final
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import Value
 from pretouch.control import Controller, VirtualDamper, VirtualDrag
-from pretouch.design import Task
-from pretouch.design.task import with_file_location
+from pretouch.designs import Task
+from pretouch.designs.task import with_file_location
 from pretouch.simulation import ClosedLoop
-from pretouch.verification import Verdict, VerdictStatus, verify_gain
+from pretouch.verification import Verdict, VerdictStatus
+from pretouch.verification import verify as verdict_on
 from pretouch.verification.effect import chase_in_words
-from pretouch.verification.verify import chosen_gain
+from pretouch.verification.verdict import chosen_gain
 
 from .vectors import Case, make_cases
 
@@ -111,7 +112,7 @@ def law_design(task: Task, *, verify: bool = True, toward_object: bool = False, 
     """Verify the gain of a task, and prepare its export.
 
     Args:
-        task: the encounter with its sampled loop; the gain as for `verify_gain`.
+        task: the encounter with its sampled loop; the gain as for `verify`.
         verify: whether to verify the gain by simulation.
         toward_object: whether an unverified law may pull the robot toward the object.
         date: date that the exported files state for the verification.
@@ -135,7 +136,7 @@ def law_design(task: Task, *, verify: bool = True, toward_object: bool = False, 
             "exports only these two laws. For a custom law, write the C code yourself (docs/how-to/own-law.md). Insert "
             "this code between the calls of the functions pretouch_observe and pretouch_drive"
         )
-    verdict = verify_gain(task, changes=False) if verify else None
+    verdict = verdict_on(task, changes=False) if verify else None
     gain = chosen_gain(task) if verdict is None else verdict.gain
     if gain is None:
         name = task.law.number.name

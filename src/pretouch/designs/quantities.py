@@ -60,7 +60,7 @@ class ContactQuantity(str):
         is_magnitude: whether limits and Pareto fronts use its magnitude, not its signed value.
 
     Examples:
-        >>> from pretouch.design import Constraint
+        >>> from pretouch.designs import Constraint
         >>> def energy(state, impact):
         ...     return 0.5 * impact.robot_mass * state.relative_velocity**2
         >>> ENERGY = ContactQuantity("energy", energy, unit="J", symbol="E", needs_impact=True)
@@ -112,7 +112,7 @@ class ContactQuantity(str):
 def _quantity_problem(name: str, quantity: Any) -> str:
     """Return why a quantity of an installed package is invalid; empty if it is valid."""
     if not isinstance(quantity, ContactQuantity):
-        return f"found {short_repr(quantity)}, expected a pretouch.design.ContactQuantity"
+        return f"found {short_repr(quantity)}, expected a pretouch.designs.ContactQuantity"
     return (
         ""
         if quantity == name

@@ -41,7 +41,7 @@ _BEYOND: Final = 17  # gains between the end of the scan and the strongest shown
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RobustDesign(Answer):
-    """Result of `design_robust_gain`: the robust gain and its validation.
+    """Result of `robust`: the robust gain and its validation.
 
     The validation uses new random encounters.
 

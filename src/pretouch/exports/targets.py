@@ -14,14 +14,14 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import refuse_input
 from pretouch.control import Limits
-from pretouch.design import Task
+from pretouch.designs import Task
 
 from .c import c_files
-from .export import Export
 from .fmu import fmu_files, fmu_kind
 from .folder import check_free, write_folder
 from .json import json_files
 from .law_design import LawDesign, law_design
+from .result import Export
 from .ros2 import ros2_files
 
 
@@ -47,7 +47,7 @@ TARGETS: Final = {
 
 
 @check_arguments
-def export_law(
+def export(
     task: Task,
     folder: str | os.PathLike[str],
     target: str = "c",
@@ -63,7 +63,7 @@ def export_law(
     this design, test vectors from a simulation, a test that replays them, and instructions.
 
     Args:
-        task: the encounter with its sampled loop; the gain as for `verify_gain`.
+        task: the encounter with its sampled loop; the gain as for `verify`.
         folder: the new folder; it is complete or does not exist.
         target: "c" for C99 source, which is the very source that simulations run; "json" for parameters and difference
             equations for MATLAB, Octave and PLCs; "fmu" for co-simulation units, one for FMI 2.0 and one for FMI 3.0;

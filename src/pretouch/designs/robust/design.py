@@ -40,7 +40,7 @@ _FEW_SAMPLES: Final = 256  # a sampled loop or a custom law needs a hundred time
 
 @check_arguments
 @with_file_location
-def design_robust_gain(task: Task) -> RobustDesign:
+def robust(task: Task) -> RobustDesign:
     """Find the optimal gain for uncertain encounters.
 
     The gain D_p minimizes a risk measure of the objective. A risk measure is the mean, a quantile, the tail mean or the
@@ -63,7 +63,7 @@ def design_robust_gain(task: Task) -> RobustDesign:
         The design; infeasible and no-contact are statuses, not errors.
 
     Examples:
-        >>> from pretouch.design import excursion_objective
+        >>> from pretouch.designs import excursion_objective
         >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower
         >>> from pretouch.uncertainty import Uniform
@@ -77,7 +77,7 @@ def design_robust_gain(task: Task) -> RobustDesign:
         ...     bounds=(-10.0, -0.01),
         ...     uncertainty={"obstacle.velocity": Uniform(low=-0.5, high=-0.1)},
         ... )
-        >>> design = design_robust_gain(task)
+        >>> design = robust(task)
         >>> round(design.gain, 3)
         -0.778
     """

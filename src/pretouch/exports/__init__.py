@@ -3,7 +3,7 @@
 The targets are C source, JSON parameters, a ROS 2 package and co-simulation units (FMI).
 """
 
-from .export import Export
-from .targets import TARGETS, export_law
+from .result import Export
+from .targets import TARGETS, export
 
-__all__ = ["TARGETS", "Export", "export_law"]
+__all__ = ["TARGETS", "Export", "export"]

@@ -15,9 +15,9 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
 from pretouch._core.progress import note_work
 from pretouch.control import Controller
-from pretouch.design import DesignStatus, GainDesign, Task, design_gain
-from pretouch.design.gain import designed_number
-from pretouch.design.task import with_file_location
+from pretouch.designs import DesignStatus, GainDesign, Task, design_gain
+from pretouch.designs.gain import designed_number
+from pretouch.designs.task import with_file_location
 from pretouch.motion import ContactResult
 from pretouch.simulation import ClosedLoop
 from pretouch.simulation.law import TunableLaw
@@ -50,7 +50,7 @@ _NO_LOOP_IN_FILE: Final = (
 
 @check_arguments
 @with_file_location
-def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
+def verify(task: Task, *, changes: bool = True) -> Verdict:
     """Verify a gain in simulations of the sampled control loop.
 
     The runs show whether a gain that was designed in continuous time meets its limits. Changes of the loop or the gain
@@ -68,7 +68,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
 
     Examples:
         >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
-        >>> from pretouch.design import Constraint, Task, excursion_objective
+        >>> from pretouch.designs import Constraint, Task, excursion_objective
         >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower
         >>> from pretouch.simulation import ClosedLoop, SensorChain
@@ -87,7 +87,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         ...     constraints=[Constraint(name="relative_velocity", limit=0.1)],
         ...     verify=VerifyOptions(runs=100),
         ... )
-        >>> verdict = verify_gain(task, changes=False)
+        >>> verdict = verify(task, changes=False)
         >>> verdict.status.value, round(verdict.gain, 4), round(verdict.stability.margin, 1)
         ('holds', -0.7463, 6.3)
     """
@@ -287,7 +287,7 @@ def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
 
 @check_arguments
 @with_file_location
-def simulate_encounter(task: Task) -> SimulatedEncounter:
+def simulate(task: Task) -> SimulatedEncounter:
     """Simulate one encounter on the sampled control loop.
 
     The motion is compared with the solution in continuous time. The loop is run twice with the same noise: with the
@@ -316,7 +316,7 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
         >>> admittance = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
         >>> scenario = Scenario(admittance=admittance, obstacle=Obstacle(position=0.0422, velocity=-0.3))
         >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
-        >>> encounter = simulate_encounter(Task(scenario, sensor, loop=loop, gain=-0.7463))
+        >>> encounter = simulate(Task(scenario, sensor, loop=loop, gain=-0.7463))
         >>> round(encounter.comparison("relative_velocity").relative_difference, 3)
         0.001
     """

@@ -242,7 +242,7 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
         yield caution(
             "PT304",
             "the gain is optimal only for the noise of one run; with other noise, another gain is optimal: use "
-            "design_robust_gain with the same evaluate, which averages over runs",
+            "robust with the same evaluate, which averages over runs",
         )
     n = design.number
     if design.gain is not None and n.sign * design.gain < 0:
@@ -315,7 +315,7 @@ def design_gain(task: Task) -> GainDesign:
         objective are arrays, and `at` returns a single design with its evidence.
 
     Examples:
-        >>> from pretouch.design import excursion_objective
+        >>> from pretouch.designs import excursion_objective
         >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower
         >>> task = Task(

@@ -257,7 +257,7 @@ def fit_sensor(
         The fit; its `sensor` is valid on the usable window.
 
     Raises:
-        ResultUnavailableError: there is no usable signal, or the model cannot be fitted; `rank_models` returns a report
+        ResultUnavailableError: there is no usable signal, or the model cannot be fitted; `fit` returns a report
             with the reason instead.
 
     Examples:

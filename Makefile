@@ -12,6 +12,8 @@ TESTS ?=
 PROCESSOR ?= native
 ORDER ?= fixed
 PART ?= quick
+# what runs before the tests; CHECK= runs the tests alone
+CHECK ?= check
 CASES = $(if $(filter quick,$(PART)),-m "not thorough",$(if $(filter slow,$(PART)),-m thorough))
 PYTEST = $(BIN)/python .ci/processor.py $(PROCESSOR) $(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(CASES) \
 	$(if $(filter shuffled,$(ORDER)),-p randomly)
@@ -61,7 +63,7 @@ check: $(STAMP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo --no-cache
 
-test: check
+test: $(STAMP) $(CHECK)
 	$(PYTEST) $(TESTS)
 
 test-all: PART = all

@@ -71,8 +71,8 @@ def reach_of(scenario: Scenario) -> float:
     """Return a power of two above the largest starting distance [m].
 
     Encounters that start beyond LARGEST_START are ignored, since they must not change how the others are solved.
+    Rounding limits how many different values occur.
     """
-    # Rounding limits how many different values occur.
     return reach_to(scenario.distance)
 
 
@@ -88,10 +88,7 @@ def reach_to(distance: Any) -> float:
 
 
 def _largest_start(distance: Any) -> float:
-    """Return the largest starting distance [m] that a solver can integrate.
-
-    It is 0 if there is none.
-    """
+    """Return the largest starting distance [m] that a solver can integrate. It is 0 if there is none."""
     return float(np.max(distance, initial=0.0, where=np.asarray(distance) <= LARGEST_START))
 
 
@@ -172,8 +169,10 @@ def approach_windows(sensor: SensorModel, low: float, high: float) -> FloatArray
 
 
 def windows_of_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Approximate a sensor curve by polynomials on adjacent distance intervals."""
-    # The table has the format of `curve_windows`.
+    """Return polynomials that approximate a sensor curve on adjacent distance intervals.
+
+    The table has the format of `curve_windows`.
+    """
     pieces = curve_pieces(sensor, low, high)
     middle, half = pieces[:, :1], pieces[:, 1:2]
     table = np.zeros((len(pieces), TERMS + HIGH_DEGREE + 1))
@@ -190,9 +189,8 @@ def windows_of_pieces(sensor: SensorModel, low: float, high: float) -> FloatArra
 def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | None:
     """Return the polynomial table of an inverse power curve.
 
-    The result is None for other curves.
+    The result is None for other curves. For the inverse power curve, 1 / g is linear in l.
     """
-    # For the inverse power curve, 1 / g is linear in l.
     if any(low < k < high for k in sensor.knots):
         return None
     distance = low + (high - low) * np.concatenate([[0.0], np.sin(np.pi / 4 * np.linspace(0, 1, 65)) ** 4, [1.0]])
@@ -255,8 +253,7 @@ def polynomial_windows(
 
 
 def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, degree: int) -> FloatArray | None:
-    """Fit a polynomial to the logarithm of the sensor output, ln xi."""
-    # The result is None if the error is too large. The variable of the polynomial is l - (low + high) / 2.
+    """Fit a polynomial in l - (low + high) / 2 to the log output ln xi; None if the error is too large."""
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     middle, half = (low + high) / 2, (high - low) / 2
     with np.errstate(all="ignore"):
@@ -338,8 +335,10 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
 def interpolate(
     function: Callable[[FloatArray], FloatArray], middle: FloatArray, half: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Interpolate a function by one polynomial on each of several intervals."""
-    # The result holds the values at the nodes, the coefficients of (l - middle) / half, and the largest error.
+    """Return polynomials that interpolate a function, one on each of several intervals.
+
+    The result holds the values at the nodes, the coefficients of (l - middle) / half, and the largest error.
+    """
     values, probed = (function(middle[:, None] + half[:, None] * z) for z in (_NODES, _PROBES))
     coefficients = values @ _TO_COEFFICIENTS.T
     return values, coefficients, np.abs(coefficients @ _AT_PROBES.T - probed).max(axis=-1)

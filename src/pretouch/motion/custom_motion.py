@@ -311,8 +311,10 @@ def _turns(direction: int) -> Any:
 def follow_all(
     encounters: Encounters, law: ForceLaw, horizon: float, dense: BoolArray | None = None
 ) -> Iterator[CustomMotion]:
-    """Integrate encounters one after the other, and yield their motions."""
-    # `dense` selects the encounters whose motion between the integration steps is needed; None for none.
+    """Yield the motions of encounters, integrated one after the other.
+
+    `dense` selects the encounters whose motion between the integration steps is needed; None for none.
+    """
     for i in range(len(encounters)):
         needed = dense is not None and bool(dense[i])
         yield CustomMotion(encounters.part(slice(i, i + 1)), law, horizon, dense=needed)

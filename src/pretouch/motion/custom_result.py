@@ -79,8 +79,7 @@ class CustomColumns(Value):
 
     def follow(self) -> Iterator[CustomMotion]:
         """Integrate the encounters again, and keep the motion between the integration steps."""
-        # The integration steps of an unresolved motion may be too short for an interpolation.
-        dense = self._columns["status"].ravel() != ContactStatus.UNRESOLVED
+        dense = self._columns["status"].ravel() != ContactStatus.UNRESOLVED  # else too short steps to interpolate
         return follow_all(self._encounters, self._law, self._request.horizon, dense)
 
     def _compared(self) -> tuple[Any, ...]:
@@ -175,8 +174,10 @@ def _largest(motion: CustomMotion, part: MotionPart, of: str, times: FloatArray,
 
 
 def _residual(motion: CustomMotion, integrals: dict[str, float]) -> float:
-    """Return the relative residual of the impulse balance."""
-    # The integrals use other points of each step than the integration, and the force there.
+    """Return the relative residual of the impulse balance.
+
+    The integrals use other points of each step than the integration, and the force there.
+    """
     e, last = motion.encounters, motion.parts[-1]
     end = {name: float(values[-1]) for name, values in _quantities(motion, last, last.times[-1:]).items()}
     terms = [

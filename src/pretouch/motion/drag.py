@@ -139,8 +139,7 @@ def _path_inputs(request: DragRequest, begins: FloatArray, on: IntArray) -> tupl
 
 
 def _approach_start(request: DragRequest, high: Any) -> tuple[FloatArray, IntArray]:
-    """Find when the approach begins in each encounter."""
-    # The second result is the status of encounters without an approach; an approach has the status -1.
+    """Find when each approach begins, and the status: -1, or that of an encounter without an approach."""
     a, v, count = request.acceleration, request.velocity, len(request.velocity)
     status = np.where((v < 0) | request.returns, -1, int(ContactStatus.NEVER))
     begins = np.zeros(count)
@@ -160,8 +159,7 @@ def _approach_start(request: DragRequest, high: Any) -> tuple[FloatArray, IntArr
 
 
 def _final_status(request: DragRequest, status: IntArray, end: dict[str, FloatArray], low: float) -> IntArray:
-    """Return how each encounter under the virtual drag ended."""
-    # Distance and l' of a touch are set to zero.
+    """Return how each encounter under the virtual drag ended. Distance and l' of a touch are set to zero."""
     if low > 0:
         return np.where(status == ContactStatus.CONTACT, ContactStatus.LEFT_RANGE, status)
     turns = (request.velocity < 0) & (request.acceleration > 0)
@@ -262,8 +260,10 @@ def sample_drag(
     horizon: float = _HORIZON,
     samples: int = 200,
 ) -> Motion:
-    """Compute sampled motions of robot and obstacle under the virtual drag."""
-    # The samples reach from the start to the end of each encounter.
+    """Return sampled motions of robot and obstacle under the virtual drag.
+
+    The samples reach from the start to the end of each encounter.
+    """
     columns = DragColumns(make_drag_request(scenario, sensor, drag, horizon))
     r, end = columns.request, columns.raw("time")
     times = end[:, None] * np.linspace(0.0, 1.0, samples)

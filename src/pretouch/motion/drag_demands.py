@@ -80,9 +80,9 @@ def _raised(c: DragRun, on_path: FloatArray, at_ends: FloatArray) -> FloatArray:
 def impulse_residual(c: DragRun) -> FloatArray:
     """Return the relative residual of the drag's impulse balance.
 
-    It measures the error of the computed motion.
+    It measures the error of the computed motion. The result is the larger residual of M l' = M l'(0) + M a_o t + phi
+    int s' ds and of the moment of this equation.
     """
-    # The result is the larger residual of M l' = M l'(0) + M a_o t + phi int s' ds and of the moment of this equation.
     r = c.request
     impulse, moment = np.zeros(len(c.begins)), np.zeros(len(c.begins))
 

@@ -38,15 +38,19 @@ class DragRows(Picklable):
         self._followed: dict[str, FloatArray] = {}
 
     def take(self, which: Sequence[int]) -> FloatArray:
-        """Differentiate contact time and velocity with respect to selected inputs."""
-        # `which` holds indices of RELATIVE_INPUTS. The result has the shape (2, k, n).
+        """Return the derivatives of contact time and velocity with respect to selected inputs.
+
+        `which` holds indices of RELATIVE_INPUTS. The result has the shape (2, k, n).
+        """
         if self._rows is None:
             self._rows = self._by_inputs()
         return self._rows[:, list(which)]
 
     def of_slope(self, name: str, slope: SlopeSensitivity) -> FloatArray:
-        """Differentiate contact time and velocity with respect to a sensor parameter."""
-        # `slope` is dg/d(parameter). The result has the shape (2, n).
+        """Return the derivatives of contact time and velocity with respect to a sensor parameter.
+
+        `slope` is dg/d(parameter). The result has the shape (2, n).
+        """
         if name not in self._followed:
             request, on = self._columns.request, self._columns.lanes
 
@@ -77,8 +81,7 @@ class DragRows(Picklable):
         return np.stack([self._at_contact(derivatives[name]) for name in RELATIVE_INPUTS], axis=1)
 
     def _at_contact(self, changes: FloatArray) -> FloatArray:
-        """Convert derivatives of squared contact velocity to derivatives of contact velocity."""
-        # `changes` has one column per approach, and the result one per encounter.
+        """Convert derivatives of each approach's squared contact velocity to those of each encounter's velocity."""
         c = self._columns
         speed = c.raw("relative_velocity")
         rows = np.full((2, len(speed)), np.nan)

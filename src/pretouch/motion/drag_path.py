@@ -48,8 +48,7 @@ class DragPath(Picklable):
     def _solve(
         self, course: tuple[FloatArray, FloatArray] | None = None, **outputs: Any
     ) -> tuple[dict[str, FloatArray], IntArray, IntArray]:
-        """Call the compiled drag solver for all approaches."""
-        # `outputs` are optional output arrays of the solver.
+        """Call the compiled drag solver for all approaches, with optional output arrays."""
         count = len(self._inputs[0])
         rows, status, cells = np.empty((count, len(DRAG_ROWS))), np.empty(count, np.int64), np.empty(count, np.int64)
         windows, starts, curve_of = self._curves
@@ -103,9 +102,9 @@ class DragPath(Picklable):
     def balance(self, log_output: Callable[[FloatArray, IntArray], FloatArray]) -> FloatArray:
         """Return the velocity change [m/s] by the drag in each approach.
 
-        The second column is the moment of this change over time [m].
+        The second column is the moment of this change over time [m]. The columns are k int s' ds and its moment, shape
+        (n, 2). `log_output` has the arguments of `change` above.
         """
-        # The columns are k int s' ds and its moment, shape (n, 2). `log_output` has the arguments of `change` above.
         balance = np.empty((len(self.status), 2))
         self._solve(balance=balance, at_nodes=self._at_nodes("log_outputs", log_output))
         return balance
@@ -113,9 +112,9 @@ class DragPath(Picklable):
     def sample(self, times: FloatArray, trace: FloatArray) -> None:
         """Sample distance [m] and speed [m/s] of each approach.
 
-        The samples are written to `trace`, at those `times` [s] that lie within an approach.
+        The samples are written to `trace`, at those `times` [s] that lie within an approach. The times ascend; `trace`
+        has the shape (n, m, 2).
         """
-        # The times ascend; `trace` has the shape (n, m, 2).
         self._solve((times, trace))
 
     def _at_nodes(self, name: str, function: Callable[[FloatArray, IntArray], FloatArray]) -> ValuesAtNodes:

@@ -145,8 +145,10 @@ class DragRequest(Value):
     def at_curves(
         self, function: Callable[[SensorModel, FloatArray], FloatArray], distance: FloatArray, which: IntArray
     ) -> FloatArray:
-        """Evaluate a function of sensor curve and distance for selected encounters."""
-        # Each encounter uses its own sensor curve. Distances [m] are limited to the valid range of the curve.
+        """Return a function of sensor curve and distance at selected encounters.
+
+        Each encounter uses its own sensor curve. Distances [m] are limited to the valid range of the curve.
+        """
         if self.many is None:
             return function(self.sensor, np.clip(distance, *self.sensor.valid_range))
         values, curve_of = np.empty_like(distance), self.curve_of(which)

@@ -49,8 +49,10 @@ class ManySensorEvaluator(Protocol):
 
 
 def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:
-    """Return a solver that starts with the noise of a later run."""
-    # A solver without numbered noise is returned unchanged.
+    """Return a solver that starts with the noise of a later run.
+
+    A solver without numbered noise is returned unchanged.
+    """
     return evaluator.after(runs) if isinstance(evaluator, NoisyEvaluator) else evaluator
 
 

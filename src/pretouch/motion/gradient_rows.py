@@ -67,8 +67,10 @@ class GradientRows(Picklable):
         self._followed: dict[str, FloatArray] = {}
 
     def take(self, which: Sequence[int]) -> FloatArray:
-        """Differentiate contact time and velocity with respect to selected inputs."""
-        # `which` holds indices of RELATIVE_INPUTS. The result has the shape (2, k, n).
+        """Return the derivatives of contact time and velocity with respect to selected inputs.
+
+        `which` holds indices of RELATIVE_INPUTS. The result has the shape (2, k, n).
+        """
         if self._rows is None:
             everything = range(len(RELATIVE_INPUTS))
             indices = everything if self._solution.request.size <= _KEPT else which
@@ -79,8 +81,10 @@ class GradientRows(Picklable):
         return self._rows[:, list(which)]
 
     def of_slope(self, name: str, slope: SlopeSensitivity) -> FloatArray:
-        """Differentiate contact time and velocity with respect to a sensor parameter."""
-        # `slope` is dg/d(parameter). The result has the shape (2, n).
+        """Return the derivatives of contact time and velocity with respect to a sensor parameter.
+
+        `slope` is dg/d(parameter). The result has the shape (2, n).
+        """
         if name not in self._followed:
             rows = np.full((2, self._solution.request.size), np.nan)
             where = np.flatnonzero(self._differentiable())
@@ -211,8 +215,7 @@ def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: f
 def _halve(
     pieces: FloatArray, poor: BoolArray, columns: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-    """Split inaccurate polynomials at the middle of their distance intervals."""
-    # Both halves of a piece inherit its columns.
+    """Split inaccurate polynomials in the middle of their intervals; both halves of a piece inherit its columns."""
     old, parts = pieces[poor], [pieces[~poor]]
     for side in (-0.5, 0.5):
         change = np.array([[comb(j, i) * side ** (j - i) * 0.5**i for j in range(_COUNT)] for i in range(_COUNT)])

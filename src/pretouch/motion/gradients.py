@@ -99,12 +99,16 @@ class ContactRows(Protocol):
     suspends_admittance: bool
 
     def take(self, which: Sequence[int]) -> FloatArray:
-        """Differentiate contact time and velocity with respect to selected inputs."""
-        # `which` holds indices of RELATIVE_INPUTS. The result has the shape (2, k, n).
+        """Return the derivatives of contact time and velocity with respect to selected inputs.
+
+        `which` holds indices of RELATIVE_INPUTS. The result has the shape (2, k, n).
+        """
 
     def of_slope(self, name: str, slope: SlopeSensitivity) -> FloatArray:
-        """Differentiate contact time and velocity with respect to a sensor parameter."""
-        # `slope` is dg/d(parameter). The result has the shape (2, n).
+        """Return the derivatives of contact time and velocity with respect to a sensor parameter.
+
+        `slope` is dg/d(parameter). The result has the shape (2, n).
+        """
 
 
 def input_names(sensor: SensorModel) -> tuple[str, ...]:
@@ -248,16 +252,14 @@ class ContactGradients(Value):
         return _Change(solution, self._rows, by, time, speed, slope=slope)
 
     def _weighted_sum(self, weights: dict[str, Any]) -> FloatArray:
-        """Return a weighted sum of derivatives with respect to several inputs."""
-        # The result has the shape (2, n).
+        """Return a weighted sum of derivatives with respect to several inputs, shape (2, n)."""
         rows = self._rows.take([RELATIVE_INPUTS.index(name) for name in weights])
         if len(weights) == 1 and all(isinstance(w, float) and w == 1 for w in weights.values()):
             return rows[:, 0]
         return np.asarray(sum(weight * rows[:, i] for i, weight in enumerate(weights.values())))
 
     def _by_factors(self, change: CurveSensitivity) -> FloatArray:
-        """Differentiate contact time and velocity with respect to a change of the sensor curve."""
-        # The curve is scaled, shifted or stretched; CurveSensitivity explains these three factors.
+        """Differentiate contact time and velocity with respect to the factors of the curve, see CurveSensitivity."""
         solution, relative = self.solution, self.solution.request.relative
         total = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)
         with np.errstate(divide="ignore", invalid="ignore"):  # l' may be 0 without contact
@@ -320,23 +322,29 @@ class _Change:
 
     @property
     def displacement(self) -> Any:
-        """The displacement at contact, differentiated with respect to the input."""
-        # At contact, the displacement equals the obstacle position x_o(t).
+        """The displacement at contact, differentiated with respect to the input.
+
+        At contact, the displacement equals the obstacle position x_o(t).
+        """
         time, r, i = self.solution.raw("time"), self.solution.request.relative, self.inputs
         direct = i.get("p", 0.0) + (i.get("v", 0.0) + i.get("a", 0.0) * time / 2) * time
         return (r.v + r.a * time) * self.time + direct
 
     @property
     def displacement_velocity(self) -> Any:
-        """The displacement velocity at contact, differentiated with respect to the input."""
-        # The relative velocity at contact gives x~' = x_o' - l'.
+        """The displacement velocity at contact, differentiated with respect to the input.
+
+        The relative velocity at contact gives x~' = x_o' - l'.
+        """
         direct = self.inputs.get("v", 0.0) + self.inputs.get("a", 0.0) * self.solution.raw("time")
         return direct + self.solution.request.relative.a * self.time - self.relative_velocity
 
     @property
     def virtual_force(self) -> Any:
-        """The virtual force at contact, differentiated with respect to the input."""
-        # At contact, F_p = D_p g(0) l' for the damper, and F = -phi (g(0) l')^2 for the drag.
+        """The virtual force at contact, differentiated with respect to the input.
+
+        At contact, F_p = D_p g(0) l' for the damper, and F = -phi (g(0) l')^2 for the drag.
+        """
         s = self.solution
         slope, number, speed = (
             float(s.request.sensor.log_slope(0.0)),
@@ -349,8 +357,10 @@ class _Change:
 
     @property
     def displacement_acceleration(self) -> Any:
-        """The displacement acceleration at contact, differentiated with respect to the input."""
-        # The admittance gives x~'' = (F_p - D x~' - K x~) / M.
+        """The displacement acceleration at contact, differentiated with respect to the input.
+
+        The admittance gives x~'' = (F_p - D x~' - K x~) / M.
+        """
         s, r = self.solution, self.solution.request.relative
         total = self.virtual_force
         if "mass" in self.inputs:

@@ -67,9 +67,9 @@ def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
 def trace_guaranteed(request: Request, times: FloatArray, trace: FloatArray) -> None:
     """Sample the motions of encounters by the most robust method.
 
-    The times [s] ascend, up to the end of each encounter.
+    The times [s] ascend, up to the end of each encounter. `trace` is filled with layout.TRACE_COLUMNS, shape (n, times,
+    4).
     """
-    # `trace` is filled with layout.TRACE_COLUMNS, shape (n, times, 4).
     _SOLVERS[request.method][1](request, times, trace)
 
 
@@ -201,8 +201,7 @@ _Inputs: TypeAlias = tuple[FloatArray, FloatArray, FloatArray | None]
 
 
 def _inputs(request: Request, which: Which) -> _Inputs:
-    """Return inputs, gains and later path sections of selected encounters."""
-    # The paths have sections only if the obstacle has a course.
+    """Return inputs, gains and later path sections, if the obstacle has a course, of selected encounters."""
     values, gain = request.part(which)
     if not request.scenario.obstacle.course:
         return values, gain, None
@@ -216,8 +215,7 @@ def _select(inputs: _Inputs, which: IntArray) -> _Inputs:
 
 
 def _is_integrable(values: FloatArray) -> BoolArray:
-    """Return True for encounters that start close enough for integration."""
-    # `values` are those of Scenario.relative, shape (n, 10).
+    """Return True for encounters, with values of Scenario.relative of shape (n, 10), that start close enough."""
     followed: BoolArray = values[:, 5] - values[:, 3] <= LARGEST_START  # p - x~(0)
     return followed
 
@@ -241,8 +239,7 @@ def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, bool, bool]]]:
-    """Yield approximations of the sensor curve up to increasing distances."""
-    # Each item contains the end distance [m], the polynomials, and the limits for `solve_series`.
+    """Yield end distance [m], polynomials and limits for `solve_series` up to increasing distances."""
     r, sensor = request.relative, request.sensor
     low, bottom = sensor.valid_range[0], max(sensor.valid_range[0], 0.0)
     distance = r.p - r.x0
@@ -254,8 +251,7 @@ def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, 
 
 
 def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
-    """Return curvature b_2 and rate c_2 of a second-order exponential curve."""
-    # The units are 1/m^2 and 1/m. For a constant slope, b_2 = 0.
+    """Return b_2 [1/m^2] and c_2 [1/m] of a second-order exponential curve; b_2 = 0 for a constant slope."""
     if sensor.constant_log_slope is not None:
         return 0.0, sensor.constant_log_slope
     low, high = sensor.valid_range
@@ -309,10 +305,7 @@ def uniform_motion(
 
 
 def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Approximate encounters by the letter's uniform motion.
-
-    The equations of this motion are L(16)-(19).
-    """
+    """Approximate encounters by the letter's uniform motion. The equations of this motion are L(16)-(19)."""
     curvature, rate = _second_order_parameters(request.sensor)
     values, gain = request.part(which)
     a, b = uniform_motion(values, curvature, rate, gain)
@@ -344,8 +337,7 @@ def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, stat
 
 
 def _trace_uniform_motion(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    """Sample distance and speed of the uniform motion."""
-    # Without such a motion, the sampled distance is constant.
+    """Sample distance and speed of the uniform motion; without it, the distance is constant."""
     r = request.relative
     values, gain = request.part(slice(None))
     a, b = (x[:, None] for x in uniform_motion(values, *_second_order_parameters(request.sensor), gain))

@@ -310,8 +310,7 @@ def drag_approaches(
 
 
 def of_core(curves: Curves, n: int) -> _CurvesOfCore:
-    """Return the C structure for the sensor curves of n encounters."""
-    # The arrays must outlive the structure.
+    """Return the C structure for the sensor curves of n encounters. The arrays must outlive it."""
     windows, starts, curve_of = curves
     rows, width = windows.shape
     shared = len(curve_of) == 1
@@ -328,8 +327,7 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
 
 
 def _is_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Return True if the indices of the shared sensor curve are valid."""
-    # This check avoids the overhead of NumPy functions.
+    """Return True if the indices of the shared sensor curve are valid, without the overhead of NumPy functions."""
     which = int(curve_of[0])
     return 0 <= which < len(starts) - 1 and 0 <= int(starts[which]) <= int(starts[which + 1]) <= rows
 
@@ -477,8 +475,7 @@ def _encounters(
 
 
 def pieces_of_core(pieces: FloatArray, ends_in_contact: bool, open_ended: bool) -> _PiecesOfCore:
-    """Return the C structure of a piecewise polynomial curve."""
-    # The array must outlive the structure.
+    """Return the C structure of a piecewise polynomial curve. The array must outlive it."""
     count, width = pieces.shape
     if not (count > 0 and 3 <= width <= _WIDEST):
         raise TypeError(

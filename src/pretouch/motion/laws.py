@@ -157,9 +157,8 @@ class ContinuousLaw(Protocol):
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
         """Return the damping of the control law [N s/m].
 
-        It is the derivative of the virtual force with respect to the relative velocity.
+        It is the derivative of the virtual force with respect to the relative velocity. An unknown damping is NaN.
         """
-        # An unknown damping is NaN.
 
 
 @final
@@ -188,8 +187,10 @@ class Damper:
         horizon: float = 600.0,
         many: ManyCurves | None = None,
     ) -> ContactResult:
-        """Solve encounters under the virtual damper, and return their states at contact."""
-        # With `many`, each encounter along the last axis has its own sensor curve.
+        """Return the states at contact of encounters under the virtual damper.
+
+        With `many`, each encounter along the last axis has its own sensor curve.
+        """
         return _result(_request(scenario, sensor, value, method, horizon, many=many))
 
     def motion(
@@ -269,8 +270,10 @@ class Drag:
         horizon: float = 600.0,
         many: ManyCurves | None = None,
     ) -> ContactResult:
-        """Solve encounters under the virtual drag, and return their states at contact."""
-        # With `many`, each encounter along the last axis has its own sensor curve.
+        """Return the states at contact of encounters under the virtual drag.
+
+        With `many`, each encounter along the last axis has its own sensor curve.
+        """
         from .drag import solve_drag  # noqa: PLC0415 - only drags need it
 
         if scenario.obstacle.course:
@@ -301,9 +304,8 @@ class Drag:
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
         """Return the damping of the virtual drag [N s/m].
 
-        It grows with the approach speed.
+        It grows with the approach speed. The damping is 2 phi g^2 |l'| in an approach, and 0 for a receding object.
         """
-        # The damping is 2 phi g^2 |l'| in an approach, and 0 for a receding object.
         return 2 * np.asarray(value) * np.square(slope) * np.maximum(0.0 - np.asarray(relative_velocity), 0.0)
 
 
@@ -358,8 +360,7 @@ LAWS: Final[dict[str, ContinuousLaw]] = {law.kind: law for law in (DAMPER, DRAG)
 
 
 def _law_problem(name: str, law: Any) -> str:
-    """Explain why an object is not a valid control law."""
-    # The text is empty for a valid law.
+    """Explain why an object is not a valid control law; empty for a valid one."""
     if not (isinstance(law, ContinuousLaw) and isinstance(law.number, LawNumber)):
         return (
             f"found {short_repr(law)}, expected a control law. A control law is a class or an object with all members "

@@ -54,8 +54,10 @@ class ManyCurves:
         return self._windows[reach]
 
     def complete_windows(self, reach: float) -> ManyWindows:
-        """Approximate all sensor curves by as many polynomials as needed."""
-        # The polynomials reach up to a given distance [m].
+        """Return as many polynomials as needed to approximate all sensor curves.
+
+        The polynomials reach up to a given distance [m].
+        """
         windows = self.windows(reach)
         if not (np.diff(windows.starts) > 0).all():
             tops = np.minimum([sensor.valid_range[1] for sensor in self.sensors], reach)
@@ -93,9 +95,8 @@ class ManyCurves:
     def log_output(self, distance: FloatArray) -> FloatArray:
         """Return the logarithm of each sensor's output, ln xi.
 
-        Distances [m] are limited to the valid range.
+        Distances [m] are limited to the valid range. Distances have the shape (..., n).
         """
-        # Distances have the shape (..., n).
         inside = [np.clip(distance[..., i], *sensor.valid_range) for i, sensor in enumerate(self.sensors)]
         return np.stack([s.log_output(d) for s, d in zip(self.sensors, inside, strict=True)], axis=-1)
 

@@ -70,8 +70,7 @@ class Images:
 
 
 def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images | None:
-    """Express all sensor curves as scaled and shifted variants of one curve."""
-    # The result is None if this is not possible.
+    """Express all sensor curves as scaled and shifted variants of one curve; None if this is not possible."""
     if not values:  # curves that differ in the points of a table
         return None
     curve, default = sensor.bare
@@ -91,9 +90,7 @@ def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images
 
 
 def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> float | None:
-    """Return the exponent of a sensor parameter that scales the distance."""
-    # A parameter p scales the distance by p^k, with the exponent k. A parameter without effect has the exponent 0. A
-    # parameter with another effect gives None.
+    """Return k if a parameter p scales the distance by p^k, 0 without effect; None for another effect."""
     nominal = float(getattr(sensor, name))
     powers = []
     for value in (float(values.min()), nominal, float(values.max())):
@@ -110,8 +107,10 @@ def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> flo
 
 
 def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
-    """Return the polynomials of scaled and shifted variants of one curve."""
-    # The windows reach from l = 0 to the upper end of each curve, `tops` [m], shape (n,).
+    """Return the polynomials of scaled and shifted variants of one curve.
+
+    The windows reach from l = 0 to the upper end of each curve, `tops` [m], shape (n,).
+    """
     sensor, scale, shift = images.sensor, images.scale, images.shift
     low, high = sensor.valid_range
     ends = scale * tops + shift
@@ -171,8 +170,10 @@ def windows_side_by_side(
 
 
 def windows_from_pieces(sensors: Sequence[SensorModel], tops: FloatArray) -> ManyWindows:
-    """Approximate each sensor curve by as many polynomials as it needs."""
-    # The polynomials reach from contact to the upper end [m] of the curve.
+    """Return as many polynomials as each sensor curve needs.
+
+    The polynomials reach from contact to the upper end [m] of the curve.
+    """
     return _join([windows_of_pieces(sensor, 0.0, float(top)) for sensor, top in zip(sensors, tops, strict=True)])
 
 
@@ -204,8 +205,7 @@ class _Whole:
 
 
 def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
-    """Approximate the slope of each sensor curve by one polynomial."""
-    # The result is None if the error is too large. The polynomials are tested between their nodes.
+    """Approximate each curve's slope by one polynomial, tested between its nodes; None if the error is too large."""
     for count in _COUNTS:
         basis = chebyshev_basis(count)
         at, between = ((1 + z) * top / 2 for z in (basis.nodes, chebyshev_extremes(count)))
@@ -218,8 +218,7 @@ def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
 
 
 def _on_frame(sensors: Sequence[SensorModel], whole: _Whole | None, frame: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Approximate many sensor curves by polynomials on given intervals."""
-    # The coefficients are those of ln xi, shape (n, windows, terms). The second result marks the accurate curves.
+    """Return ln xi of many curves as coefficients (n, windows, terms), and which curves are accurate."""
     degree = frame.shape[1] - TERMS - 1
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     low, high = frame[:, LOW, None], frame[:, TOP, None]
@@ -255,8 +254,7 @@ def _of_cubics(sensor: PiecewiseCubic) -> FloatArray:
 
 
 def _own_windows(sensor: SensorModel, top: float, degree: int) -> FloatArray:
-    """Approximate one sensor curve by polynomials on its own intervals."""
-    # The table is empty if no polynomials are accurate enough.
+    """Approximate one curve by polynomials on its own intervals; empty if none are accurate enough."""
     windows = polynomial_windows(sensor.log_slope, (0.0, top), degree)
     return np.zeros((0, TERMS + degree + 1)) if windows is None else windows
 

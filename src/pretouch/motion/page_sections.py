@@ -77,8 +77,10 @@ class _Answer(Protocol):
 
 
 def solved_on(answer: _Answer) -> str:
-    """Return the kind of solver that a design used."""
-    # The kinds are `motion` (motion equations), `loop` (simulated control loop) and `other` (custom solver).
+    """Return the kind of solver that a design used.
+
+    The kinds are `motion` (motion equations), `loop` (simulated control loop) and `other` (custom solver).
+    """
     if not answer.on_evaluator:
         return "motion"
     return "loop" if answer.method == "loop" else "other"

@@ -60,8 +60,7 @@ def run_in_chunks(run: Callable[[int, int], object], size: int, *, least: int, m
 
 
 def _chunks(size: int, least: int, most: int) -> list[tuple[int, int]]:
-    """Split the encounters into chunks of equal size."""
-    # The number of chunks is a power of two, or larger to respect `most`.
+    """Split the encounters into equal chunks: a power of two of them, or more to respect `most`."""
     worth = max(-(-size // least), 1)
     count = max(min(1 << (worth - 1).bit_length(), _MAX_SPLIT), -(-size // most))
     length = max(-(-size // count), 1)

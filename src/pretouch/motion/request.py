@@ -65,13 +65,17 @@ class Request(Value):
         return np.broadcast_to(self.relative.gain, self.size)
 
     def some(self, which: Which) -> Relative:
-        """Return the inputs of selected encounters."""
-        # Columns of length 1 keep this length.
+        """Return the inputs of selected encounters.
+
+        Columns of length 1 keep this length.
+        """
         return Relative._make(c if len(c) == 1 else c[which] for c in self.columns)
 
     def part(self, which: Which) -> tuple[FloatArray, FloatArray]:
-        """Return the inputs and gains of selected encounters as contiguous arrays."""
-        # The quantities are those of Scenario.relative, shape (m, 10). The gains have the shape (m,).
+        """Return the inputs and gains of selected encounters as contiguous arrays.
+
+        The quantities are those of Scenario.relative, shape (m, 10). The gains have the shape (m,).
+        """
         count = len(range(self.size)[which]) if isinstance(which, slice) else len(which)
         columns, values, gains = self.some(which), np.empty((count, 10)), np.empty(count)
         for i, column in enumerate((*columns[:8], *columns[9:])):
@@ -80,8 +84,10 @@ class Request(Value):
         return values, gains
 
     def with_curve(self, index: int) -> Request:
-        """Return the inputs of all encounters that use a given sensor curve."""
-        # `index` is the position of the curve along the last axis.
+        """Return the inputs of all encounters that use a given sensor curve.
+
+        `index` is the position of the curve along the last axis.
+        """
         if self.many is None:
             return self
         scenario = map_fields(self.scenario, lambda v: v[..., min(index, v.shape[-1] - 1)] if np.ndim(v) else v)
@@ -180,9 +186,16 @@ def make_request(
     with_course: bool = False,
     degree: int = 1,
 ) -> Request:
-    """Check the inputs of a solver call."""
-    # The function also chooses the solution method and converts arrays to one dimension. An obstacle with a course is
-    # refused unless `with_course` is set. A force of the degree 2 is that of the virtual drag.
+    """Check the inputs of a solver call, choose its method, and convert arrays to one dimension.
+
+    A force of the degree 2 is that of the virtual drag.
+
+    Returns:
+        The checked inputs.
+
+    Raises:
+        InvalidInputError: an input does not fit, or the obstacle has a course and `with_course` is not set.
+    """
     if many is not None:
         many.check(scenario)
         check_curve(sensor, scenario.distance)
@@ -210,8 +223,7 @@ def make_request(
 
 
 def _flatten(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    """Convert the inputs to one-dimensional arrays."""
-    # A number that all encounters share gets the length 1.
+    """Convert the inputs to one-dimensional arrays; a number that all encounters share gets the length 1."""
     if shape == ():
         numbers = np.array(columns, dtype=np.float64)
         return tuple(numbers[i : i + 1] for i in range(len(columns)))

@@ -63,9 +63,9 @@ class EncounterSimilarity(Value):
     def of_degree(self, degree: int) -> EncounterSimilarity:
         """Return the scale factors for a force law with a given exponent.
 
-        The force is proportional to the rate d(ln xi)/dt to the power of this exponent.
+        The force is proportional to the rate d(ln xi)/dt to the power of this exponent. For a force proportional to
+        s'^d, the gain factor is k^d / s^(d - 1).
         """
-        # For a force proportional to s'^d, the gain factor is k^d / s^(d - 1).
         if degree == 1:
             return self
         by = {name: (s, degree * k - (degree - 1) * s) for name, (s, k) in self.parameters.items()}

@@ -90,9 +90,11 @@ class Solution(Value):
             self._fill_open(self._columns)
 
     def _solve_by_form(self, kept: bool) -> dict[str, FloatArray]:
-        """Compute contact times by the closed-form solution."""
-        # Where the closed form fails, a Taylor-series solver replaces it. If `kept`, the relative velocity l' is
-        # computed as well.
+        """Return contact times by the closed-form solution.
+
+        Where the closed form fails, a Taylor-series solver replaces it. If `kept`, the relative velocity l' is computed
+        as well.
+        """
         request, outputs = self.request, {}
         columns = {"time": np.empty(request.size)}
         if kept:
@@ -129,8 +131,10 @@ class Solution(Value):
         return self._cache[name]
 
     def raw(self, name: str) -> FloatArray:
-        """Return one result quantity, such as the contact time, per encounter."""
-        # `name` is one of layout.COLUMNS.
+        """Return one result quantity, such as the contact time, per encounter.
+
+        `name` is one of layout.COLUMNS.
+        """
         if self._rows is not None:
             return self._rows[:, _AT[name]]
         if name not in self._columns:
@@ -142,8 +146,7 @@ class Solution(Value):
         return self._columns[name]
 
     def _compute(self, name: str) -> dict[str, FloatArray]:
-        """Compute one result quantity, and all others that its solver returns."""
-        # The values are meaningless for encounters without a proved contact.
+        """Compute one result, and all others of its solver; meaningless for encounters without a proved contact."""
         request = self.request
         if name == "virtual_force":  # by L(2)
             return {name: np.asarray(request.gain * (request.slope_at_contact * self.raw("relative_velocity")))}
@@ -309,8 +312,7 @@ def fill_by_lanes(
 
 
 def _curves(request: Request, which: IntArray | None) -> Curves:
-    """Approximate the sensor curves over all distances of the encounters."""
-    # Distances are rounded up so that few tables are cached.
+    """Approximate the curves over all distances, which are rounded up so that few tables are cached."""
     if request.many is not None:
         windows = request.many.windows(reach_of(request.scenario))
         curve_of = (np.arange(request.size) if which is None else which) % len(request.many)
@@ -340,9 +342,9 @@ def _settling(request: Request) -> FloatArray:
 def _impulse_residual(solution: Solution) -> FloatArray:
     """Return the relative residual of the impulse balance.
 
-    It measures the error of the computed motion.
+    It measures the error of the computed motion. This is |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| over the largest
+    of its terms, M |l'(0)| and D l(0).
     """
-    # This is |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| over the largest of its terms, M |l'(0)| and D l(0).
     request = solution.request
     if request.method == "uniform-motion":
         return np.full(request.size, np.nan)
@@ -366,9 +368,11 @@ def _impulse_residual(solution: Solution) -> FloatArray:
 
 
 def _drag_residual(solution: Solution) -> FloatArray:
-    """Return the relative residual of the impulse balance under the virtual drag."""
-    # This is |M dx~' + int A dt - int F dt| over the largest of its terms, M |l'| at both ends and D l(0). The force A
-    # of the admittance is zero while the drag switches it off.
+    """Return the relative residual of the impulse balance under the virtual drag.
+
+    This is |M dx~' + int A dt - int F dt| over the largest of its terms, M |l'| at both ends and D l(0). The force A of
+    the admittance is zero while the drag switches it off.
+    """
     r = solution.request.relative
     drag, admittance = drag_impulses(solution.request)
     terms = np.stack([r.mass * (solution.raw("displacement_velocity") - r.u0), admittance, -drag])

@@ -95,9 +95,11 @@ class Draws:
         return self._each(self.scenarios.distance)
 
     def run(self, loop: ClosedLoop, gain: ArrayLike, count: int | None = None, *, first: int = 0) -> SimulationResult:
-        """Simulate the encounters with one or several gains."""
-        # By default, all encounters are simulated, otherwise only those from `first` to `count`. Several gains have the
-        # shape (m, 1).
+        """Return simulations of the encounters with one or several gains.
+
+        By default, all encounters are simulated, otherwise only those from `first` to `count`. Several gains have the
+        shape (m, 1).
+        """
         which = slice(first, self.task.verify.runs if count is None else count)
         several = map_fields(self.scenarios, lambda v: v[which] if np.ndim(v) else v)
         later = loop.after(first)
@@ -121,9 +123,14 @@ class Draws:
 
 
 def draw_encounters(task: Task) -> Draws:
-    """Sample random encounters, using the random seed of the loop."""
-    # The uncertain inputs are points of a scrambled Sobol sequence, so that no seed is lucky: evenly spread encounters
-    # make exact bounds of probabilities cautious. The noise of each run is independent.
+    """Return random encounters, drawn with the random seed of the loop.
+
+    The uncertain inputs are points of a scrambled Sobol sequence, so that no seed is lucky: evenly spread encounters
+    make exact bounds of probabilities cautious. The noise of each run is independent.
+
+    Raises:
+        InvalidInputError: a setting of the controller is uncertain.
+    """
     if not task.uncertainty:
         obstacle = task.scenario.obstacle
         alike = replace(obstacle, position=np.full(task.verify.runs, obstacle.position))
@@ -144,10 +151,7 @@ def draw_encounters(task: Task) -> Draws:
 
 
 def _undetected_starts(task: Task, drawn: dict[str, FloatArray], values: dict[str, FloatArray]) -> FloatArray | None:
-    """Return the drawn distances at which the runs begin [m].
-
-    None if all encounters begin where they are drawn.
-    """
+    """Return the drawn distances at which the runs begin [m]. None if all encounters begin where they are drawn."""
     name = "obstacle.position"
     if name not in drawn or not np.any(drawn[name] > values[name]):
         return None
@@ -308,9 +312,8 @@ def count_to_show(total: int, probability: float, confidence: float) -> int:
 def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
     """Return the status of a gain, such as `holds`.
 
-    Only limits, contact speed and gain margin are judged.
+    Only limits, contact speed and gain margin are judged. Prediction, sensor speed and calibration are ignored.
     """
-    # Prediction, sensor speed and calibration are ignored.
     effect, margin = outcomes.effect, outcomes.margin
     if not outcomes.is_kept or outcomes.stable < 1:
         return VerdictStatus.DOES_NOT_HOLD
@@ -356,8 +359,7 @@ class LoopProblem:
         return float(fastest * slope.max()), float(noise.max())
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
-        """Simulate the encounters with one gain, and evaluate the runs."""
-        # If `count` is given, only the first `count` encounters are simulated.
+        """Simulate and evaluate the encounters with one gain; if `count` is given, only the first ones."""
         return self.appraised(self.draws.run(loop, gain, count), loop, gain)
 
     def appraise_each(

@@ -152,8 +152,7 @@ def _duration(law: Controller) -> float:
 
 
 def _quiet_floor(task: Task, gain: float, law: Controller, scan: _Scan, moved: float) -> float | None:
-    """Find a detection threshold that limits the motion at rest."""
-    # With the present floor, the robot moves by `moved` [m].
+    """Find a floor that limits the motion at rest, which is `moved` [m] with the present floor."""
     below, full = law.conditioning.floor, law.conditioning.saturation
     for _ in range(_TRIES):
         floor = float(f"{1.1 * below * moved / _STILL:.2g}")

@@ -224,10 +224,7 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
 
 
 def _without_noise(chain: SensorChain) -> SensorChain:
-    """Return the sensor chain without noise.
-
-    Runs then differ only by the error of the sensor curve.
-    """
+    """Return the sensor chain without noise. Runs then differ only by the error of the sensor curve."""
     return replace(
         chain, noise=0.0, relative_noise=0.0, distance_noise=0.0, jitter=0.0, dropout=0.0, random_phase=False
     )
@@ -236,16 +233,14 @@ def _without_noise(chain: SensorChain) -> SensorChain:
 def _mount(drawn: DrawnCurve, task: Task) -> DrawnCurve:
     """Return a sampled sensor curve, mounted like the fitted curve.
 
-    It gets the same mounting depth and distance range.
+    It gets the same mounting depth and distance range. The sensor chain already has the controller's offset.
     """
-    # The sensor chain already has the controller's offset.
     start = float(np.max(task.scenario.distance))
     return replace(drawn, sensor=mount(drawn, task.sensor, drawn.offset, start))
 
 
 def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve, ...]) -> _Outcome:
-    """Simulate the nominal encounter once with each of several sensors."""
-    # The i-th sensor has the misfit of the i-th run.
+    """Simulate the nominal encounter once with each sensor; the i-th has the misfit of the i-th run."""
     own = 0.0 if task.calibration is None or task.calibration.offset is None else task.calibration.offset.value
     limits = [limit for limit in task.limits if limit.name != "gain"]
     speed, ratios = np.full(len(sensors), np.nan), np.full((len(sensors), len(limits)), np.inf)
@@ -266,10 +261,10 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
 def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], outcome: _Outcome, predicted: _Outcome) -> str:
     """Return the largest source of error in the calibration.
 
-    It is `offset`, `curve` or `misfit`.
+    It is `offset`, `curve` or `misfit`. Offset and curve are correlated, because another offset bends the curve through
+    the same readings. Draws whose offset is nearest to the fitted one show the uncertainty that remains if the offset
+    is known.
     """
-    # Offset and curve are correlated, because another offset bends the curve through the same readings. Draws whose
-    # offset is nearest to the fitted one show the uncertainty that remains if the offset is known.
     report: Any = task.calibration
     chain = _without_noise(task.loop.chain)
     value = report.offset.value

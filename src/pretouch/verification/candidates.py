@@ -241,10 +241,7 @@ def _verified(name: str, task: Task, runs: int | None) -> Candidate:
 
 
 def _rank(candidate: Candidate) -> tuple[int, float]:
-    """Return the sort key of a candidate.
-
-    It is the status of the gain, then the mean contact speed.
-    """
+    """Return the sort key of a candidate. It is the status of the gain, then the mean contact speed."""
     place, speed = _ORDER.index(candidate.status), candidate.contact_speed
     if not math.isnan(speed):
         return place, speed

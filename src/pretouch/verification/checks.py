@@ -143,8 +143,10 @@ def _magnitude(name: str, result: ContactResult, impact: ImpactModel | None) -> 
 
 
 def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
-    """Return sentences that state the assumptions of a verification."""
-    # `compared` is the number of runs that compare changes.
+    """Return sentences that state the assumptions of a verification.
+
+    `compared` is the number of runs that compare changes.
+    """
     loop, runs = task.loop, task.verify.runs
     uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
     number = "a single run" if runs == 1 else f"{runs} independent runs"
@@ -353,10 +355,7 @@ def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
 
 
 def _stale(result: SimulationResult) -> float:
-    """Return the share of controller steps whose expected reading is missing.
-
-    Only steps after detection count.
-    """
+    """Return the share of controller steps whose expected reading is missing. Only steps after detection count."""
     late = count = 0
     for i in range(min(result.shape[0], _TRACED)):
         flags = result.trace(i).flags.astype(np.int64)

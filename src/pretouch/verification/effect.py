@@ -236,10 +236,7 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
 
 
 def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float]:
-    """Return the contact speeds with and without mitigation [m/s].
-
-    The speed is 0 without contact.
-    """
+    """Return the contact speeds with and without mitigation [m/s]. The speed is 0 without contact."""
     speed, before = (abs(one.relative_velocity) if one.touched else 0.0 for one in (run, free))
     return speed, before
 

@@ -237,8 +237,10 @@ def contacts_of(run: SimulationResult, has_force: bool) -> tuple[LoopContact, ..
 
 
 def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[ReportedFlag, ...]:
-    """Return the status flags of a run in chronological order."""
-    # `period` is the controller period [s]; `contact_time` may be NaN.
+    """Return the status flags of a run in chronological order.
+
+    `period` is the controller period [s]; `contact_time` may be NaN.
+    """
     flags = trace.flags.astype(np.int64)
     before = ~(trace.time >= contact_time)
     sentences = []

@@ -169,9 +169,9 @@ class GainSearch:
     def nearest(self) -> float | None:
         """Return the tried gain with the smallest shortfall over all runs.
 
-        None if no gain was tried.
+        None if no gain was tried. Gains that were given up are simulated further, as long as their shortfall can still
+        be the smallest one.
         """
-        # Gains that were given up are simulated further, as long as their shortfall can still be the smallest one.
         loop = self.problem.compared(self.loop)
         while self.tried:
             place, least = min(self.tried.items(), key=lambda item: (self.worst(item[1]), item[1].objective))

@@ -80,8 +80,7 @@ def _reasons_not_checked(v: Verdict) -> list[str]:
 
 
 def _rate_in_words(v: Verdict) -> str:
-    """State the sensor rate needed for a gain margin of 2."""
-    # The text is empty if the margin is at least 2, or if a change is enough.
+    """State the rate for a gain margin of 2; empty if the margin is that large, or if a change is enough."""
     check, best = v.stability, v.best_change
     enough = best is not None and best.standing >= 1 and (best.margin is None or best.margin >= USUAL_MARGIN)
     if check is None or check.margin >= USUAL_MARGIN or enough:
@@ -189,8 +188,10 @@ def _percent_with_error(value: float, error: float) -> str:
 
 
 def gain_section(v: Verdict) -> PageSection:
-    """Return the report section on the objective as a function of gain."""
-    # The verified gain is compared with the best gain on the simulated loop.
+    """Return the report section on the objective as a function of gain.
+
+    The verified gain is compared with the best gain on the simulated loop.
+    """
     tried = v.loss is not None
     caption = "The objective of the nominal encounter in continuous time (ideal)"
     caption += ", and its mean over the runs on the loop for the tried gains" if tried else ""

@@ -155,10 +155,7 @@ def _next_step(v: Verdict) -> str:
 
 
 def _next_steps(v: Verdict) -> Iterator[str]:
-    """Yield recommendations, most urgent first.
-
-    Some recommendations may be empty texts.
-    """
+    """Yield recommendations, most urgent first. Some recommendations may be empty texts."""
     calibration, report = v.calibration_check, v.design.problem.task.calibration
     if not (v.reached is not None and v.reached.simulated):
         yield approach_step(v.scenario)

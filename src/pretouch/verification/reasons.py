@@ -128,8 +128,7 @@ def _harder(effect: Effect) -> str:
 
 
 def _limit_missed(check: LimitCheck, runs: int) -> str:
-    """Say in how many runs a limit is exceeded."""
-    # The allowed share follows.
+    """Say in how many runs a limit is exceeded, and the allowed share."""
     limit = format_quantity(check.limit, check.unit)
     absent = "" if check.value is not None else " or no contact"
     share, allowed = (share_in_words(1 - x) for x in (check.held, check.required.probability))
@@ -174,8 +173,10 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
 
 
 def _is_unshown(check: LimitCheck) -> bool:
-    """Return True if the runs do not demonstrate a met limit."""
-    # No bound can reach 1; a requirement of 1 applies only to the simulated runs.
+    """Return True if the runs do not demonstrate a met limit.
+
+    No bound can reach 1; a requirement of 1 applies only to the simulated runs.
+    """
     return check.is_met and check.low < check.required.probability < 1
 
 
@@ -187,6 +188,8 @@ def _runs_to_show(check: LimitCheck, v: Verdict) -> int | None:
 def likely_runs(held: int, count: int, probability: float, confidence: float) -> int | None:
     """Return how many runs are likely to demonstrate a probability.
 
+    The share of the simulated runs may be too good by chance, so a lower bound of it is used, if the runs allow it.
+
     Args:
         held: number of simulated runs that meet the limit.
         count: number of simulated runs.
@@ -196,7 +199,6 @@ def likely_runs(held: int, count: int, probability: float, confidence: float) ->
     Returns:
         The number of runs, rounded up; None if too many are needed.
     """
-    # The share of the simulated runs may be too good by chance, so a lower bound of it is used, if the runs allow it.
     for share in (*(least_probability(held, count, caution) for caution in _CAUTIONS), held / count):
         needed = runs_to_show(share, probability, confidence)
         if needed is not None and needed <= _MOST_RUNS:
@@ -228,8 +230,7 @@ def runs_advised(v: Verdict) -> int | None:
 
 
 def _harder_than_promised(v: Verdict) -> Iterator[str]:
-    """Yield the reasons why contact is harder than expected."""
-    # Contact may also be harder than with a faster sensor.
+    """Yield the reasons why contact is harder than expected, or than with a faster sensor."""
     effect, sensor, allowed = v.effect, v.sensor_speed, 100 * v.speed_tolerance
     if effect is not None and effect.excess is not None and v.speed_tolerance < effect.excess and effect.lost <= LOST:
         yield (

@@ -260,9 +260,9 @@ def told_period(controller: Controller) -> float:
 def controller_at(controller: Controller, sensor_period: float, period: float | None = None) -> Controller:
     """Return the controller with another sensor period [s].
 
-    If `period` is given, the controller period [s] changes, too.
+    If `period` is given, the controller period [s] changes, too. The sensor period in its settings is at least the
+    controller period.
     """
-    # The sensor period in its settings is at least the controller period.
     new_period = controller.period if period is None else period
     configured, c = max(sensor_period, new_period), controller.conditioning
     conditioning = replace(
@@ -326,11 +326,10 @@ def candidates_of(
 ) -> list[ChangedLoop]:
     """Return several loops, each with one change.
 
-    Every changed value is the one that its sentence prints.
+    Every changed value is the one that its sentence prints. |d ln xi / dt| is at most `quickest` [1/s]; `noise` is that
+    of ln xi. `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is
+    enough. `start` is the sensor output at the start of the encounter.
     """
-    # |d ln xi / dt| is at most `quickest` [1/s]; `noise` is that of ln xi.
-    # `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough.
-    # `start` is the sensor output at the start of the encounter.
     candidates: list[ChangedLoop] = []
     rate = as_printed(_FASTER * loop.chain.rate, 6) if wanted is None else rounded_up(wanted)
     changes: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]

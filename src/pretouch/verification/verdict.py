@@ -201,8 +201,10 @@ def _verify(
 
 
 def _is_calm(basis: Verdict, loop: ClosedLoop, gain: float) -> bool:
-    """Return True if noise cannot move a robot at rest to an object, as another verdict shows."""
-    # The motion by noise grows about in proportion to the gain; _CALM leaves room for errors of this rule.
+    """Return True if noise cannot move a robot at rest to an object, as another verdict shows.
+
+    The motion by noise grows about in proportion to the gain; _CALM leaves room for errors of this rule.
+    """
     a: Any = basis.loop.law
     b: Any = loop.law
     if not (isinstance(a, Controller) and isinstance(b, Controller)) or not basis.gain:
@@ -216,10 +218,7 @@ def _is_calm(basis: Verdict, loop: ClosedLoop, gain: float) -> bool:
 
 
 def _rate_needed(design: GainDesign) -> float | None:
-    """Return the sensor rate [Hz] needed for the required gain margin.
-
-    None if other requirements fail as well.
-    """
+    """Return the sensor rate [Hz] needed for the required gain margin. None if other requirements fail as well."""
     task, free = design.problem.task, design.without_margin
     if free is None or task.stability_margin is None:
         return None

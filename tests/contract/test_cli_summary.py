@@ -96,6 +96,12 @@ def test_what_does_not_fit_is_counted(lines: int, count: int) -> None:
     assert not any("Details" in line for line in text)
 
 
+def test_a_long_comparison_of_a_number_stands_on_a_line_of_its_own() -> None:
+    compared = f"predicted 0.5 m/s; {'x' * 70}"
+    text = summary_of(Page(kind="test", headline="Yes.", key_figures=((f"speed; {compared}", "1 m/s"),)), lines=15)
+    assert text.splitlines()[2:] == ["  speed  1 m/s", f"    ({compared.replace('; ', ', ')})"]
+
+
 def test_a_number_stays_with_its_unit() -> None:
     for start in range(60, 100):
         text = summary_of(Page(kind="test", headline=f"{'x' * start} 12.5 N s."), lines=15)

@@ -56,7 +56,7 @@ def warning_lines(text: str) -> list[str]:
 
 
 def _figures(page: Page) -> list[str]:
-    """Return the four most important numbers of a report. Each number has its own line of text."""
+    """Return the four most important numbers of a report. Each number has its own line, and a long comparison another."""
     rows = []
     for name, cell in page.key_figures[:_FIGURES]:
         label, _, comparison = name.partition("; ")
@@ -66,7 +66,7 @@ def _figures(page: Page) -> list[str]:
     for label, value, more in rows:
         line = f"  {label:<{width}}  {value}"
         full = f"{line}  ({more})" if more else line
-        lines.append(full if len(full) <= WIDTH else line)
+        lines += [full] if len(full) <= WIDTH else [line, *wrapped(f"({more})", first=" " * 4, indent=" " * 5)]
     return lines
 
 

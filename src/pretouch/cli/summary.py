@@ -56,7 +56,7 @@ def warning_lines(text: str) -> list[str]:
 
 
 def _figures(page: Page) -> list[str]:
-    """Return the four most important numbers of a report. Each number has its own line, and a long comparison another."""
+    """Return the lines of the four most important numbers of a report. A long comparison has a line of its own."""
     rows = []
     for name, cell in page.key_figures[:_FIGURES]:
         label, _, comparison = name.partition("; ")

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -64,6 +68,26 @@ def command(monkeypatch, capsys):
         return ended.value.code, captured.out, captured.err
 
     return run
+
+
+def in_this_process(*words: object, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run `python -m pretouch` in a folder, without a process of its own, which would import all libraries again."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8") for _ in range(2))
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        contextlib.chdir(folder),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        Path(os.devnull).open(encoding="utf-8") as nothing,
+    ):
+        for name, value in environment.items():
+            patch.setenv(name, value)
+        patch.setattr(sys, "stdin", nothing)
+        patch.setattr(sys, "argv", ["pretouch", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+    texts = [(stream.flush(), stream.buffer.getvalue().decode("utf-8"))[1] for stream in (out, err)]
+    return subprocess.CompletedProcess(["pretouch", *map(str, words)], ended.value.code or 0, *texts)
 
 
 def stand_in_for_reports(monkeypatch):

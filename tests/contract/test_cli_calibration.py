@@ -137,6 +137,26 @@ def test_every_page_has_the_reservations_and_the_headline_at_its_top(run, verb):
     assert "Data support the exponential-1 curve from contact (first measured distance) to 56 mm" in words
 
 
+def test_a_calibration_is_fitted_once_by_a_command_and_again_if_it_changes(run, monkeypatch):
+    fitted, fit = [], pt.calibration.fit
+
+    def counted(calibration, *more, **options):
+        fitted.append(len(calibration.outputs))
+        return fit(calibration, *more, **options)
+
+    monkeypatch.setattr("pretouch.calibration.fit", counted)
+    text = Path("sensor.csv").read_text().replace("distance [mm]", "l [mm]")  # as no other test has it
+    Path("own.csv").write_text(text)
+    assert run("init", "own.csv")[0] == 0  # reads it three times
+    Path("own.csv").write_text("\n".join(text.splitlines()[:-1]) + "\n")
+    first = pt.load_scenario("scenario.toml").calibration
+    section = Path("scenario.toml").read_text().replace("own.csv\"", "own.csv\"\nfloor_sigmas = 4.0")
+    Path("stricter.toml").write_text(section)
+    assert pt.load_scenario("stricter.toml").calibration != first
+    readings = len(text.splitlines()) - 9  # of an object, and 8 without
+    assert fitted == [readings] * 3
+
+
 @pytest.mark.parametrize("verb", VERBS)
 def test_a_sensor_given_by_numbers_says_nothing_of_a_calibration(run, verb):
     Path("numbers.toml").write_text(SCENARIO.replace("scale = 0.458", 'scale = "0.458 V"') + BESIDE)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shlex
 import shutil
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from command_text import in_this_process as run
 
 import pretouch as pt
 from pretouch.cli.export import Target
@@ -34,13 +33,6 @@ SESSIONS = [
     for name, page in PAGES.items()
     for session in re.findall(r"```console\n(.*?)```", page, re.DOTALL)
 ]
-
-
-def run(*words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "pretouch", *words]
-    return subprocess.run(
-        command, capture_output=True, text=True, check=False, cwd=folder, env={**os.environ, **environment}
-    )
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import doctest
 import json
-import os
 import re
 import shlex
 import shutil
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_text import in_this_process as run
 
 import pretouch as pt
 from pretouch.errors import OutputExistsError
@@ -26,11 +26,6 @@ ROOT = Path(__file__).parents[2]
 LOOP, TABLE = ROOT / "examples/loop.toml", ROOT / "examples/approaches.csv"
 PAGE = (ROOT / "docs/how-to/what-did-my-sensor-see.md").read_text(encoding="utf-8")
 GAIN = ["--gain", "-0.86 N*s"]
-
-
-def run(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "pretouch", *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, env={**os.environ})
 
 
 def test_a_table_is_replayed_as_json(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_text import command, curve
+from command_text import in_this_process as run
 
 import pretouch as pt
 from pretouch.cli import doctor
@@ -28,7 +29,7 @@ ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 
 
-def run(*words: object, folder: Path) -> subprocess.CompletedProcess[str]:
+def in_a_process(*words: object, folder: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "pretouch", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, stdin=subprocess.DEVNULL)
 
@@ -462,12 +463,12 @@ def test_a_candidate_alone_is_refused() -> None:
 def test_the_doctor_names_versions_and_what_is_missing(tmp_path: Path) -> None:
     from importlib.metadata import version
 
-    answer = run("doctor", folder=tmp_path)
+    answer = in_a_process("doctor", folder=tmp_path)
     assert answer.returncode == 0, answer.stdout
     assert f"pretouch {version('pretouch')}" in answer.stdout
     assert f"numpy {version('numpy')}" in answer.stdout
     assert len(answer.stdout.splitlines()) <= 15
-    told = json.loads(run("doctor", "--json", folder=tmp_path).stdout)
+    told = json.loads(in_a_process("doctor", "--json", folder=tmp_path).stdout)
     assert told["status"] == "works"
     assert told["core"]["variant"] in {"base", "avx2", "avx512"}
     for name, missing in told["missing_of_extras"].items():
@@ -497,6 +498,6 @@ def test_the_doctor_knows_all_extras_of_users() -> None:
 
 def test_the_doctor_tells_that_the_core_does_not_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PRETOUCH_VARIANT", "quantum")
-    answer = run("doctor", folder=tmp_path)
+    answer = in_a_process("doctor", folder=tmp_path)
     assert answer.returncode == 1
     assert "PRETOUCH_VARIANT" in answer.stdout

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import shlex
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from command_text import in_this_process
 
 import pretouch as pt
 from pretouch._core.blocks import Page
@@ -21,8 +20,7 @@ LINES = {"verify": 20, "fit": 20}
 
 
 def printed(command: str, folder: Path) -> list[str]:
-    words = [sys.executable, "-m", "pretouch", *command.replace("EXAMPLES", str(EXAMPLES)).split()]
-    answer = subprocess.run(words, capture_output=True, text=True, check=False, cwd=folder)
+    answer = in_this_process(*command.replace("EXAMPLES", str(EXAMPLES)).split(), folder=folder)
     assert answer.returncode in {0, 1}, answer.stderr
     return answer.stdout.splitlines()
 
@@ -124,8 +122,7 @@ def test_the_help_of_a_verb_has_two_examples_that_run_and_a_page(verb: str, tmp_
         words = shlex.split(example)
         assert words[:2] == ["pretouch", verb]
         quick = ["table-2"] if example == "pretouch reproduce" else ["--runs", "20"] if verb == "verify" else []
-        command = [sys.executable, "-m", *words, *quick]
-        answer = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+        answer = in_this_process(*words[1:], *quick, folder=tmp_path)
         assert answer.returncode in ({0, 1} if verb in {"verify", "replay"} else {0}), answer.stdout + answer.stderr
 
 
@@ -176,8 +173,7 @@ def test_pareto_robust_and_simulate_say_that_the_object_moves_away(tmp_path: Pat
     step = "Next: give the obstacle a negative velocity: this object moves away"
     assert f"{step}." in printed("pareto away.toml --no-report", tmp_path)
     assert step in " ".join(printed("robust away.toml --no-report", tmp_path))
-    command = [sys.executable, "-m", "pretouch", "simulate", "away.toml"]
-    answer = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    answer = in_this_process("simulate", "away.toml", folder=tmp_path)
     assert answer.returncode == 2
     assert "because the object moves away from the robot. Give the obstacle a negative velocity" in answer.stderr
 
@@ -222,8 +218,7 @@ def test_the_next_step_for_a_gain_with_the_wrong_sign_is_the_sign(tmp_path: Path
 def test_a_simulated_contact_that_is_harder_than_without_mitigation_has_the_exit_status_1(
     gain: str, status: int, tmp_path: Path
 ) -> None:
-    words = ["simulate", str(EXAMPLES / "loop.toml"), "--gain", gain, "--no-report"]
-    answer = subprocess.run([sys.executable, "-m", "pretouch", *words], capture_output=True, check=False, cwd=tmp_path)
+    answer = in_this_process("simulate", EXAMPLES / "loop.toml", "--gain", gain, "--no-report", folder=tmp_path)
     assert answer.returncode == status
 
 

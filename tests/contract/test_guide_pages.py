@@ -6,12 +6,11 @@ import doctest
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from command_text import in_this_process
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -67,14 +66,8 @@ def test_the_sessions_of_a_page_print_what_it_shows(page: str, tmp_path: Path) -
     shutil.copytree(ROOT / "examples", folder)
     for command, expected in steps_of(page):
         words = shlex.split(command)
-        run = subprocess.run(
-            [sys.executable, "-m", *words],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            stdin=subprocess.DEVNULL,
-            check=False,
-        )
+        assert words[0] == "pretouch"
+        run = in_this_process(*words[1:], folder=folder)
         assert run.returncode == int(expected.startswith(NEGATIVE)), f"{command}\n{run.stderr}"
         assert doctest.OutputChecker().check_output(expected, run.stdout, FLAGS), f"{command}\n{run.stdout}"
 

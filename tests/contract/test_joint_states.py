@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from command_text import in_this_process
 
 import pretouch as pt
 from pretouch.errors import InvalidInputError
@@ -96,8 +95,7 @@ def test_a_calibration_follows_from_joint_states(tmp_path: Path) -> None:
     bag, model = write(tmp_path, postures(1000)), arm_with_wall(tmp_path)
     words = ["--topic", "/proximity", "--joints", "/joint_states", "--model", str(model), "--site", "fingertip"]
     options = ["--calibration", "pairs.csv", "--no-report", "--gain", "-0.86 N*s", "--axis", "+x"]
-    command = [sys.executable, "-m", "pretouch", "replay", str(ROOT / "examples/loop.toml"), str(bag), *words, *options]
-    answer = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    answer = in_this_process("replay", ROOT / "examples/loop.toml", bag, *words, *options, folder=tmp_path)
     assert answer.returncode == 0, answer.stdout + answer.stderr
     distance, reading = np.loadtxt(tmp_path / "pairs.csv", delimiter=",", skiprows=1).T
     expected = np.exp(CURVE.log_output(distance / 1e3)) + 152.0
@@ -143,14 +141,8 @@ def test_two_publishers_with_different_joints_are_refused(tmp_path: Path) -> Non
 )
 def test_options_that_do_not_fit_are_refused(tmp_path: Path, options: list[str], words: str) -> None:
     recording = str(write(tmp_path, postures(20)))
-    command = [sys.executable, "-m", "pretouch", "replay", str(ROOT / "examples/loop.toml"), recording]
-    answer = subprocess.run(
-        [*command, "--topic", "/proximity", "--gain", "-0.86 N*s", *options],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=tmp_path,
-    )
+    given = ["--topic", "/proximity", "--gain", "-0.86 N*s", *options]
+    answer = in_this_process("replay", ROOT / "examples/loop.toml", recording, *given, folder=tmp_path)
     assert answer.returncode == 2
     assert words in answer.stderr
     assert "Traceback" not in answer.stderr

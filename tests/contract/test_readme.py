@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import doctest
-import io
 import re
 import runpy
 import shlex
@@ -15,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_text import in_this_process
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -30,13 +29,7 @@ SESSIONS = [s for page in PAGES for s in re.findall(r"```console\n(.*?)```", pag
 def test_a_session_prints_what_the_readme_shows(session: str) -> None:
     command, _, expected = session.partition("\n")
     assert command.startswith("$ pretouch ")
-    run = subprocess.run(
-        [sys.executable, "-m", "pretouch", *shlex.split(command)[2:]],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    run = in_this_process(*shlex.split(command)[2:], folder=ROOT)
     assert run.returncode == (1 if "Does not hold" in expected else 0), run.stderr
     checker = doctest.OutputChecker()
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -158,18 +151,9 @@ def test_the_synthetic_calibration_is_what_its_program_prints() -> None:
     assert run.stdout == (ROOT / "examples" / "sensor.csv").read_text(encoding="utf-8")
 
 
-def in_this_process(command: list[str], **_: Any) -> subprocess.CompletedProcess[str]:
-    """Run `python -m pretouch` without a new process, which would import all libraries again."""
-    from pretouch.cli import main
-
+def as_process(command: list[str], **_: Any) -> subprocess.CompletedProcess[str]:
     assert command[:3] == [sys.executable, "-m", "pretouch"]
-    out, err = io.TextIOWrapper(io.BytesIO(), encoding="utf-8"), io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
-    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        patch.setattr(sys, "argv", ["pretouch", *command[3:]])
-        with pytest.raises(SystemExit) as ended:
-            main()
-    texts = [(stream.flush(), stream.buffer.getvalue().decode("utf-8"))[1] for stream in (out, err)]
-    return subprocess.CompletedProcess(command, ended.value.code or 0, *texts)
+    return in_this_process(*command[3:], folder=Path())
 
 
 @pytest.mark.slow
@@ -179,7 +163,7 @@ def test_the_demonstration_writes_its_reports(
     """examples/demo.py from a copy, so that nothing of the checkout is touched; its commands run in this process."""
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(subprocess, "run", in_this_process)
+    monkeypatch.setattr(subprocess, "run", as_process)
     runpy.run_path(str(tmp_path / "examples" / "demo.py"), run_name="__main__")
     printed = capsys.readouterr().out
     assert {p.name for p in (tmp_path / "demo-output").iterdir()} == {

@@ -5,14 +5,12 @@ from __future__ import annotations
 import doctest
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_text import SCENARIO, command, lay_out, strict
+from command_text import SCENARIO, command, in_this_process, lay_out, strict
 
 import pretouch as pt
 from figure_checks import assert_legible, visible_texts
@@ -60,9 +58,7 @@ def test_the_session_prints_what_the_page_shows():
     (session,) = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
     asked, _, expected = session.partition("\n")
     assert asked == "$ pretouch pareto examples/tradeoff.toml --no-report"
-    done = subprocess.run(
-        [sys.executable, "-m", "pretouch", *asked.split()[2:]], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    done = in_this_process(*asked.split()[2:], folder=ROOT)
     assert done.returncode == 0, done.stderr
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
     assert doctest.OutputChecker().check_output(expected, done.stdout, flags), done.stdout

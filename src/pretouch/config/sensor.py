@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -260,20 +261,18 @@ class FitRequest:
 
     def rank(self, calibration: Calibration) -> CalibrationReport:
         """Fit all curve models to one calibration and rank the fitted curves."""
-        from pretouch.calibration import fit  # noqa: PLC0415
-
-        models = {"models": self.models} if self.models else {}
         offset, saturation = (
             value if isinstance(value, str) else _in_unit_of(calibration, value, name)
             for name, value in (("offset", self.offset), ("saturation", self.saturation))
         )
-        report = fit(
+        report = _fit(
             calibration,
-            **models,
+            self.models,
             offset=offset,
             saturation=None if saturation == "none" else saturation,
             near_field_peak=None if self.near_field_peak == "none" else self.near_field_peak,
             floor_sigmas=self.floor_sigmas,
+            curves=tuple(sensor_curves(foreign=True).items()),
         )
         return replace(report, scenario_lines=tuple(self._scenario_lines(calibration, report)))
 
@@ -298,6 +297,30 @@ class FitRequest:
         ):
             if value != default:
                 yield f"{key} = {_in_toml(value)}"
+
+
+@lru_cache(maxsize=8)
+def _fit(
+    calibration: Calibration,
+    models: tuple[str, ...],
+    *,
+    offset: str | float,
+    saturation: float | str | None,
+    near_field_peak: float | str | None,
+    floor_sigmas: float,
+    curves: tuple[tuple[str, type[SensorModel]], ...],  # noqa: ARG001 - a new curve is a new fit
+) -> CalibrationReport:
+    """Fit the curve models to the readings. One command reads the same calibration up to three times."""
+    from pretouch.calibration import fit  # noqa: PLC0415 - SciPy, only when needed
+
+    return fit(
+        calibration,
+        models or None,
+        offset=offset,
+        saturation=saturation,
+        near_field_peak=near_field_peak,
+        floor_sigmas=floor_sigmas,
+    )
 
 
 def _in_toml(value: str | float | OutputValue | Path | None) -> str:

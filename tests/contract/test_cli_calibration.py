@@ -150,7 +150,7 @@ def test_a_calibration_is_fitted_once_by_a_command_and_again_if_it_changes(run, 
     assert run("init", "own.csv")[0] == 0  # reads it three times
     Path("own.csv").write_text("\n".join(text.splitlines()[:-1]) + "\n")
     first = pt.load_scenario("scenario.toml").calibration
-    section = Path("scenario.toml").read_text().replace("own.csv\"", "own.csv\"\nfloor_sigmas = 4.0")
+    section = Path("scenario.toml").read_text().replace('own.csv"', 'own.csv"\nfloor_sigmas = 4.0')
     Path("stricter.toml").write_text(section)
     assert pt.load_scenario("stricter.toml").calibration != first
     readings = len(text.splitlines()) - 9  # of an object, and 8 without

@@ -14,8 +14,8 @@ from scipy.stats import beta
 
 import pretouch as pt
 from pretouch._core.units import written_unit
-from pretouch.verification.advised import Advice
 from pretouch.verification.appraisal import count_to_show, draw_encounters, make_problem
+from pretouch.verification.result import Advice
 from pretouch.verification.settings import settings_between
 from pretouch.verification.stability import candidates_of
 from verification_samples import NOISY, SCENARIO, SENSOR, velocity_limit, verdict

@@ -24,13 +24,12 @@ from pretouch.designs.robust.required import Required, limits_of
 from pretouch.designs.search import RUNS, Effort, GainAxis, Landscape, search_axis
 from pretouch.simulation import ClosedLoop, chain_of_fit
 
-from .advised import Advice
 from .appraisal import USUAL_MARGIN, LoopOutcomes, LoopProblem, draw_encounters
 from .effect import VerdictStatus
 from .gain_search import GainSearch, runs_of_search, stable_axis
 from .improvement import Improvements, redesign
 from .reasons import lacks_only_runs, likely_runs, runs_advised
-from .result import Verdict
+from .result import Advice, Verdict
 from .settings import settings_between
 from .stability import ChangedLoop, Passed, candidates_of, limit_of, rounded_up, with_settings
 
@@ -57,8 +56,6 @@ _MOST: Final = 1e6  # larger shortfalls are not distinguished
 _FILTERS: Final = ("median_window", "low_pass_order", "cutoff", "largest_rate", "floor")
 _AGAINST_NOISE: Final = frozenset({"chain.noise", "chain.relative_noise", *(f"controller.{key}" for key in _FILTERS)})
 """Settings that help only against noise. If the noise is a guess, it must be measured first."""
-
-_SERIOUS: Final = frozenset({VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY})
 
 
 class _Start(NamedTuple):
@@ -270,7 +267,7 @@ class _Seeker:
                 if gain is None:
                     return None
             checked = self._check(self.task.replace(gain=gain, loop=search.loop))
-            if checked.shortfall <= 1 and checked.verdict.status in _SERIOUS:
+            if checked.shortfall <= 1 and checked.verdict.status.is_passed:
                 return checked
             if math.isnan(checked.shortfall) or (checked.shortfall <= 1 and _misses_no_limit(checked.verdict)):
                 return None  # more reserve does not help against other reasons
@@ -335,10 +332,10 @@ class _Seeker:
         for gain, increase in sorted(options, key=lambda option: max(option[1].values()))[:2]:
             factor = 1.0
             for _ in range(_TRIES):
-                larger = {i: _rounded_up_limit(limits[i].constraint.limit * r * factor) for i, r in increase.items()}
+                larger = {i: rounded_up(limits[i].constraint.limit * r * factor, 3) for i, r in increase.items()}
                 constraints = tuple(_with_limit(c, larger.get(i)) for i, c in enumerate(self.task.constraints))
                 checked = self._check(self.task.replace(gain=base.printed(gain), constraints=constraints))
-                if checked.shortfall <= 1 and checked.verdict.status in _SERIOUS:
+                if checked.shortfall <= 1 and checked.verdict.status.is_passed:
                     return self._limit_advice(checked, limits, larger)
                 if math.isnan(checked.shortfall):
                     break
@@ -395,12 +392,6 @@ def _with_limit(constraint: Any, limit: float | None) -> Any:
     if isinstance(constraint, Required):
         return replace(constraint, constraint=replace(constraint.constraint, limit=limit))
     return replace(constraint, limit=limit)
-
-
-def _rounded_up_limit(value: float) -> float:
-    """Round a limit up to three significant digits."""
-    step = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return float(f"{math.ceil(value / step - 1e-9) * step:.6g}")
 
 
 def _fresh_runs(task: Task) -> int:

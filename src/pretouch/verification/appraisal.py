@@ -26,6 +26,7 @@ from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
 from pretouch.uncertainty.ensemble import check_nominal
 
+from .contact_speed import contact_speeds
 from .effect import EFFECT, Effect, VerdictStatus, effect_of
 
 USUAL_MARGIN: Final = 2.0  # gain margin: 6 dB
@@ -182,6 +183,10 @@ class Requirement(NamedTuple):
         """True if enough simulated runs meet the condition."""
         return self.standing >= 1 - _ROUNDING
 
+    def shown(self, confidence: float) -> float:
+        """Return the lower confidence bound of the probability that a run meets the condition."""
+        return least_probability(int(self.held.sum()), len(self.held), confidence)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopOutcomes:
@@ -318,9 +323,9 @@ def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
     if not outcomes.is_kept or outcomes.stable < 1:
         return VerdictStatus.DOES_NOT_HOLD
     near = margin is None or margin < USUAL_MARGIN or effect is None or not effect.is_clear
-    for limit, ratio in zip(limits_of(task.constraints), outcomes.ratios, strict=True):
-        count, p = int((ratio <= 1 + _ROUNDING).sum()), limit.probability
-        near |= least_probability(count, len(ratio), task.verify.confidence) < p < 1
+    limits, (_, *requirements) = limits_of(task.constraints), outcomes.requirements
+    for limit, ratio, requirement in zip(limits, outcomes.ratios, requirements, strict=True):
+        near |= requirement.shown(task.verify.confidence) < limit.probability < 1
         near |= limit.constraint.name != "gain" and 1 - ROOM < float(limit.share(ratio)) <= 1 + _ROUNDING
     return VerdictStatus.HOLDS_NARROWLY if near else VerdictStatus.HOLDS
 
@@ -354,7 +359,7 @@ class LoopProblem:
         slope, xi = np.abs(np.asarray(sensor.log_slope(distance))), np.exp(np.asarray(sensor.log_output(distance)))
         noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
         free = self.unmitigated
-        ends = np.zeros(0) if free is None else np.abs(free.relative_velocity[free.touched])
+        ends = np.zeros(0) if free is None else contact_speeds(free)
         fastest = max(ends.max(initial=0.0), np.abs(self.draws.scenarios.relative_velocity).max())  # [m/s]
         return float(fastest * slope.max()), float(noise.max())
 

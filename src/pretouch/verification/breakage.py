@@ -20,6 +20,7 @@ from pretouch.control.laws import release_for_noise
 from pretouch.simulation import ClosedLoop, Disturbance, SimulationResult
 
 from .appraisal import Draws
+from .contact_speed import contact_speeds
 from .stability import rounded_up, with_settings
 
 _PLACES: Final = (0.9, 0.7, 0.5, 0.3, 0.1)  # shares of the start distance at which a disturbance begins
@@ -208,7 +209,7 @@ def _simulated(loop: ClosedLoop, draws: Draws, gain: float, unmitigated: Simulat
     """Simulate each kind of disturbance from several distances on."""
     controller: Any = loop.law
     count = min(_RUNS, draws.task.verify.runs)
-    free = _contact_speeds(unmitigated)[:count]
+    free = contact_speeds(unmitigated)[:count]
     places = [place * float(draws.distance[:count].mean()) for place in _PLACES]
     short = replace(loop, follow_time=min(loop.follow_time, loop.law.period))
     stuck, back, farthest = _runs(
@@ -257,15 +258,10 @@ def _runs(
     for one in disturbances:
         chain = replace(loop.chain, disturbances=(*loop.chain.disturbances, one))
         result = draws.run(replace(loop, chain=chain), gain, count)
-        speeds.append(_contact_speeds(result))
+        speeds.append(contact_speeds(result))
         advances.append(np.asarray(result.largest_advance))
         excursions.append(np.asarray(result.largest_excursion))
     return np.stack(speeds), np.stack(advances), np.stack(excursions)
-
-
-def _contact_speeds(result: SimulationResult) -> FloatArray:
-    """Return the speed at contact of each run, 0 without contact [m/s]."""
-    return np.where(result.touched, np.abs(result.relative_velocity), 0.0)
 
 
 def _kinds(loop: ClosedLoop) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.display import Described
@@ -19,13 +19,6 @@ from pretouch.designs import Task
 from .effect import VerdictStatus
 from .result import Verdict
 from .verdict import verify
-
-_ORDER: Final = (
-    VerdictStatus.HOLDS,
-    VerdictStatus.HOLDS_NARROWLY,
-    VerdictStatus.DOES_NOT_HOLD,
-    VerdictStatus.NO_GAIN,
-)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -139,7 +132,7 @@ class CandidateComparison(Described, Value):
         None if no gain passes, not even narrowly.
         """
         first = self.candidates[0]
-        return first if first.status in _ORDER[:2] else None
+        return first if first.status.is_passed else None
 
     @property
     def headline(self) -> str:
@@ -155,7 +148,7 @@ class CandidateComparison(Described, Value):
                 f"None of the {count} candidates meets its requirements. Candidate {first.name} has the lowest contact "
                 f"speed: {speed}."
             )
-        holding = sum(c.status in _ORDER[:2] for c in self.candidates)
+        holding = sum(c.status.is_passed for c in self.candidates)
         holds = "holds narrowly" if first.status is VerdictStatus.HOLDS_NARROWLY else "holds"
         best = f"Candidate {first.name} is best of {count} and {holds}: {speed}."
         return f"{best} {holding} candidate{'s hold' if holding > 1 else ' holds'}."
@@ -242,7 +235,7 @@ def _verified(name: str, task: Task, runs: int | None) -> Candidate:
 
 def _rank(candidate: Candidate) -> tuple[int, float]:
     """Return the sort key of a candidate. It is the status of the gain, then the mean contact speed."""
-    place, speed = _ORDER.index(candidate.status), candidate.contact_speed
+    place, speed = candidate.status.place, candidate.contact_speed
     if not math.isnan(speed):
         return place, speed
-    return place, 0.0 if candidate.status in _ORDER[:2] else math.inf
+    return place, 0.0 if candidate.status.is_passed else math.inf

@@ -93,9 +93,9 @@ def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, g
         The result for each limit, with the predicted value for the nominal encounter.
     """
     checks, impact = [], foreseen_impact(task)
-    for required, ratio in zip(limits_of(task.constraints), outcomes.ratios, strict=True):
+    limits, (_, *requirements) = limits_of(task.constraints), outcomes.requirements
+    for required, ratio, requirement in zip(limits, outcomes.ratios, requirements, strict=True):
         constraint = required.constraint
-        count = int((ratio <= 1 + 1e-12).sum())
         reached = float(required.share(ratio)) * constraint.limit
         value = reached if math.isfinite(reached) else None
         own = constraint.quantity == "gain"
@@ -104,8 +104,8 @@ def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, g
                 required=required,
                 limited=task.law.number.entry(constraint.quantity).in_words(),
                 predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, impact),
-                held=count / len(ratio),
-                low=least_probability(count, len(ratio), task.verify.confidence),
+                held=float(requirement.held.mean()),
+                low=requirement.shown(task.verify.confidence),
                 value=value,
                 margin=None if value is None else constraint.limit - value,
                 source=_source_of(constraint.quantity, task.loop),

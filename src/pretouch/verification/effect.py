@@ -21,7 +21,7 @@ from pretouch.control import Controller
 from pretouch.motion import LawNumber
 from pretouch.simulation import ClosedLoop, SimulationResult
 
-from .encounter_parts import higher_in_words
+from .contact_speed import contact_speeds, higher_in_words, is_harder
 from .stability import NOISES, controller_at
 
 OFTEN: Final = 0.05  # share of the runs above which harder contact counts as frequent
@@ -29,7 +29,6 @@ LOST: Final = 0.5  # share of the predicted mitigation; a loop that loses more f
 EFFECT: Final = 0.01  # a gain that changes the speed by less than this share has no effect
 SIGNIFICANT: Final = 2.0  # standard errors: by chance, one in twenty differences exceeds them, half of these upward
 _ALIKE: Final = 1e-9  # relative: the speeds of equal runs without noise differ by less
-_SHOWN: Final = 5e-5  # relative: a smaller difference of speeds does not show in four digits
 _SHOWN_SHARE: Final = 5e-4  # relative: a smaller change of a speed is not reported
 _FAULTS: Final = ("jitter", "dropout", "misfit", "drift", "resolution", "distance_resolution")
 _MOST: Final = 0.95  # share of the runs
@@ -46,6 +45,16 @@ class VerdictStatus(StrEnum):
     HOLDS_NARROWLY = "holds-narrowly"
     DOES_NOT_HOLD = "does-not-hold"
     NO_GAIN = "no-gain"
+
+    @property
+    def is_passed(self) -> bool:
+        """True if the gain meets its requirements, at least narrowly."""
+        return self in {VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY}
+
+    @property
+    def place(self) -> int:
+        """Place among all statuses, 0 for the best one."""
+        return list(VerdictStatus).index(self)
 
     @property
     def meaning(self) -> str:
@@ -167,8 +176,7 @@ def effect_of(
     n, some = result.shape[0], result.touched
     if not some.any():
         return None
-    speed = np.abs(np.asarray(result.relative_velocity)[some])
-    free = np.where(unmitigated.touched[:n], np.abs(np.asarray(unmitigated.relative_velocity)[:n]), 0.0)[some]
+    speed, free = contact_speeds(result)[some], contact_speeds(unmitigated)[:n][some]
     difference, error = mean_and_error(speed - free)
     mean, without = float(speed.mean()), float(free.mean())
     promised = np.full(len(speed), np.nan) if foreseen is None else foreseen[:n][some]
@@ -213,7 +221,7 @@ def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: S
     """
     yield from (caution("PT403", f"{text}.") for text in chase_in_words(number, gain))
     speed, before = _speeds(run, free)
-    if speed > before * (1 + _SHOWN):
+    if is_harder(run, free):
         yield caution(
             "PT403",
             f"With this gain, contact is harder than without mitigation: the contact speed is {_text(speed)} "
@@ -227,7 +235,7 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
     A gain of 0 causes no warning.
     """
     speed, before = _speeds(run, free)
-    if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
+    if gain and before * (1 - EFFECT) < speed and not is_harder(run, free):
         yield caution(
             "PT415",
             f"The {number.name} has no effect in this run: the contact speed is {_text(speed)} with this "
@@ -237,8 +245,7 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
 
 def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float]:
     """Return the contact speeds with and without mitigation [m/s]. The speed is 0 without contact."""
-    speed, before = (abs(one.relative_velocity) if one.touched else 0.0 for one in (run, free))
-    return speed, before
+    return float(contact_speeds(run)), float(contact_speeds(free))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

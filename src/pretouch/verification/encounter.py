@@ -38,6 +38,7 @@ from pretouch.simulation.closed_loop import contact_rows, loop_section
 from pretouch.simulation.stability import passage
 
 from .appraisal import USUAL_MARGIN
+from .contact_speed import is_harder
 from .effect import harm_in_words, idleness_in_words
 from .encounter_parts import (
     Detection,
@@ -52,7 +53,6 @@ from .encounter_parts import (
     flags_of,
     force_in_words,
     headline_of,
-    is_harder,
     run_as_dict,
 )
 from .stability import limit_of, stability_margin

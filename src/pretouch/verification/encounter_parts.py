@@ -20,7 +20,8 @@ from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
 
-_SAME: Final = 5e-5  # relative: a smaller difference does not show in four digits
+from .contact_speed import UNSEEN, higher_in_words, is_harder, percent
+
 _LATE: Final = 0.1  # a detection is late if more than this share of the change of ln xi until contact has happened
 _PASSING: Final = 0.01  # gaps of the readings are reported if they are longer than this share of the approach
 _STRONG: Final = 1.5  # smallest ratio of simulated to predicted virtual force that causes a warning
@@ -86,7 +87,7 @@ class QuantityComparison(Value):
         share = self.relative_difference
         if self.difference is None:
             return ""
-        if not self.difference or (share is not None and abs(share) < _SAME):
+        if not self.difference or (share is not None and abs(share) < UNSEEN):
             return "none"
         text = format_quantity(self.difference, self.unit, 3)
         text = text if text.startswith("-") else f"+{text}"
@@ -168,31 +169,6 @@ class Detection(Value):
 
 _OWN: Final = "a user-defined flag"
 _NO_TROUBLE: Final = frozenset({Status.DETECTING.meaning, Status.IN_CONTACT.meaning, _OWN})
-
-
-def percent(share: float) -> str:
-    """Return the magnitude of a relative change as a percentage.
-
-    Below 100 %, the text has two digits.
-    """
-    size = abs(100 * share)
-    return f"{size:.0f} %" if size >= 99.5 else f"{size:.2g} %"
-
-
-def higher_in_words(excess: float, other: str = "") -> str:
-    """Return a relative change of a speed in words.
-
-    Examples:
-        >>> higher_in_words(0.12, "predicted"), higher_in_words(5.39, "predicted"), higher_in_words(-0.22)
-        ('12 % higher than predicted', '6.4 times as high as predicted', '22 % lower')
-    """
-    if excess >= 1:
-        times = 1 + excess
-        text, link = f"{times:.0f}" if times >= 99.5 else f"{times:.2g}", "as"
-        text = f"{text} times as high"
-    else:
-        text, link = f"{percent(excess)} {'higher' if excess > 0 else 'lower'}", "than"
-    return f"{text} {link} {other}" if other else text
 
 
 def compare_contacts(
@@ -313,12 +289,6 @@ def headline_of(
     return text + (_force_sentence(run, free, grows) if grows is not None and run.touched else "")
 
 
-def is_harder(run: SimulationResult, free: SimulationResult) -> bool:
-    """Return True if contact is harder with the gain than without mitigation."""
-    before = abs(free.relative_velocity) if free.touched else 0.0
-    return bool(run.touched and abs(run.relative_velocity) > before * (1 + _SAME))
-
-
 def _loop_clause(run: SimulationResult, free: SimulationResult) -> str:
     if is_harder(run, free):
         speed = _speed(run.relative_velocity)
@@ -344,9 +314,9 @@ def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
     share, late = speed.relative_difference, time.difference
     parts = []
     if share is not None:
-        parts.append("the same speed" if abs(share) < _SAME else higher_in_words(share))
+        parts.append("the same speed" if abs(share) < UNSEEN else higher_in_words(share))
     if late is not None and time.predicted is not None:
-        same = abs(late) < _SAME * time.predicted
+        same = abs(late) < UNSEEN * time.predicted
         shown = format_quantity(abs(late), "s", 2 if abs(late) < 0.1 else 3)
         parts.append("the same time" if same else f"{shown} {'later' if late > 0 else 'earlier'}")
     return f"{' and '.join(parts)} on the loop"

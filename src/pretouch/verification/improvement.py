@@ -38,7 +38,6 @@ _WORTH: Final = 0.01  # smallest relative improvement of the objective that just
 _FALL: Final = 0.8  # if a change reduces the margin below this share of it, the new margin is reported
 _BEYOND: Final = 1e3  # a larger margin is not reported
 _SAME: Final = 1e-6  # relative difference below which two gains are the same
-_ORDER: Final = (VerdictStatus.DOES_NOT_HOLD, VerdictStatus.HOLDS_NARROWLY, VerdictStatus.HOLDS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,7 +224,7 @@ def _evaluate_change(
     gains = improvement is not None and improvement > max(SIGNIFICANT * (error or 0.0), _WORTH)
     better = after.standing >= before.standing and kept and gains
     was, status = status_of(task, before), status_of(task, after)
-    turns = _ORDER.index(status) > _ORDER.index(was)
+    turns = status.place < was.place
     return LoopChange(
         name=candidate.name,
         sentence=_add_margin(candidate, before.margin, after.margin),
@@ -293,4 +292,4 @@ def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, f
 def _rank(change: LoopChange) -> tuple[bool, int, float, float]:
     # Scores that differ only by rounding count as equal.
     gained = -math.inf if change.improvement is None else change.improvement
-    return (not change.helps, -_ORDER.index(change.status), -round(change.standing, 9), -gained)
+    return (not change.helps, change.status.place, -round(change.standing, 9), -gained)

@@ -84,7 +84,7 @@ def verdict_page(verdict: Verdict) -> Page:
         kind="Does the gain hold on the simulated loop?",
         headline=v.headline,
         status=v.status.value.replace("-", " "),
-        good=v.status in {VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY},
+        good=v.status.is_passed,
         key_figures=tuple(_key_figures(v)),
         warnings=v.warnings,
         findings=tuple(_findings(v)),

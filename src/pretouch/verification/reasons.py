@@ -13,8 +13,8 @@ from pretouch.designs.robust.required import least_probability, runs_to_show
 from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import ROOM, USUAL_MARGIN
+from .contact_speed import higher_in_words
 from .effect import LOST, OFTEN, Effect, VerdictStatus, chase_in_words
-from .encounter_parts import higher_in_words
 from .result import LimitCheck, Verdict
 from .stability import rounded_up
 
@@ -202,7 +202,7 @@ def likely_runs(held: int, count: int, probability: float, confidence: float) ->
     for share in (*(least_probability(held, count, caution) for caution in _CAUTIONS), held / count):
         needed = runs_to_show(share, probability, confidence)
         if needed is not None and needed <= _MOST_RUNS:
-            return _rounded_up_runs(needed)
+            return int(rounded_up(needed))
     return None
 
 
@@ -210,12 +210,6 @@ def lacks_only_runs(v: Verdict) -> bool:
     """Return True if the only reservation is that the runs are too few to demonstrate a limit."""
     unshown = [check for check in v.limits if _is_unshown(check)]
     return bool(unshown) and len(unshown) == len(v.reasons)
-
-
-def _rounded_up_runs(count: int) -> int:
-    """Round a number of runs up to two digits."""
-    step = int(10 ** max(len(str(count)) - 2, 0))
-    return -(-count // step) * step
 
 
 def runs_advised(v: Verdict) -> int | None:

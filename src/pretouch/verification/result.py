@@ -6,7 +6,8 @@ The result has a verdict on the gain, and statistics over all simulated runs.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from pretouch._core.display import Described
@@ -21,12 +22,12 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Uncertainty
 
-from .advised import Advice
 from .at_rest import RestMotion
 from .breakage import Breakage
 from .calibration_check import CalibrationCheck
 from .effect import Effect, SensorSpeed, VerdictStatus
 from .improvement import LoopChange, Loss
+from .settings import Setting
 from .stability import StabilityCheck
 
 
@@ -195,6 +196,30 @@ class Reached(Value):
     low: float | None
     late: int = 0
     latest: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Advice(Value):
+    """What to do next, and the verdict that results from it.
+
+    Args:
+        kind: `start` (the encounter starts elsewhere than the controller detects the object), `change` (another gain or
+            loop), `limit` (no change within reach keeps the limits, so one is relaxed),
+            `runs` (more runs, whose result is open), `horizon` (a longer one), `readings` (repeated readings, because
+            the noise of the sensor is a guess) or `none` (no change within reach helps).
+        sentence: what to do, with numbers and with the verdict that results from it.
+        settings: the same as keys of a scenario file and their new values, such as
+            `{"controller.gain": "-0.86 N*s"}`; None removes a key.
+        status: the status of the verdict with these settings, which was simulated; None if it was not.
+        fresh_runs: number of fresh runs that confirm this status: their encounters and noise were not used to find
+            the settings.
+    """
+
+    kind: str
+    sentence: str
+    settings: Mapping[str, Setting] = field(default_factory=dict)
+    status: VerdictStatus | None = None
+    fresh_runs: int = 0
 
 
 _HOLDS: Final = {

@@ -228,10 +228,10 @@ def rates_for_margins(
     return list(lowest_rate(sensor, _virtual_admittance(law), gain, margin=margins, **encounter))
 
 
-def rounded_up(value: float) -> float:
-    """Round a positive number up to two significant digits."""
-    step = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return float(f"{math.ceil(value / step - 1e-9) * step:.3g}")
+def rounded_up(value: float, digits: int = 2) -> float:
+    """Round a positive number up to some significant digits."""
+    step = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
+    return float(f"{math.ceil(value / step - 1e-9) * step:.{digits + 1}g}")
 
 
 def _virtual_admittance(law: Controller) -> Admittance:

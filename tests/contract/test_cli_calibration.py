@@ -73,8 +73,8 @@ def run(tmp_path, monkeypatch, capsys):
 def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
     file = scenario("whole.toml", WHOLE)
     report = pt.load_scenario(file).calibration
-    quiet = () if verb == "sweep" else ("--no-report", "--verbose")
-    code, out, _ = run(verb, file, *VERBS[verb], *quiet)
+    whole = () if verb == "sweep" else ("--verbose",)
+    code, out, _ = run(verb, file, *VERBS[verb], *whole)
     assert code == 0
     assert not out.startswith("Not supported")
     assert f"calibration sensor.csv: {report.verdict}\n" in out
@@ -85,6 +85,10 @@ def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
         f"the controller and exported laws subtract the {report.offset.kind} offset from each reading: "
         f"{report.offset.value:.4g} ± " in out
     )
+    if verb != "sweep":
+        words = assert_sound(Path(f"whole-{verb}.html").read_text(encoding="utf-8")).words
+        assert "Not supported by data" not in words
+        assert "Data support the exponential-1 curve from contact (first measured distance) to 56 mm" in words
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     known = told["calibration"]
     assert (known["verdict"], known["reasons"]) == (report.verdict, list(report.reasons))
@@ -98,8 +102,8 @@ def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     file = scenario("clipped.toml", CLIPPED + '\nminimum_distance = "0 mm"')
-    quiet = () if verb == "sweep" else ("--no-report", "--verbose")
-    _, out, _ = run(verb, file, *VERBS[verb], *quiet)
+    whole = () if verb == "sweep" else ("--verbose",)
+    _, out, _ = run(verb, file, *VERBS[verb], *whole)
     first = out.splitlines()[0]
     near, reason = near_end()
     assert f"{UNSUPPORTED}{near} ({reason}) to contact at 0 mm." in first
@@ -108,6 +112,11 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     without_force = f"If no virtual force acted at distances below {near}, the contact speed would be "
     assert (without_force in first) == (verb != "pareto")
     if verb != "sweep":
+        words = assert_sound(Path(f"clipped-{verb}.html").read_text(encoding="utf-8")).words
+        top = words.index(UNSUPPORTED + near)
+        assert top < words.index("D_p")
+        assert "Sensor calibration: clipped.csv" in words
+        assert "The controller and exported laws subtract the " in words
         brief = run(verb, file, *VERBS[verb], "--no-report")[1]
         assert " ".join(brief.split()).startswith(first), "the summary begins with it, too"
         offset = pt.load_scenario(file).calibration.offset.value
@@ -119,22 +128,6 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     assert told["headline"].startswith(first)
     assert told["calibration"]["headline"] == first
     assert told["calibration"]["is_contact_supported"] is False
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("verb", [verb for verb in VERBS if verb != "sweep"])
-def test_every_page_has_the_reservations_and_the_headline_at_its_top(run, verb):
-    extended = scenario("clipped.toml", CLIPPED + '\nminimum_distance = "0 mm"')
-    run(verb, extended, *VERBS[verb])
-    words = assert_sound(Path(f"clipped-{verb}.html").read_text(encoding="utf-8")).words
-    first = words.index(UNSUPPORTED + near_end()[0])
-    assert first < words.index("D_p")
-    assert "Sensor calibration: clipped.csv" in words
-    assert "The controller and exported laws subtract the " in words
-    run(verb, scenario("whole.toml", WHOLE), *VERBS[verb])
-    words = assert_sound(Path(f"whole-{verb}.html").read_text(encoding="utf-8")).words
-    assert "Not supported by data" not in words
-    assert "Data support the exponential-1 curve from contact (first measured distance) to 56 mm" in words
 
 
 def test_a_calibration_is_fitted_once_by_a_command_and_again_if_it_changes(run, monkeypatch):

@@ -16,7 +16,7 @@ import pytest
 from pretouch._core import arguments
 from pretouch._core.display import Described
 from pretouch.config import load_scenario
-from pretouch.designs import design_gain
+from pretouch.designs import design
 from pretouch.errors import InvalidInputError
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.report import report_html
@@ -210,7 +210,7 @@ def test_the_text_of_a_design_loads_no_figure_and_no_other_verb() -> None:
 def test_a_design_checks_the_arguments_of_its_verb_only() -> None:
     """What a verb has checked is not checked again by the functions that it calls."""
     task = load_scenario(ROOT / "examples/approach.toml")
-    str(design_gain(task))  # makes the rules
+    str(design(task))  # makes the rules
     calls = []
 
     def count(frame: FrameType, event: str, _: object) -> None:
@@ -219,7 +219,7 @@ def test_a_design_checks_the_arguments_of_its_verb_only() -> None:
 
     sys.setprofile(count)
     try:
-        str(design_gain(task))
+        str(design(task))
     finally:
         sys.setprofile(None)
     assert calls == ["design_gain"]

@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import pretouch as pt
 from pretouch.errors import InvalidInputError, MissingExtraError
-from pretouch.robots import SensorSite, load_model, make_data, project, project_site
+from pretouch.robots import (
+    SensorSite,
+    load_model,
+    make_data,
+    project,
+    project_site,
+    project_workspace,
+    random_postures,
+    simulate_robot,
+)
 
 ARM = Path(__file__).parents[2] / "examples/robots/arm.xml"
+SITE = SensorSite("fingertip", axis=(0.0, 0.0, 1.0))
 
 
 @pytest.mark.parametrize(
@@ -153,6 +165,23 @@ def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="nonsense") as caught:
         load_model(tmp_path / "text.xml")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [
+        project,
+        make_data,
+        lambda model: project_site(model, None, SITE),
+        lambda model: project_workspace(model, SITE, [{}]),
+        lambda model: random_postures(model, SITE, 2),
+        lambda model: simulate_robot(model, None, []),
+    ],
+)
+@pytest.mark.parametrize("model", ["arm.xml", None, 1.0])
+def test_what_is_no_model_is_named(verb: Callable[[Any], Any], model: Any) -> None:
+    with pytest.raises(InvalidInputError, match=r"^model: found .*, expected a mujoco.MjModel, such as load_model"):
+        verb(model)
 
 
 def test_an_overview_needs_a_site_that_can_be_projected() -> None:

@@ -26,7 +26,7 @@ EXAMPLES: Final = {
     "RobustDesign": "a RobustDesign, which pretouch.robust returns",
     "RobustOptions": "options such as RobustOptions(samples=512)",
     "SampledLaw": "a sampled law, such as Controller(...)",
-    "SensorFit": "a SensorFit, which fit_sensor returns",
+    "SensorFit": "a SensorFit, such as pretouch.fit(calibration).best",
     "SensorModel": "a sensor curve, such as InversePower(...)",
     "SimulatedEncounter": "a SimulatedEncounter, which pretouch.simulate returns",
     "Task": "a Task, such as load_scenario(path) returns",

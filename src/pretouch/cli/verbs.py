@@ -204,8 +204,7 @@ def verify(
     files: tuple[str, ...] = ()
     if mcap is not None:
         files = (write_series(mcap, _series_of_verdict(verdict, task), force=shown.force),)
-    good = verdict.status in {"holds", "holds-narrowly"}
-    shown.show(verdict, f"{file.stem}-verify.html", task, good=good, lines=20, files=files)
+    shown.show(verdict, f"{file.stem}-verify.html", task, good=verdict.status.is_passed, lines=20, files=files)
 
 
 def _series_of_verdict(verdict: Verdict, task: Task) -> tuple[Series, ...]:

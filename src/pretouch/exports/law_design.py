@@ -11,7 +11,7 @@ from pretouch.control import Controller, VirtualDamper, VirtualDrag
 from pretouch.designs import Task
 from pretouch.designs.task import with_file_location
 from pretouch.simulation import ClosedLoop
-from pretouch.verification import Verdict, VerdictStatus
+from pretouch.verification import Verdict
 from pretouch.verification import verify as verdict_on
 from pretouch.verification.effect import chase_in_words
 from pretouch.verification.verdict import chosen_gain
@@ -26,8 +26,6 @@ UNKNOWN: Final = (
     "move the robot"
 )
 """What nobody knows about a law without a verification."""
-
-HOLDS: Final = (VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +55,7 @@ class LawDesign(Value):
     @property
     def is_supported(self) -> bool:
         """True if the verification confirmed the gain, even if only narrowly."""
-        return self.verdict is not None and self.verdict.status in HOLDS
+        return self.verdict is not None and self.verdict.status.is_passed
 
     @property
     def is_drag(self) -> bool:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Final
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import ResultUnavailableError
 from pretouch.verification.candidates import CandidateComparison
-from pretouch.verification.effect import VerdictStatus
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, containing
@@ -42,12 +41,11 @@ def candidates(comparison: CandidateComparison) -> Figure:
         raise ResultUnavailableError("candidates: no run ends in contact, so there is nothing to draw")
     curves, marks = [], []
     for c in shown:
-        holds = c.status in {VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY}
-        style = _HOLDS if holds else _FAILS
+        style = _HOLDS if c.status.is_passed else _FAILS
         x, speed = 1e3 * c.mean_of("largest_excursion"), c.contact_speed
         high = max(speed, c.high_contact_speed)  # rounding may put the quantile of equal speeds below their mean
         curves.append(Curve(x=[x], y=[speed], low=[speed], high=[high], kind="points", style=style))
-        marks.append(Mark(x=x, y=speed, label=c.name, style=style, shape="dot" if holds else "ring"))
+        marks.append(Mark(x=x, y=speed, label=c.name, style=style, shape="dot" if c.status.is_passed else "ring"))
     return panel_figure(
         containing(
             x_label="largest excursion, mean [mm]",

@@ -23,7 +23,7 @@ from .centering import Centering, HandMotion, pair_of
 from .deviations import explain_deviations, report_deviations
 from .drives import Drives, drives_of
 from .dynamics import Drivetrain, drivetrain_of, joined, posture_dynamics
-from .model import Data, Model, mujoco, site_index
+from .model import Data, Model, check_model, mujoco, site_index
 from .obstruction import refuse_covered_sensor, refuse_overlap
 from .projection import warnings_of_site
 from .reference import JointPath
@@ -93,6 +93,7 @@ def simulate_robot(
         "horizon": positive(horizon, "horizon", "s"),
         "follow_time": nonnegative(follow_time, "follow_time", "s"),
     }
+    check_model(model)
     scene = _Scene.of(model, data, laws, tracking=tracking or ComputedTorque(), centering=centering, **options)
     stiffness = None if contact_stiffness is None else positive(contact_stiffness, "contact_stiffness", "N/m")
     count, seed = whole(runs, "runs", 1, 10**7), whole(seed, "seed", 0, 2**64 - 1)

@@ -74,8 +74,9 @@ def make_data(model: Model, posture: Mapping[str, Any] | None = None, *, keyfram
         The `mujoco.MjData`, without velocities, after `mj_forward`.
 
     Raises:
-        InvalidInputError: there is no such keyframe or joint, or the joint has no single position.
+        InvalidInputError: this is no model, there is no such keyframe or joint, or the joint has no single position.
     """
+    check_model(model)
     library = mujoco()
     data = library.MjData(model)
     if keyframe is not None:

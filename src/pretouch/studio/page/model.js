@@ -284,7 +284,7 @@ export function pythonOf(problem, gain, file = null) {
         }[d.model];
         const terms = problem.terms.map(([row, factor, , follows]) => {
             const scale = follows ? '"obstacle speed"' : `${n(1 / Math.sqrt(factor))}`;
-            return `pt.designs.Term(quantity="${{ 0: "time", 1: "displacement", 4: "relative_velocity" }[row]}", scale=${scale})`;
+            return `pt.Term(quantity="${{ 0: "time", 1: "displacement", 4: "relative_velocity" }[row]}", scale=${scale})`;
         });
         const limits = problem.limits.map(({ name, limit }) => `pt.Constraint(name="${name}", limit=${n(limit)})`);
         const bodies = ["plant", "reference"].flatMap((body) => {
@@ -299,8 +299,8 @@ export function pythonOf(problem, gain, file = null) {
             ...bodies, "    ),",
             d.recess ? `    pt.Recessed(sensor=${curve}, recess=${n(d.recess)}),` : `    ${curve},`,
         );
-        if (problem.law === "drag") lines.push(`    drag_effect=pt.designs.DragEffect(ratio=${n(problem.ratio)}),`);
-        else lines.push(`    pt.designs.Objective(terms=(${terms.join(", ")})),`, `    bounds=(${problem.bounds.map(n).join(", ")}),`);
+        if (problem.law === "drag") lines.push(`    drag_effect=pt.DragEffect(ratio=${n(problem.ratio)}),`);
+        else lines.push(`    pt.Objective(terms=(${terms.join(", ")})),`, `    bounds=(${problem.bounds.map(n).join(", ")}),`);
         if (limits.length && problem.law !== "drag") lines.push(`    constraints=[${limits.join(", ")}],`);
         lines.push(")");
     }

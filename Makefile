@@ -6,6 +6,8 @@ STAMP := $(VENV)/.installed
 # what the compiled core is made of: built by pip, with the machine's compiler or, where there is none, one that pip brings
 NATIVE := native/build.py $(wildcard native/*/*.c native/*/*.h native/*/*.cpp native/*/*.hpp)
 JOBS ?= 2
+# tests start Python hundreds of times: without bytecode they take a third longer
+unexport PYTHONDONTWRITEBYTECODE
 # what to test, which part of it (quick, slow, all), as on which kind of processor (generic, avx2, native), and how
 # (ORDER=shuffled: in another order each time)
 TESTS ?=

@@ -45,8 +45,8 @@ KINDS: dict[str, Edits] = {
         "simulation/robot.py#list": ("PositionPlant)}", "Geared, "),
     },
     "objective": {
-        "design/custom_objectives.py": ("OBJECTIVE_KINDS: Final", source_of("Comfort")),
-        "design/custom_objectives.py#list": ('"excursion": excursion_objective', '"comfort": Comfort, '),
+        "designs/custom_objectives.py": ("OBJECTIVE_KINDS: Final", source_of("Comfort")),
+        "designs/custom_objectives.py#list": ('"excursion": excursion_objective', '"comfort": Comfort, '),
     },
     "distribution": {
         "uncertainty/correlated.py": ("DISTRIBUTION_KINDS: Final", source_of("Triangular")),
@@ -54,7 +54,7 @@ KINDS: dict[str, Edits] = {
     },
     "term": {
         "_core/vocabulary.py": ('"peak_force": Entry(', TERM),
-        "design/quantities.py": ('"impact_force": lambda', FORMULA),
+        "designs/quantities.py": ('"impact_force": lambda', FORMULA),
     },
 }
 """Files by path in the package; what follows a # tells two changes of a file apart."""

@@ -13,12 +13,21 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray, finite
+from pretouch.tables.column_options import find_label_columns, parse_column_options
+from pretouch.tables.headers import (
+    Column,
+    Layout,
+    TextTable,
+    is_missing,
+    is_no_object,
+    number,
+    output_column,
+    split_title,
+)
+from pretouch.tables.text_table import read_table
 
-from .column_options import find_label_columns, parse_column_options
 from .data import IF_NEGATIVE, Calibration, Provenance
-from .headers import Column, Layout, TextTable, is_missing, is_no_object, number, output_column, split_title
 from .table_layout import long_layout, wide_layout
-from .text_table import read_table
 
 _FEW: Final = 5  # number of distances from which on a stray one is searched for
 _STRAY: Final = 50.0  # smallest ratio of a stray distance to the next smaller distance

@@ -12,12 +12,12 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import caution
+from pretouch.tables.headers import is_length
 
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, count_copies_once, reading_noise
 from .ceilings import CeilingFits, SampleOptions, fit_under_ceilings
 from .data import Calibration
 from .family_fits import find_noise, outlier_indices
-from .headers import is_length
 from .possible_curves import PossibleCurves, fit_possible_curves
 from .result import NoiseEstimate, OffsetEstimate, UsableWindow
 from .window import NearEnd, declared_offset, end_of_falling, find_near_end, is_rising, window_of

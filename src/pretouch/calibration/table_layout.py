@@ -11,10 +11,8 @@ from decimal import Decimal
 
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit
-
-from .column_options import ColumnOption, ColumnOptions, columns_hint
-from .data import IF_NEGATIVE
-from .headers import (
+from pretouch.tables.column_options import ColumnOption, ColumnOptions, columns_hint
+from pretouch.tables.headers import (
     Column,
     DistanceMark,
     Layout,
@@ -32,6 +30,8 @@ from .headers import (
     quoted,
     split_title,
 )
+
+from .data import IF_NEGATIVE
 
 _SHOWN = 8  # columns that a message lists
 _FEW = 3  # fewest distances of a curve: a setting with fewer is not a label

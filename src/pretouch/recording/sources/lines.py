@@ -15,7 +15,7 @@ from typing import Any, Final
 from pretouch._core.errors import InvalidInputError, SourceError
 from pretouch._core.units import parse_unit
 from pretouch._core.values import Value
-from pretouch.calibration.headers import is_no_object
+from pretouch.tables.headers import is_no_object
 
 from .source import SourceReading
 

@@ -29,12 +29,13 @@ ONLY ?=
 
 DOCS := $(VENV)/.docs
 
-.PHONY: help page demo check test test-all docs sanitize fuzz mutants benchmark clean
+.PHONY: help page demo check test test-all words docs sanitize fuzz mutants benchmark clean
 
 help:
 	@echo "make demo       fit a sensor, design gains, check the letter, write reports to demo-output/"
 	@echo "make test       check, then the quick tests: a few minutes"
 	@echo "make test-all   check, then all tests"
+	@echo "make words      rewrite the output that README, docs and tests/contract/snapshots quote"
 	@echo "make page       build the compiled core for the page of pretouch studio (WebAssembly)"
 	@echo "make check      formatting, lint, types, import contract"
 	@echo "make sanitize   the tests of the compiled core with checks of addresses and undefined behavior"
@@ -70,6 +71,11 @@ test: $(STAMP) $(CHECK)
 
 test-all: PART = all
 test-all: test
+
+# after a change of sentences; PAGES=design: only pages whose path contains the word
+PAGES ?=
+words: $(STAMP)
+	PYTHONPATH=tests:tests/contract:tools $(BIN)/python -m words $(PAGES)
 
 # the tests that reach the compiled core, on a library that checks addresses and undefined behavior (needs gcc)
 SANITIZED ?= tests/agreement tests/faults

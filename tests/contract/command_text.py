@@ -8,6 +8,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -72,22 +73,49 @@ def command(monkeypatch, capsys):
 
 def in_this_process(*words: object, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run `python -m pretouch` in a folder, without a process of its own, which would import all libraries again."""
-    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8") for _ in range(2))
+    out, err = _pipe(), _pipe()
+    status = _run(words, folder, environment, out, err)
+    return subprocess.CompletedProcess(["pretouch", *map(str, words)], status, _content(out), _content(err))
+
+
+def as_in_a_terminal(*words: object, folder: Path, stdin: Path = Path(os.devnull)) -> tuple[int, str]:
+    """Run `python -m pretouch` in a folder, and return its exit status and what a terminal of 100 columns shows."""
+    screen = _pipe()
+    status = _run(words, folder, {"COLUMNS": "100"}, screen, screen, stdin)
+    return status, _content(screen)
+
+
+def _run(
+    words: Sequence[object],
+    folder: Path,
+    environment: Mapping[str, str],
+    out: io.TextIOWrapper,
+    err: io.TextIOWrapper,
+    stdin: Path = Path(os.devnull),
+) -> int:
     with (
         pytest.MonkeyPatch.context() as patch,
         contextlib.chdir(folder),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
-        Path(os.devnull).open(encoding="utf-8") as nothing,
+        stdin.open(encoding="utf-8") as given,
     ):
         for name, value in environment.items():
             patch.setenv(name, value)
-        patch.setattr(sys, "stdin", nothing)
+        patch.setattr(sys, "stdin", given)
         patch.setattr(sys, "argv", ["pretouch", *map(str, words)])
         with pytest.raises(SystemExit) as ended:
             main()
-    texts = [(stream.flush(), stream.buffer.getvalue().decode("utf-8"))[1] for stream in (out, err)]
-    return subprocess.CompletedProcess(["pretouch", *map(str, words)], ended.value.code or 0, *texts)
+    return int(ended.value.code or 0)
+
+
+def _pipe() -> io.TextIOWrapper:
+    return io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
+
+
+def _content(stream: io.TextIOWrapper) -> str:
+    stream.flush()
+    return stream.buffer.getvalue().decode("utf-8")  # type: ignore[attr-defined,no-any-return]
 
 
 def stand_in_for_reports(monkeypatch):

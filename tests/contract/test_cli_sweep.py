@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 import shutil
 import sys
 from pathlib import Path
@@ -287,13 +286,3 @@ def test_the_examples_of_the_page_run_one_after_another(
     assert float(names["gains"]["gain"].max()) < 0
     assert "is best on average" in printed
     assert Path("contacts.png").exists()
-
-
-def test_the_command_of_the_page_prints_what_it_shows(run: Any) -> None:
-    text = (ROOT / "docs" / "how-to/sweeps.md").read_text(encoding="utf-8")
-    (session,) = re.findall(r"```console\n(.*?)```", text, re.DOTALL)
-    command_line, shown, _ = session.split("\n", 2)
-    words = [str(ROOT / word) if word.startswith("examples/") else word for word in shlex.split(command_line)[2:]]
-    code, out, _ = run(*words)
-    assert code == 0
-    assert out.splitlines()[0] == shown

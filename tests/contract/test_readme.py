@@ -1,11 +1,10 @@
-"""What the README shows is what happens: its commands print that, its Python runs, its links lead somewhere."""
+"""What the README shows is what happens: its Python runs, its numbers hold, its links lead somewhere."""
 
 from __future__ import annotations
 
 import doctest
 import re
 import runpy
-import shlex
 import shutil
 import subprocess
 import sys
@@ -18,26 +17,7 @@ from command_text import in_this_process
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 ROBUST = (ROOT / "docs" / "how-to/robust.md").read_text(encoding="utf-8")
-VERIFICATION = (ROOT / "docs" / "explanation/verification.md").read_text(encoding="utf-8")
 FEATURES = (ROOT / "docs" / "explanation/features.md").read_text(encoding="utf-8")
-PAGES = (README, FEATURES, ROBUST, VERIFICATION)
-SESSIONS = [s for page in PAGES for s in re.findall(r"```console\n(.*?)```", page, re.DOTALL)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("session", SESSIONS, ids=[s.splitlines()[0] for s in SESSIONS])
-def test_a_session_prints_what_the_readme_shows(session: str) -> None:
-    command, _, expected = session.partition("\n")
-    assert command.startswith("$ pretouch ")
-    run = in_this_process(*shlex.split(command)[2:], folder=ROOT)
-    assert run.returncode == (1 if "Does not hold" in expected else 0), run.stderr
-    checker = doctest.OutputChecker()
-    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-    assert checker.check_output(expected, run.stdout, flags), run.stdout
-
-
-def test_there_are_sessions_to_check() -> None:
-    assert len(SESSIONS) == 6
 
 
 @pytest.mark.parametrize("page", [README, FEATURES, ROBUST], ids=["README", "features", "robust"])

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_text import SCENARIO, command, in_this_process, lay_out, strict
+from command_text import SCENARIO, command, lay_out, strict
 
 import pretouch as pt
 from figure_checks import assert_legible, visible_texts
@@ -51,17 +51,6 @@ def front_of(problem, quantities=("displacement", "relative_velocity"), choice=N
 
 
 # --- the page
-
-
-@pytest.mark.slow
-def test_the_session_prints_what_the_page_shows():
-    (session,) = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
-    asked, _, expected = session.partition("\n")
-    assert asked == "$ pretouch pareto examples/tradeoff.toml --no-report"
-    done = in_this_process(*asked.split()[2:], folder=ROOT)
-    assert done.returncode == 0, done.stderr
-    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-    assert doctest.OutputChecker().check_output(expected, done.stdout, flags), done.stdout
 
 
 def test_the_python_of_the_page_runs(monkeypatch):

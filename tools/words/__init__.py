@@ -1,0 +1,1 @@
+"""Rewrite the output of pretouch that snapshots, README and documentation quote."""

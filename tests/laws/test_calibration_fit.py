@@ -1,13 +1,15 @@
 """Fits recover what made the readings, say how well they know it, and do not depend on units."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
 from pretouch.calibration import Calibration, fit, fit_sensor
-from pretouch.calibration.averaging import count_copies_once
+from pretouch.calibration.averaging import count_copies_once, leave_out_empty_outliers
+from pretouch.calibration.result import uncertainty_in_words
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, MittagLeffler
 
 # Table I of the letter; the Mittag-Leffler curve falls as much over the same distance
@@ -185,6 +187,78 @@ def test_a_bad_reading_among_repeats_is_left_out_alone():
     fit = fit_sensor(Calibration(distances=measured.distances, outputs=outputs, unit="V"), "inverse-power")
     assert fit.outliers == (22,)
     assert measured.distances[22] in fit.distances
+
+
+def counts(no_object, repeats=3):
+    distance = np.repeat(np.linspace(0.0, 0.08, 9), repeats)
+    outputs = np.round(150 + 3150 * (0.03 / (distance + 0.03)) ** 2 + np.resize([3, -5, 2, 4, -2], len(distance)))
+    return Calibration(distances=distance, outputs=outputs, unit="counts", no_object=no_object)
+
+
+EMPTY = (150.0, 151.0, 149.0, 152.0, 148.0, 150.0, 151.0, 149.0)
+
+
+@pytest.mark.parametrize("glitch", [0.0, 4000.0, 65535.0])
+def test_a_glitch_without_an_object_changes_nothing_and_is_reported(glitch):
+    clean, spoiled = fit(counts(EMPTY), ("inverse-power",)), fit(counts((*EMPTY, glitch)), ("inverse-power",))
+    assert (spoiled.verdict, spoiled.window) == (clean.verdict, clean.window)
+    assert (spoiled.offset, spoiled.noise, spoiled.notes) == (clean.offset, clean.noise, clean.notes)
+    assert [text for text in spoiled.left_out if text not in clean.left_out] == [
+        f"1 reading without an object that deviates from the others: {glitch:.0f} counts."
+    ]
+
+
+@pytest.mark.parametrize("glitch", [0.0, 900.0, 65535.0, 2.0**24 - 1])
+@pytest.mark.parametrize("empty", [EMPTY[:3], EMPTY[:2], (150.0,) * 6, EMPTY])
+def test_a_glitch_among_few_readings_without_an_object_is_found(empty, glitch):
+    cleaned, outliers = leave_out_empty_outliers(counts((*empty, glitch)))
+    assert (tuple(cleaned.no_object), tuple(outliers)) == (empty, (glitch,))
+
+
+def test_one_output_among_zeros_is_no_signal():
+    distance = np.array([19, 31, 43, 45, 54, 78, 83, 92, 95, 98, 99]) / 1e3
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        report = fit(Calibration(distances=distance, outputs=1.06e-9 * (distance == 0.045), unit="V"))
+    assert (report.verdict, report.best) == ("no usable signal", None)
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+@pytest.mark.parametrize("count", [3, 4, 5, 6, 10, 30])
+def test_normal_readings_without_an_object_stay(count, repeats):
+    """False alarms in at most 1 % of the files: more than 9 of 300 occur once in 800 such tests."""
+    rng = np.random.default_rng(count)
+    files = (counts(150 + 3 * rng.standard_normal(count), repeats) for _ in range(300))
+    assert sum(len(leave_out_empty_outliers(measured)[1]) > 0 for measured in files) <= 9
+
+
+@pytest.mark.parametrize(
+    ("size", "level", "unit"), [(2000.0, 3186950.0, "Hz"), (9e6, 3e7, "counts"), (0.002, 2.5, "V")]
+)
+def test_the_digits_of_an_offset_show_its_interval(size, level, unit):
+    """A small signal on a large offset, as of a counter of pulses: four digits cannot show the signal."""
+    distance = np.repeat(np.linspace(0.0, 0.08, 9), 3)
+    noise = size * 1e-3 * np.random.default_rng(1).standard_normal(35)
+    outputs = level + size * (0.03 / (distance + 0.03)) ** 2 + noise[:27]
+    measured = Calibration(distances=distance, outputs=outputs, unit=unit, no_object=level + noise[27:])
+    report = fit(measured, ("inverse-power",))
+    text, (low, high) = str(report), report.offset.interval_in_words("").split(" to ")
+    assert low != high
+    assert report.offset.in_words("").split(" ")[0] not in {low, high}
+    # both ends are shown to 5 % of the interval or better
+    assert max(abs(float(low) - report.offset.low), abs(float(high) - report.offset.high)) < 0.05 * (
+        report.offset.high - report.offset.low
+    )
+    assert "e+0" not in text
+
+
+@pytest.mark.parametrize(
+    ("uncertainty", "text"),
+    [(0.123, "12 %"), (0.999, "99.9 %"), (1.5, "a factor of 2.5"), (79.0, "a factor of 80")],
+)
+def test_a_large_uncertainty_is_a_factor(uncertainty, text):
+    assert uncertainty_in_words(uncertainty) == text
+    assert uncertainty_in_words(3e7) == "more than a factor of 1000"
 
 
 def test_the_report_says_that_exponent_and_offset_run_away():

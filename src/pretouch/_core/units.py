@@ -68,6 +68,8 @@ _PREFIX: Final = {
 }
 _DISPLAY: Final = {"m": (("mm", 1e-3),), "s": (("ms", 1e-3),)}
 _NEGLIGIBLE: Final = 1e-14  # rounding of quantities of order one
+_WRITTEN_OUT: Final = 9  # power of ten below which a number has no exponent
+_MOST_DIGITS: Final = 15  # digits of a double
 _SUPERSCRIPT: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _TOKEN: Final = re.compile(r"(\s*)(\*\*|[*·/^()]|[^\W\d_]+|%|[-+]?\d+)")
 _DEEPEST: Final = 8  # depth of nested parentheses from which on a unit is refused
@@ -384,6 +386,36 @@ def format_quantity(value: float, unit: str, digits: int = 4) -> str:
             shown, symbol = shown / factor, smaller
     text = f"{shown:.{digits}g}"
     return f"{text} {pretty_unit(symbol)}".strip()
+
+
+def supported_digits(value: float, error: float = 0.0, least: int = 4) -> int:
+    """Return how many significant digits of a value are shown.
+
+    Two digits of its error are shown, and numbers below 1e9 are written out.
+
+    Examples:
+        >>> supported_digits(3186950.0, 240.0), supported_digits(0.6, 0.0018), supported_digits(65535.0)
+        (7, 4, 5)
+    """
+    if not (value and math.isfinite(value)):
+        return least
+    place = int(f"{value:.{least - 1}e}".partition("e")[2])  # after rounding, which can add a place
+    whole = place + 1 if place < _WRITTEN_OUT else 0
+    resolved = place - math.floor(math.log10(error)) + 2 if 0 < error < math.inf else 0
+    return min(max(least, whole, resolved), _MOST_DIGITS)
+
+
+def format_percent(share: float, digits: int = 2) -> str:
+    """Format a share as a percentage, without an exponent.
+
+    Returns:
+        The text.
+
+    Examples:
+        >>> format_percent(0.0123), format_percent(79.0)
+        ('1.2 %', '7900 %')
+    """
+    return f"{100 * share:.{supported_digits(100 * share, least=digits)}g} %"
 
 
 def format_range(ends: tuple[float, float], unit: str) -> str:

@@ -14,6 +14,10 @@ from .data import Calibration
 
 MAD_TO_SIGMA = 1.4826  # median absolute deviation to standard deviation, for a normal distribution
 _FEWEST_COMPARED = 5  # repeats beyond the first of each distance, to find an outlier among repeats
+_FEWEST_IN_GROUP = 3  # readings of which a majority shows the outlier
+_FEW_EMPTY = 4  # at most so many readings without an object do not show their own scatter
+_ROUGH = 60.0  # widens the limit of n readings by 1 + 60 / n^2: false alarms in at most 1 % of 5 to 50 normal readings
+_LARGEST_EMPTY = 0.5  # deviation over the range of the outputs that is an outlier whatever the scatter
 _BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; lost or doubled readings deviate much more
 _CLEAR_OF_ZERO = 5  # a zero counts as lost if the smallest other reading is at least so many converter steps above it
 _USUAL_SPREAD = 0.5  # standard deviation of the prior of ln c above its usual value
@@ -93,21 +97,68 @@ def average(calibration: Calibration) -> AveragedCurve:
     distance, place = np.unique(calibration.distances[keep], return_inverse=True)
     groups = [np.flatnonzero(keep)[place == i] for i in range(len(distance))]
     medians = np.array([np.median(calibration.outputs[g]) for g in groups])
-    repeated = [i for i, g in enumerate(groups) if len(g) >= 3]
-    if sum(len(groups[i]) - 1 for i in repeated) >= _FEWEST_COMPARED:
-        deviations = [np.abs(calibration.outputs[groups[i]] - medians[i]) for i in repeated]
-        spread = np.array([(MAD_TO_SIGMA * np.median(d)) ** 2 for d in deviations])
-        dof = np.array([len(groups[i]) - 1 for i in repeated], dtype=np.float64)
-        signal = medians - min(medians.min(), *calibration.no_object, np.inf)
-        sigma, jitter = two_components(spread, dof, signal[repeated])
+    background = min(medians.min(), *calibration.no_object, np.inf)
+    noise = _spread_of_repeats(calibration.outputs, groups, medians - background)
+    if noise is not None:
+        sigma, jitter = noise
         floor = resolution(calibration)
-        for i, deviation in zip(repeated, deviations, strict=True):
-            limit = _BAD_READING_SIGMAS * max(float(np.hypot(sigma, jitter * signal[i])), floor)
-            keep[groups[i][deviation > limit]] = False
+        for i in _repeated(groups):
+            limit = _BAD_READING_SIGMAS * max(float(np.hypot(sigma, jitter * (medians[i] - background))), floor)
+            keep[groups[i][np.abs(calibration.outputs[groups[i]] - medians[i]) > limit]] = False
     means = np.array([np.mean(calibration.outputs[g[keep[g]]]) for g in groups])
     counts = np.array([int(keep[g].sum()) for g in groups])
     bad = tuple(int(i) for i in np.flatnonzero(~keep))
     return AveragedCurve(distance=distance, output=means, count=counts, bad_readings=bad)
+
+
+def _spread_of_repeats(outputs: FloatArray, groups: list[IntArray], signal: FloatArray) -> tuple[float, float] | None:
+    """Estimate the noise of repeats by a method that outliers do not change.
+
+    Returns:
+        The constant and the relative noise; None with too few repeats.
+    """
+    repeated = _repeated(groups)
+    dof = np.array([len(groups[i]) - 1 for i in repeated], dtype=np.float64)
+    if dof.sum() < _FEWEST_COMPARED:
+        return None
+    spread = np.array([_robust_deviation(outputs[groups[i]]) ** 2 for i in repeated])
+    return two_components(spread, dof, signal[repeated])
+
+
+def _repeated(groups: list[IntArray]) -> list[int]:
+    return [i for i, g in enumerate(groups) if len(g) >= _FEWEST_IN_GROUP]
+
+
+def _robust_deviation(values: FloatArray) -> float:
+    return MAD_TO_SIGMA * float(np.median(np.abs(values - np.median(values))))
+
+
+def leave_out_empty_outliers(calibration: Calibration) -> tuple[Calibration, FloatArray]:
+    """Leave out outliers among the readings without an object.
+
+    They must not change the offset, the noise, or the step of the converter. If neither these readings nor repeats at
+    distances show the scatter, an outlier deviates by more than half of the range of the outputs.
+
+    Returns:
+        The calibration without the outliers, and the outliers.
+    """
+    readings = calibration.no_object
+    if len(readings) < _FEWEST_IN_GROUP:
+        return calibration, readings[:0]
+    deviation = np.abs(readings - np.median(readings))
+    large = _LARGEST_EMPTY * float(np.ptp(calibration.outputs))
+    ordinary = replace(calibration, no_object=readings[deviation <= large])  # a huge outlier would hide the step
+    distance, place = np.unique(calibration.distances, return_inverse=True)
+    groups = [np.flatnonzero(place == i) for i in range(len(distance))]
+    medians = np.array([np.median(calibration.outputs[g]) for g in groups])
+    repeats = _spread_of_repeats(calibration.outputs, groups, medians - medians.min())
+    limit = _BAD_READING_SIGMAS * max(_robust_deviation(readings), resolution(ordinary), repeats[0] if repeats else 0.0)
+    if repeats is None:
+        limit *= 1 + _ROUGH / len(readings) ** 2
+    if limit == 0 or (repeats is None and len(readings) <= _FEW_EMPTY):
+        limit = max(limit, large)
+    is_outlier = deviation > limit
+    return replace(calibration, no_object=readings[~is_outlier]), readings[is_outlier]
 
 
 def _lost(calibration: Calibration) -> BoolArray:

@@ -292,8 +292,11 @@ def outlier_indices(curve: AveragedCurve, raw_noise: ReadingNoise, offset: Offse
         worst = _worst_outlier(curve.part(remaining), raw_noise, offset)
         if worst is None:
             break
+        others = np.delete(remaining, worst)
+        if not np.ptp(curve.output[others]) > 0:  # equal outputs are no curve from which one could deviate
+            break
         outliers.append(int(remaining[worst]))
-        remaining = np.delete(remaining, worst)
+        remaining = others
     return tuple(sorted(outliers))
 
 

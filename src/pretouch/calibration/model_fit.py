@@ -14,6 +14,7 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
+from pretouch._core.units import format_percent
 from pretouch._core.warning_codes import caution
 from pretouch.sensors import Family, SensorModel, Table, sensor_curves
 from pretouch.sensors.conformance import refuse_invalid_curve
@@ -142,7 +143,7 @@ def estimates(
         warnings = (
             *warnings,
             "The offset was fitted, not measured. If the offset is wrong by one standard error, the slope "
-            f"changes by {100 * shift:.2g} %.",
+            f"changes by {format_percent(shift)}.",
         )
     unidentifiable = family.identifiability_remarks(parameters, middle, runaway=runaway)
     return {

@@ -10,12 +10,12 @@ from collections.abc import Iterator
 from typing import Any
 
 from pretouch._core.blocks import Cell, Code, Listing, Measured, Page, PageSection, PageTable, Paragraph, Picture
-from pretouch._core.units import format_quantity
+from pretouch._core.units import format_percent, format_quantity, supported_digits
 from pretouch._core.vocabulary import words_for
 from pretouch._core.warning_codes import split_code
 from pretouch.sensors.recessed import recess_in_words
 
-from .result import CalibrationReport, Estimate, SensorFit
+from .result import CalibrationReport, Estimate, SensorFit, uncertainty_in_words
 
 Row = tuple[Cell, ...]
 _NEXT = "put these lines into the section [sensor] of a scenario file"
@@ -81,14 +81,14 @@ def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
     )
     if slope is not None:
         place = format_quantity(slope.worst_anywhere_at, "m", 3)
-        decisive = f"{_share(slope.largest)} up to {format_quantity(slope.decisive, 'm')}"
+        decisive = f"{uncertainty_in_words(slope.largest)} up to {format_quantity(slope.decisive, 'm')}"
         more = f"; {decisive}" if slope.largest < slope.largest_anywhere else ""
         covers = f"95 %, {low} to {high}, worst at {place}{more}"
-        yield f"largest uncertainty of g; {covers}", _share(slope.largest_anywhere)
+        yield f"largest uncertainty of g; {covers}", uncertainty_in_words(slope.largest_anywhere)
     if offset is not None:
         yield (
-            f"offset, {offset.kind}; 95 %: {_interval(offset.low, offset.high, unit, 4)}",
-            Measured(offset.value, unit),
+            f"offset, {offset.kind}; 95 %: {offset.interval_in_words(unit)}",
+            Measured(offset.value, unit, offset.digits()),
         )
 
 
@@ -174,44 +174,47 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
         yield (
             "offset (no-object level)",
             o.in_words(unit, 5),
-            f"{o.kind}; 95 % interval {_interval(o.low, o.high, unit)}",
+            f"{o.kind}; 95 % interval {o.interval_in_words(unit, 5)}",
         )
     if report.noise is not None:
         n = report.noise
         yield (
             "noise of one reading",
-            Measured(n.output, unit),
+            Measured(n.output, unit, supported_digits(n.output)),
             f"standard deviation without signal, from {n.output_source}",
         )
         relative = f"standard deviation of one reading relative to the signal; source: {n.relative_source}"
-        yield "noise relative to the signal", f"{100 * n.relative:.3g} %", relative
+        yield "noise relative to the signal", format_percent(n.relative, 3), relative
         length = f"; correlation length {format_quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
         yield (
             "misfit of the curve",
-            f"{100 * n.misfit:.3g} %",
+            format_percent(n.misfit, 3),
             f"RMS deviation of averaged readings from the curve, without the contribution of noise{length}",
         )
     if report.slope is not None:
         s = report.slope
         near, decisive, far = (format_quantity(float(d), "m") for d in (s.distances[0], s.decisive, s.distances[-1]))
-        yield "uncertainty of g (95 %)", _share(s.largest, 3), f"from {near} to {decisive}, {_offset_clause(report)}"
+        yield (
+            "uncertainty of g (95 %)",
+            uncertainty_in_words(s.largest, 3),
+            f"from {near} to {decisive}, {_offset_clause(report)}",
+        )
         if s.decisive < s.distances[-1]:
             place = format_quantity(s.worst_anywhere_at, "m", 3)
             where = f"from {near} to {far}, largest at {place}; includes the uncertainty of the offset"
-            yield "in the whole usable range", _share(s.largest_anywhere, 3), where
+            yield "in the whole usable range", uncertainty_in_words(s.largest_anywhere, 3), where
     if report.noise is not None and report.noise.resolution > 0:
-        yield "resolution", Measured(report.noise.resolution, unit), "smallest step between outputs"
+        step = report.noise.resolution
+        yield "resolution", Measured(step, unit, supported_digits(step)), "smallest step between outputs"
     meaning = "readings below it cannot be distinguished from the offset"
-    yield "floor of the signal", Measured(float(window.floor), unit), meaning
+    floor = float(window.floor)
+    above = floor - report.offset.value if report.offset is not None else 0.0
+    yield "floor of the signal", Measured(floor, unit, supported_digits(floor, abs(above))), meaning
     if window.saturation is not None:
-        yield "clipping level", Measured(float(window.saturation), unit), "readings at or above it are not used"
+        level = float(window.saturation)
+        yield "clipping level", Measured(level, unit, supported_digits(level)), "readings at or above it are not used"
     for text in report.left_out:
         yield "left out", "", text
-
-
-def _share(uncertainty: float, digits: int = 2) -> str:
-    """Return a relative uncertainty as text."""
-    return f"{100 * uncertainty:.{digits}g} %" if uncertainty < 1 else f"a factor of {1 + uncertainty:.2g}"
 
 
 def _offset_clause(report: CalibrationReport) -> str:
@@ -223,7 +226,7 @@ def _offset_clause(report: CalibrationReport) -> str:
     if offset is None:
         return "over all curves that fit the readings"
     error = f" \u00b1 {offset.error_in_words}" if offset.standard_error else ""
-    value = f"{offset.value:.4g}{error} {unit}".rstrip()
+    value = f"{offset.value:.{offset.digits()}g}{error} {unit}".rstrip()
     if offset.is_wide:
         return f"if the offset is {value}; the uncertainty is larger for other offsets in the 95 % interval"
     return f"if the offset is {value}, over all curves that fit"
@@ -262,14 +265,16 @@ def _parameters(fit: SensorFit, report: CalibrationReport | None) -> tuple[Any, 
 
 def _parameter_row(name: str, estimate: Estimate, output_unit: str) -> Row:
     unit = estimate.unit or (output_unit if name == "scale" else "")
-    error = "unbounded" if math.isinf(estimate.standard_error) else Measured(estimate.standard_error, unit, 2)
-    return words_for(name), Measured(estimate.value, unit, 5), error, _interval(estimate.low, estimate.high, unit)
+    value, error = estimate.value, estimate.standard_error
+    shown = "unbounded" if math.isinf(error) else Measured(error, unit, supported_digits(error, least=2))
+    digits = supported_digits(value, least=5)
+    return words_for(name), Measured(value, unit, digits), shown, _interval(estimate.low, estimate.high, unit)
 
 
 def _interval(low: float, high: float, unit: str, digits: int = 5) -> str:
     if not (math.isfinite(low) or math.isfinite(high)):
         return "no bounds"
-    return " to ".join(format_quantity(v, unit, digits) for v in (low, high))
+    return " to ".join(format_quantity(v, unit, supported_digits(v, least=digits)) for v in (low, high))
 
 
 def _scenario_text(fit: SensorFit) -> str:

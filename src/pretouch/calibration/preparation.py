@@ -10,11 +10,19 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, positive
-from pretouch._core.units import format_quantity
+from pretouch._core.units import format_quantity, supported_digits
 from pretouch._core.warning_codes import caution
 from pretouch.tables.headers import is_length
 
-from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, count_copies_once, reading_noise
+from .averaging import (
+    AveragedCurve,
+    ReadingNoise,
+    average,
+    condense,
+    count_copies_once,
+    leave_out_empty_outliers,
+    reading_noise,
+)
 from .ceilings import CeilingFits, SampleOptions, fit_under_ceilings
 from .data import Calibration
 from .family_fits import find_noise, outlier_indices
@@ -36,7 +44,8 @@ class Prepared:
     """Calibration that is ready for fitting.
 
     It contains the usable distances, offset, noise and outliers. `informed_by` is the number of distances from which
-    the noise was estimated. `free` are the curves fitted with a free offset, if an offset was measured or declared.
+    the noise was estimated. `empty_outliers` are readings without an object that were left out [unit of the outputs].
+    `free` are the curves fitted with a free offset, if an offset was measured or declared.
     `witness` has curves through the readings. `no_signal` gives the reasons why nothing can be fitted, and is empty
     otherwise; `too_few` is true if there are too few distances.
     """
@@ -52,6 +61,7 @@ class Prepared:
     flattens: bool = False
     outliers: tuple[int, ...] = ()
     outlier_distances: tuple[float, ...] = ()
+    empty_outliers: tuple[float, ...] = ()
     free: PossibleCurves | None = None
     witness: Witness | None = None
     no_signal: tuple[str, ...] = ()
@@ -75,7 +85,24 @@ def prepare(
         The prepared calibration.
     """
     positive(floor_sigmas, "floor_sigmas")
-    calibration = condense(count_copies_once(calibration))
+    calibration, empty_outliers = leave_out_empty_outliers(calibration)
+    with np.errstate(all="ignore"):  # tried parameters may overflow; such fits have an infinite cost
+        prepared = _prepare(
+            condense(count_copies_once(calibration)), offset, saturation, near_field_peak, floor_sigmas, models=models
+        )
+    return replace(prepared, empty_outliers=tuple(float(v) for v in empty_outliers))
+
+
+def _prepare(
+    calibration: Calibration,
+    offset: OffsetChoice,
+    saturation: float | str | None,
+    near_field_peak: float | str | None,
+    floor_sigmas: float,
+    *,
+    models: tuple[str, ...],
+) -> Prepared:
+    """Prepare a calibration without copies and without outliers among the readings without an object."""
     curve = average(calibration)
     noise = reading_noise(calibration, curve)
     offset_estimate = _user_offset(calibration, offset, noise)
@@ -101,10 +128,13 @@ def prepare(
         )
         return replace(_without_signal(calibration, curve, near, offset_estimate, few), too_few=not near.flat)
     if not np.ptp(curve.output[near.index :]) > 0:
-        level = curve.output[near.index]
-        stuck = f"The output is {level:g} {calibration.unit}".rstrip() + " at every distance"
+        level = float(curve.output[near.index])
+        stuck = (
+            f"The output is {level:.{supported_digits(level, least=6)}g} {calibration.unit}".rstrip()
+            + " at every distance"
+        )
         if offset_estimate is not None and level > offset_estimate.high:
-            stuck += f", but {offset_estimate.value:.4g} without an object"
+            stuck += f", but {offset_estimate.value:.{offset_estimate.digits()}g} without an object"
             remedy = "the sensor is saturated; measure at larger distances, or lower the gain of the sensor"
         else:
             remedy = "check power and wiring"
@@ -261,22 +291,17 @@ def _user_offset(calibration: Calibration, offset: OffsetChoice, noise: ReadingN
 def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimate:
     """Compute the sensor offset from no-object readings.
 
-    The offset is the mean of these readings without outliers. The standard error is -1 if the noise is not known yet.
+    The offset is the mean of these readings. The standard error is -1 if the noise is not known yet.
 
     Returns:
         The offset.
     """
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
-    inliers = readings
-    if len(readings) >= 5:
-        deviation = np.abs(readings - np.median(readings))
-        limit = 6 * max(MAD_TO_SIGMA * float(np.median(deviation)), noise.resolution)
-        inliers = readings[deviation <= limit] if limit > 0 else readings
-    value = float(np.mean(inliers))
+    value = float(np.mean(readings))
     if noise.sigma is None:
         return OffsetEstimate(value=value, standard_error=-1.0, low=value, high=value, kind="measured")
-    error = float(noise.sigma / np.sqrt(len(inliers)))
+    error = float(noise.sigma / np.sqrt(len(readings)))
     reach = float(stdtrit(max(noise.freedom, 1.0), 0.975)) * error
     return OffsetEstimate(value=value, standard_error=error, low=value - reach, high=value + reach, kind="measured")
 
@@ -320,7 +345,9 @@ def _why_no_signal(
         )
     if count < _FEWEST_POINTS:
         largest = f" The largest usable distance is {format_quantity(window.distances[-1], 'm')}." if count else ""
-        floor, sigma = (f"{value} {unit}".rstrip() for value in (f"{window.floor:.4g}", f"{noise.output:.2g}"))
+        digits = supported_digits(window.floor, abs(window.floor - offset.value))
+        level, sigma = f"{window.floor:.{digits}g}", f"{noise.output:.{supported_digits(noise.output, least=2)}g}"
+        floor, sigma = (f"{value} {unit}".rstrip() for value in (level, sigma))
         reasons.append(
             caution(
                 "PT110",

@@ -11,6 +11,7 @@ from pretouch._core.display import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.files import plain
 from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.units import format_percent, format_quantity, supported_digits
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
@@ -55,6 +56,24 @@ class SlopeUncertainty(Value):
     def worst_anywhere_at(self) -> float:
         """The distance of the largest uncertainty in the usable range [m]."""
         return float(self.distances[int(self.uncertainty.argmax())])
+
+
+_LARGEST_FACTOR: Final = 1000.0
+
+
+def uncertainty_in_words(uncertainty: float, digits: int = 2) -> str:
+    """Return the relative half width of an interval as text.
+
+    Examples:
+        >>> uncertainty_in_words(0.123), uncertainty_in_words(79.0)
+        ('12 %', 'a factor of 80')
+    """
+    if uncertainty < 1:
+        return format_percent(uncertainty, digits)
+    factor = 1 + uncertainty
+    if factor > _LARGEST_FACTOR:
+        return f"more than a factor of {_LARGEST_FACTOR:.0f}"
+    return f"a factor of {factor:.{supported_digits(factor, least=2)}g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,10 +161,27 @@ class OffsetEstimate(Value):
         """
         return self.high - self.low > _WIDE * self.standard_error
 
+    def digits(self, least: int = 4) -> int:
+        """Return the number of significant digits that show the offset and both ends of its interval apart."""
+        return supported_digits(self.value, self.high - self.low, least)
+
+    def interval_in_words(self, unit: str, least: int = 4) -> str:
+        """Return the 95 % interval of the offset as text.
+
+        Examples:
+            >>> offset = OffsetEstimate(
+            ...     value=3186950.0, standard_error=120.0, low=3186714.0, high=3187186.0, kind="measured"
+            ... )
+            >>> offset.interval_in_words("Hz")
+            '3186714 Hz to 3187186 Hz'
+        """
+        width = self.high - self.low
+        return " to ".join(format_quantity(v, unit, supported_digits(v, width, least)) for v in (self.low, self.high))
+
     @property
     def error_in_words(self) -> str:
         """The standard error of the offset as text with two significant digits."""
-        return f"{self.standard_error:.{2 if self.standard_error < 100 else 6}g}"
+        return f"{self.standard_error:.{supported_digits(self.standard_error, least=2)}g}"
 
     def in_words(self, unit: str, digits: int = 4) -> str:
         """Return the offset as text with its standard error.
@@ -161,7 +197,7 @@ class OffsetEstimate(Value):
             '180 counts'
         """
         error = "" if self.is_wide or self.standard_error == 0 else f" ± {self.error_in_words}"
-        return f"{self.value:.{digits}g}{error} {unit}".strip()
+        return f"{self.value:.{self.digits(digits)}g}{error} {unit}".strip()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

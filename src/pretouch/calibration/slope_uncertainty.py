@@ -14,12 +14,12 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.units import format_quantity
+from pretouch._core.units import format_percent, format_quantity
 from pretouch._core.warning_codes import caution
 
 from .averaging import slope_weights
 from .preparation import Prepared
-from .result import Estimate, SensorFit, SlopeUncertainty
+from .result import Estimate, SensorFit, SlopeUncertainty, uncertainty_in_words
 
 _ALLOWED: Final = 0.15  # relative difference of slopes from which on a reservation is made
 _DECISIVE: Final = 0.1  # share of the signal at the nearest distance down to which g is judged
@@ -86,11 +86,11 @@ def uncertain_slope(prepared: Prepared, best: SensorFit, slope: SlopeUncertainty
         used = prepared.used.output - offset.value
         remedy = "record the output with no object, or measure out to where it no longer changes"
         if prepared.reaches_last:
-            remaining = f"{100 * used[-1] / used[0]:.2g} %"
+            remaining = format_percent(used[-1] / used[0])
             detail = f" The signal at the farthest distance is still {remaining} of the largest signal."
     elif offset is not None and best.slope_shift > 0.5 * _ALLOWED / _NORMAL:
         remedy = "record the output with no object more often, because its uncertainty changes the slope"
-    size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
+    size = uncertainty_in_words(worst)
     near, far = (format_quantity(float(d), "m", 3) for d in (slope.distances[0], slope.decisive))
     return [
         caution(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pretouch._core.units import format_quantity
+from pretouch._core.units import format_percent, format_quantity, supported_digits
 from pretouch._core.warning_codes import caution
 
 from .averaging import average
@@ -47,10 +47,15 @@ def ignored_readings(prepared: Prepared) -> tuple[str, ...]:
     if single:
         at = (format_quantity(float(calibration.distances[i]), "m") for i in single)
         shown = [f"{_level(calibration, calibration.outputs[i])} at {d}" for i, d in zip(single, at, strict=True)]
-        named = ", ".join(shown[:_MOST_NAMED]) + (", ..." if len(shown) > _MOST_NAMED else "")
         groups.append(
             f"{_readings(len(single))} whose output differs from other readings at the same distance (dropout or "
-            f"outlier): {named}."
+            f"outlier): {_list(shown)}."
+        )
+    if prepared.empty_outliers:
+        shown = [_level(calibration, output) for output in prepared.empty_outliers]
+        groups.append(
+            f"{_readings(len(shown))} without an object that deviate{'s' if len(shown) == 1 else ''} from the others: "
+            f"{_list(shown)}."
         )
     for distance in prepared.outlier_distances:
         at_distance = calibration.distances == distance
@@ -70,8 +75,12 @@ def ignored_readings(prepared: Prepared) -> tuple[str, ...]:
     return tuple(groups)
 
 
+def _list(shown: list[str]) -> str:
+    return ", ".join(shown[:_MOST_NAMED]) + (", ..." if len(shown) > _MOST_NAMED else "")
+
+
 def _level(calibration: Calibration, output: float) -> str:
-    return f"{output:.4g} {calibration.unit}".rstrip()
+    return f"{output:.{supported_digits(output)}g} {calibration.unit}".rstrip()
 
 
 def _readings(count: Any) -> str:
@@ -86,7 +95,7 @@ def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
     best = fits[0]
     return (
         f"The {best.model} curve was fitted to readings at {len(best.distances)} distances from {low} to {high}. "
-        f"Averaged readings deviate from this curve by {100 * best.rmse_log_output:.2g} % of the signal (RMS, "
+        f"Averaged readings deviate from this curve by {format_percent(best.rmse_log_output)} of the signal (RMS, "
         "including noise)."
     )
 
@@ -149,7 +158,7 @@ def find_weaknesses(
     readings in the file, including copies of readings, which the fits count once.
     """
     calibration, window, used = prepared.calibration, prepared.window, prepared.used
-    copies = reading_count - len(calibration.outputs) - len(calibration.no_object)
+    copies = reading_count - len(calibration.outputs) - len(calibration.no_object) - len(prepared.empty_outliers)
     low, high = (format_quantity(d, "m") for d in (window.l_min, window.l_max))
     count, weaknesses = len(used.distance), []
     unknowns = (len(fits[0].parameters) or 3) + (fits[0].offset.kind == "fitted") if fits else 0
@@ -268,7 +277,7 @@ def _offset_contradictions(prepared: Prepared) -> list[str]:
     curve = average(prepared.calibration)
     at = int(curve.output.argmin())
     lowest = float(curve.output[at])
-    kind, level = offset.kind, _level(prepared.calibration, offset.value)
+    kind, level = offset.kind, f"{offset.value:.{offset.digits()}g} {prepared.calibration.unit}".rstrip()
     if offset.kind == "declared" and offset.value > lowest + 4 * noise.output / math.sqrt(float(curve.count[at])):
         reading = _level(prepared.calibration, lowest)
         reasons.append(
@@ -281,8 +290,8 @@ def _offset_contradictions(prepared: Prepared) -> list[str]:
     if prepared.free is None or prepared.free.doubt(offset) <= _DOUBT[offset.kind]:
         return reasons
     free_offset = prepared.free.offset("fitted")
-    fitted = _level(prepared.calibration, free_offset.value)
-    interval = f"{free_offset.low:.4g} to {free_offset.high:.4g}"
+    fitted = f"{free_offset.value:.{free_offset.digits()}g} {prepared.calibration.unit}".rstrip()
+    interval = free_offset.interval_in_words("")
     contradiction = (
         f"The readings at large distances level off at {fitted}, above the {kind} offset of {level}: record the output "
         f"with no object, or fit the offset. The fitted offset has the 95 % interval {interval}. The controller "

@@ -10,7 +10,7 @@ import numpy as np
 
 from pretouch._core.errors import CalibrationDataError, InvalidInputError
 from pretouch._core.numbers import BoolArray, finite, nonnegative, positive
-from pretouch._core.units import format_quantity, to_si
+from pretouch._core.units import format_quantity, supported_digits, to_si
 
 from .averaging import (
     MAD_TO_SIGMA,
@@ -19,6 +19,7 @@ from .averaging import (
     average,
     condense,
     count_copies_once,
+    leave_out_empty_outliers,
     reading_noise,
     resolution,
 )
@@ -133,7 +134,7 @@ def find_window(
     """
     positive(floor_sigmas, "floor_sigmas")
     offset_estimate = offset if isinstance(offset, OffsetEstimate) else declared_offset(offset)
-    calibration = condense(count_copies_once(calibration))
+    calibration = condense(count_copies_once(leave_out_empty_outliers(calibration)[0]))
     curve = average(calibration)
     sigma = reading_noise(calibration, curve).sigma if noise is None else float(nonnegative(noise, "noise"))
     if sigma is None:
@@ -180,7 +181,9 @@ def find_near_end(
     reason = "first measured distance"
     if index:
         last = format_quantity(float(curve.distance[index - 1]), "m")
-        reason = f"the output clips at {level:g} {calibration.unit} up to {last} ({source})".replace("  ", " ")
+        clipped = 0.0 if level is None else level
+        output = f"{clipped:.{supported_digits(clipped, least=6)}g} {calibration.unit}".rstrip()
+        reason = f"the output clips at {output} up to {last} ({source})"
     if index == len(curve.distance):
         return NearEnd(index=index, reason=reason, saturation=level)
     peak, source_of_peak = _peak(curve, index, near_field_peak)
@@ -271,9 +274,9 @@ def window_of(
     floor = offset.value + floor_sigmas * float(np.median(error))
     if end < len(indices):
         beyond = format_quantity(float(curve.distance[indices[end]]), "m")
-        base, least = (
-            f"{value} {calibration.unit}".rstrip() for value in (f"{offset.value:.4g}", f"{floor - offset.value:.3g}")
-        )
+        signal = floor - offset.value
+        values = ((offset.value, supported_digits(offset.value, signal)), (signal, supported_digits(signal, least=3)))
+        base, least = (f"{value:.{digits}g} {calibration.unit}".rstrip() for value, digits in values)
         reason = (
             f"from the distance {beyond} on, the output is less than {least}, or {floor_sigmas:g} standard errors, "
             f"above the offset of {base}"

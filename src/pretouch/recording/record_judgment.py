@@ -18,6 +18,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.calibration import Calibration, CalibrationReport, fit
 from pretouch.calibration.averaging import average
+from pretouch.calibration.result import uncertainty_in_words
 from pretouch.designs import Task, design_gain
 from pretouch.designs.gain import designed_number
 from pretouch.uncertainty import reservations_of
@@ -102,7 +103,7 @@ def judge_recording(calibration: Calibration | None, goal: RecordGoal, *, final:
     reason = _objection(report, slope, missing, goal)
     if not reason and goal.load is not None:
         reason = _objection_of_scenario(goal.load)
-    done = "" if slope is None else f"The slope g has an uncertainty of {100 * slope:.2g} % (95 % confidence)"
+    done = "" if slope is None else f"The slope g has an uncertainty of {uncertainty_in_words(slope)} (95 % confidence)"
     good = f"{done}{', which is good enough for the scenario' if goal.load is not None else ''}."
     return Judgment(is_enough=not reason, reason=reason or good, missing=missing, uncertainty=slope, report=report)
 
@@ -136,7 +137,7 @@ def _objection(report: CalibrationReport, slope: float | None, missing: MissingD
     if slope > goal.accuracy:
         place = format_quantity(report.slope.worst_at, "m", 3)
         return (
-            f"The slope g has an uncertainty of {100 * slope:.2g} % (95 % confidence), but at most "
+            f"The slope g has an uncertainty of {uncertainty_in_words(slope)} (95 % confidence), but at most "
             f"{100 * goal.accuracy:g} % is allowed: record more readings at distances around {place}."
         )
     if missing.ends:

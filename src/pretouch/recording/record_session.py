@@ -19,6 +19,7 @@ from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
+from pretouch.calibration.result import uncertainty_in_words
 
 from .record_distances import DistancePlan, RecordDisplay
 from .record_file import RecordFile
@@ -126,7 +127,7 @@ def recording_page(recording: RecordedCalibration) -> Page:
         slope = judgment.report.best.middle_slope
         figures.append(("slope g in the middle", f"{slope.value:.4g} 1/m"))
     if judgment.uncertainty is not None:
-        figures.append(("largest uncertainty of g; 95 %", f"{100 * judgment.uncertainty:.2g} %"))
+        figures.append(("largest uncertainty of g; 95 %", uncertainty_in_words(judgment.uncertainty)))
     missing = ", ".join(format_quantity(d, "m") for d in judgment.missing.all)
     if missing and not judgment.is_enough:
         figures.append(("missing distances", missing))

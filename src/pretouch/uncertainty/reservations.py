@@ -292,7 +292,7 @@ class Reservations(Value):
             text += f", for a sensor that is mounted {format_quantity(self.recess, 'm')} behind the contact surface"
         if offset is None:
             return text
-        level = f"{offset.value:.4g} {unit}".rstrip()
+        level = f"{offset.value:.{offset.digits()}g} {unit}".rstrip()
         return f"{text}; the controller and exported laws subtract the offset {level}"
 
     def with_spread(self, answer: str) -> str:
@@ -474,5 +474,5 @@ def recess_advice(nearest: float, present: float) -> str:
 def _offset_in_words(offset: OffsetEstimate, unit: str) -> str:
     return (
         f"the controller and exported laws subtract the {offset.kind} offset from each reading: "
-        f"{offset.in_words(unit)} (95 % interval: {offset.low:.4g} to {offset.high:.4g})"
+        f"{offset.in_words(unit)} (95 % interval: {offset.interval_in_words('')})"
     )

@@ -23,10 +23,13 @@ def stamp(types: Any, nanoseconds: int, frame: str = "sensor") -> Any:
     return types.types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
 
 
-def range_message(types: Any, nanoseconds: int, value: float, frame: str = "sensor") -> Any:
+def range_message(
+    types: Any, nanoseconds: int, value: float, frame: str = "sensor", limits: tuple[float, float] = (0.0, 1.0)
+) -> Any:
     kind = types.types[RANGE]
     extra = {"variance": 0.0} if "variance" in kind.__dataclass_fields__ else {}
-    numbers = {"radiation_type": 1, "field_of_view": 0.1, "min_range": 0.0, "max_range": 1.0, "range": value}
+    low, high = limits
+    numbers = {"radiation_type": 1, "field_of_view": 0.1, "min_range": low, "max_range": high, "range": value}
     return kind(header=stamp(types, nanoseconds, frame), **numbers, **extra)
 
 
@@ -79,11 +82,25 @@ def write_json_mcap(path: Path, topics: dict[str, Sequence[tuple[int, Any]]], **
 def range_bag(path: Path, time: Any, values: Any, *, delay_ns: int = 0, topic: str = "/range", **options: Any) -> Path:
     """Write a bag with a topic of type Range: header stamps, and receive times that are `delay_ns` later."""
     types = options.pop("types", None) or store()
-    stamps = np.round(np.asarray(time) * 1e9).astype(np.int64) + 10**18
-    messages = [
-        (int(s) + delay_ns, range_message(types, int(s), float(v))) for s, v in zip(stamps, values, strict=True)
-    ]
+    limits = options.pop("limits", (0.0, 1.0))
+    messages = range_messages(types, time, values, delay_ns=delay_ns, limits=limits)
     return write_bag(path, {topic: (RANGE, messages)}, types=types, **options)
+
+
+def range_messages(
+    types: Any,
+    time: Any,
+    values: Any,
+    *,
+    delay_ns: int = 0,
+    stamp_time: Any = None,
+    limits: tuple[float, float] = (0.0, 1.0),
+) -> list[tuple[int, Any]]:
+    """Return messages of type Range with their receive times; `stamp_time` is the time of another clock."""
+    received = np.round(np.asarray(time) * 1e9).astype(np.int64) + 10**18 + delay_ns
+    stamps = received - delay_ns if stamp_time is None else np.round(np.asarray(stamp_time) * 1e9).astype(np.int64)
+    rows = zip(received.tolist(), stamps.tolist(), np.asarray(values).tolist(), strict=True)
+    return [(t, range_message(types, s, v, limits=limits)) for t, s, v in rows]
 
 
 def float_bag(path: Path, time: Any, values: Any, *, topic: str = "/reading", **options: Any) -> Path:

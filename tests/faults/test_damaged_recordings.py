@@ -128,6 +128,81 @@ def test_a_damaged_chunk_ends_the_recording(recorded, tmp_path):
     assert len(recording.values) == 3000 or "damaged" in recording.notes[0]
 
 
+@pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])
+@pytest.mark.parametrize("content", [b"", b"\0", b"\0\1\0\0\1", b"\xff" * 40, b"\0\1\0\0" + b"\xff" * 36])
+def test_a_damaged_message_is_a_missing_reading(task, recorded, tmp_path, storage, content):
+    """Also the first message, by which nothing may be decided."""
+    types, time = recorded.store(), np.arange(500) * 4e-3
+    messages = recorded.range_messages(types, time, 0.2 + 0.1 * np.sin(time))
+    serialize = types.serialize_cdr
+    damaged = {0, 100, 101, 499}
+    calls = iter(range(len(messages)))
+    types.serialize_cdr = lambda *given: content if next(calls) in damaged else serialize(*given)
+    bag = recorded.write_bag(tmp_path / "bag", {"/range": (recorded.RANGE, messages)}, storage=storage, types=types)
+    del types.serialize_cdr
+    recording = read_recording(bag, "/range")
+    assert len(recording.values) == 496
+    assert recording.clock == "header"
+    assert any("4 of 500 messages" in note for note in recording.notes)
+    result = replay(task, recording)
+    assert result.timing.dropout == pytest.approx(2 / 498)  # those in between
+    assert result.timing.rate == pytest.approx(250)
+
+
+def test_a_receive_time_that_is_impossible_is_a_damaged_message(recorded, tmp_path):
+    rows = [(i * 10**7, {"v": i}) for i in range(50)]
+    rows[20] = (2**64 - 1, {"v": 20})
+    recording = read_recording(recorded.write_json_mcap(tmp_path / "x.mcap", {"/j": rows}), "/j")
+    assert len(recording.values) == 49
+    assert any("1 of 50 messages" in note for note in recording.notes)
+
+
+def test_damaged_json_is_a_missing_reading(recorded, tmp_path):
+    """A stamp that is missing because of the damage does not make the recording one without stamps."""
+    rows = [(i, {"header": {"stamp": {"sec": 1, "nanosec": i}}, "v": i}) for i in range(50)]
+    file = recorded.write_json_mcap(tmp_path / "x.mcap", {"/j": rows}, use_chunking=False)
+    for old, new in ((b'"v": 0}', b'"v": 0]'), (b'"v": 10}', b'"v": \xff\xfe}')):
+        file.write_bytes(file.read_bytes().replace(old, new))
+    recording = read_recording(file, "/j.v")
+    assert (len(recording.values), recording.clock) == (48, "header")
+    assert any("2 of 50 messages" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("stamp", [{"sec": "now"}, {"sec": 1e300}, {"sec": 10**30, "nanosec": 0}, {"sec": None}, 7])
+def test_a_stamp_that_is_none_is_no_stamp(recorded, tmp_path, stamp):
+    rows = [(i, {"stamp": stamp, "v": 10**400 if i == 3 else i}) for i in range(5)]
+    recording = read_recording(recorded.write_json_mcap(tmp_path / "x.mcap", {"/j": rows}), "/j.v")
+    assert recording.clock == "receive"
+    assert recording.values == pytest.approx([0, 1, 2, np.nan, 4], nan_ok=True)
+
+
+def test_only_damaged_messages_are_refused(recorded, tmp_path):
+    file = recorded.write_json_mcap(tmp_path / "x.mcap", {"/j": [(i, {"v": i}) for i in range(5)]}, use_chunking=False)
+    file.write_bytes(file.read_bytes().replace(b'{"v"', b'["v"'))
+    with pytest.raises(InvalidInputError, match="none of the 5 messages"):
+        read_recording(file, "/j.v")
+
+
+@pytest.mark.parametrize("title", [True, False])
+def test_a_type_that_an_idl_file_defines_is_read(recorded, tmp_path, title):
+    """The recorder writes a separator and a title before the root of such a definition; other writers do not."""
+    from mcap.writer import Writer
+
+    separator = "=" * 80 + "\n"
+    root = "module my_msgs { module msg { struct Gap { std_msgs::msg::Float64 gap; double spare; }; }; };\n"
+    other = f"{separator}MSG: std_msgs/msg/Float64\nfloat64 data\n"
+    text = f"{separator}IDL: my_msgs/msg/Gap\n{root}{other}" if title else root + other
+    with (tmp_path / "x.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("my_msgs/msg/Gap", "ros2idl", text.encode())
+        channel = writer.register_channel("/gap", "cdr", schema)
+        for i in range(20):
+            writer.add_message(channel, i, b"\0\1\0\0" + np.array([i, 7.0]).tobytes(), i)
+        writer.finish()
+    assert read_recording(tmp_path / "x.mcap", "/gap.gap.data").values.tolist() == list(range(20))
+
+
 def test_a_truncated_database_is_refused_or_keeps_its_beginning(recorded, tmp_path):
     time = np.arange(5000) * 0.01
     bag = recorded.float_bag(tmp_path / "bag", time, time, storage="SQLITE3")

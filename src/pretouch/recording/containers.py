@@ -193,7 +193,7 @@ def _read_records(data: bytes, state: _Channels) -> None:
     while place + _RECORD.size <= end:
         opcode, length = _RECORD.unpack_from(data, place)
         following = place + _RECORD.size + length
-        if opcode == _MESSAGE:
+        if opcode == _MESSAGE and length >= _HEAD.size:
             channel, _, received, _ = _HEAD.unpack_from(data, place + _RECORD.size)
             counts[channel] = counts.get(channel, 0) + 1
             kept = state.kept.get(channel)
@@ -207,7 +207,8 @@ def _read_records(data: bytes, state: _Channels) -> None:
             state.add(records.Channel.read(_fields(data[place + _RECORD.size : following])))
         place = following
     for channel, number in counts.items():
-        state.contents.counts[state.topics[channel]] += number
+        if channel in state.topics:  # otherwise, the message is damaged
+            state.contents.counts[state.topics[channel]] += number
 
 
 def is_wanted(name: str, wanted: Collection[str]) -> bool:
@@ -248,15 +249,20 @@ def _read_database(connection: sqlite3.Connection, wanted: Collection[str], cont
         contents.counts.setdefault(topic, 0)
     counted = connection.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id").fetchall()
     for i, topic in topics.items():
-        contents.counts[topic] += dict(counted).get(i, 0)
+        count = dict(counted).get(i, 0)
+        contents.counts[topic] += count
         if not is_wanted(topic.name, wanted):
             continue
         kept = contents.messages_of(topic)
+        before = len(kept.data)
         for received, data in _rows(connection, i):
             kept.received.append(received)
             kept.data.append(data)
+        kept.damaged += count - (len(kept.data) - before)
 
 
 def _rows(connection: sqlite3.Connection, topic: int) -> Iterator[tuple[int, bytes]]:
-    """Yield the receive time and content of each recorded message."""
-    yield from connection.execute("SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id", (topic,))
+    """Yield the receive time and content of each recorded message that has both."""
+    usable = "typeof(timestamp) = 'integer' AND typeof(data) = 'blob'"
+    text = f"SELECT timestamp, data FROM messages WHERE topic_id = ? AND {usable} ORDER BY id"  # noqa: S608 - constants
+    yield from connection.execute(text, (topic,))

@@ -8,25 +8,25 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError, require
-from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
 from .containers import EXTRA
 from .layout import (
     MessageLayout,
     UnsupportedLayoutError,
     column,
-    empty_columns,
     group_by_size,
     layout_of,
-    same_layout,
     stamps_of,
     table_of,
+    with_layout,
 )
 from .messages import Messages, Topic
 
@@ -37,23 +37,49 @@ _NAMES_FROM: Final = 12  # bytes of the encoding and of the stamp of a message w
 _NANOSECONDS: Final = ("nanosec", "nsec", "nsecs")
 _TOKEN: Final = re.compile(r"[^.\[\]]+")
 _SHOWN: Final = 16  # fields that a message lists
+_COMPRESSED: Final = 100  # messages of which one must be compressed if the recorder compressed each
+_LATEST: Final = 2**62  # ns, in the year 2116: a later time is damaged
+_MOST_LAYOUTS: Final = 8  # of messages of equal size; the rest is decoded one by one
+_IDL: Final = ("ros2idl", "omgidl")
+_SEPARATOR: Final = re.compile(r"^={80}\n", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decoded:
     """Decoded numbers and header stamps of a topic.
 
+    Damaged messages are left out.
+
     Args:
         field: the field that was decoded.
         values: the numbers; NaN for a message without the field.
         stamps: header stamps [ns]; 0 for a message without one.
+        received: receive times [ns].
+        damaged: number of messages that could not be decoded.
         bounds: smallest and largest valid value according to the messages; NaN if they do not say.
     """
 
     field: str
     values: FloatArray
     stamps: IntArray
+    received: IntArray
+    damaged: int = 0
     bounds: tuple[float, float] = (float("nan"), float("nan"))
+
+
+@dataclass(slots=True, kw_only=True)
+class _Columns:
+    """What was decoded of each message.
+
+    Args:
+        values: the numbers; NaN for a message without the field.
+        stamps: header stamps [ns]; 0 for a message without one.
+        usable: whether the message could be decoded.
+    """
+
+    values: FloatArray
+    stamps: IntArray
+    usable: BoolArray
 
 
 def decode(messages: Messages, field: str) -> Decoded:
@@ -65,23 +91,62 @@ def decode(messages: Messages, field: str) -> Decoded:
 
     Returns:
         The numbers and the stamps.
+
+    Raises:
+        InvalidInputError: the messages have no such field, have an unknown type, or are all damaged.
     """
     topic, data = messages.topic, _contents(messages)
-    return _decode_json(data, topic, field) if topic.encoding == "json" else _decode_cdr(data, topic, field)
+    received, usable = _receive_times(messages.received)
+    usable &= np.fromiter((message is not None for message in data), dtype=bool, count=len(data))
+    columns = _Columns(values=np.full(len(data), np.nan), stamps=np.zeros(len(data), dtype=np.int64), usable=usable)
+    rows, bounds = np.flatnonzero(usable), (float("nan"), float("nan"))
+    if len(rows):
+        read = _decode_json if topic.encoding == "json" else _decode_cdr
+        field, bounds = read(data, rows, topic, field, columns)
+    if not usable.any():
+        raise InvalidInputError(
+            f"{topic.name}: none of the {len(data):,} messages can be decoded as "
+            f"{topic.message_type or topic.encoding}; the file is damaged, or the recording has another version of "
+            "this type. Record again in the format MCAP, which stores the definitions of the types"
+        )
+    return Decoded(
+        field=field,
+        values=columns.values[usable],
+        stamps=columns.stamps[usable],
+        received=received[usable],
+        damaged=int((~usable).sum()) + messages.damaged,
+        bounds=bounds,
+    )
 
 
-def _contents(messages: Messages) -> list[bytes]:
-    """Return the uncompressed content of each message."""
+def _receive_times(received: list[int]) -> tuple[IntArray, BoolArray]:
+    """Return the receive times [ns], and whether each of them is possible."""
+    try:
+        times = np.array(received, dtype=np.int64)
+    except OverflowError:
+        times = np.array([time if time < _LATEST else -1 for time in received], dtype=np.int64)
+    return times, (times >= 0) & (times < _LATEST)
+
+
+def _contents(messages: Messages) -> list[Any]:
+    """Return the uncompressed content of each message; None for a message that cannot be decompressed."""
     topic, data = messages.topic, messages.data
     if topic.encoding not in {"cdr", "json"}:
         raise InvalidInputError(
             f"{topic.name}: found messages with the encoding {topic.encoding!r}, expected 'cdr' (ROS 2) or 'json'; "
             "choose another topic, or convert the recording"
         )
-    if any(message[:4] == _ZSTD for message in data[:1]):  # the recorder compressed each message
-        unpack = require("zstandard", extra=EXTRA).ZstdDecompressor().decompress
-        return [unpack(message) for message in data]
-    return data
+    if not any(message[:4] == _ZSTD for message in data[:_COMPRESSED]):
+        return data
+    library = require("zstandard", extra=EXTRA)  # the recorder compressed each message
+    unpack = library.ZstdDecompressor().decompress
+    plain = []
+    for message in data:
+        try:
+            plain.append(unpack(message))
+        except library.ZstdError:
+            plain.append(None)
+    return plain
 
 
 def decode_names(messages: Messages) -> tuple[str, ...]:
@@ -96,17 +161,18 @@ def decode_names(messages: Messages) -> tuple[str, ...]:
     Raises:
         InvalidInputError: the messages have no names, or not all the same.
     """
-    topic, data = messages.topic, _contents(messages)
+    topic, data = messages.topic, [message for message in _contents(messages) if message is not None]
     if topic.encoding == "json":
-        lists = {tuple(_part_of(json.loads(text), "name") or ()) for text in data}
+        decoded = (_parse(text) for text in data)
     else:
-        store = _type_store(topic, data[0])
-        fields = layout_of(data[0], topic.message_type, store.fielddefs).fields
+        typical = _typical(data)
+        store = _type_store(topic, typical)
+        fields = layout_of(typical, topic.message_type, store.fielddefs).fields
         end = fields["position[0]"].offset if "position[0]" in fields else None
         different = {message[_NAMES_FROM:end]: message for message in data}  # messages without their stamps
-        decoded = (store.deserialize_cdr(message, topic.message_type) for message in different.values())
-        lists = {tuple(getattr(message, "name", ())) for message in decoded}
-    names = next(iter(lists))
+        decoded = (_deserialize(store, message, topic) for message in different.values())
+    lists = {tuple(_part_of(message, "name") or ()) for message in decoded if message is not None}
+    names = next(iter(lists), ())
     if len(lists) > 1 or not names:
         joints = " or ".join(", ".join(each) or "none" for each in sorted(lists)[:2])
         raise InvalidInputError(
@@ -116,28 +182,48 @@ def decode_names(messages: Messages) -> tuple[str, ...]:
     return names
 
 
-def _decode_cdr(data: list[bytes], topic: Topic, field: str) -> Decoded:
-    """Decode one number and one header stamp per ROS 2 message."""
-    store = _type_store(topic, data[0])
-    values, stamps = empty_columns(len(data))
-    name, bounds = field, (float("nan"), float("nan"))
-    for size, rows in group_by_size(data).items():
-        table = table_of(data, rows, size)
-        try:
-            layout = layout_of(bytes(table[0]), topic.message_type, store.fielddefs)
-        except UnsupportedLayoutError:
-            layout = None
-        if layout is None or not same_layout(table, layout):
-            name = _decode_each(data, rows, topic, name, store=store, columns=(values, stamps))
-            continue
-        name = _field_of(name, list(layout.fields), topic)
-        if name in layout.fields:
-            values[rows] = column(table, layout.fields[name])
-        stamps[rows] = _stamps(table, layout)
-        if {"min_range", "max_range"} <= set(layout.fields):
-            low, high = (float(column(table[:1], layout.fields[f"{end}_range"])[0]) for end in ("min", "max"))
-            bounds = low, high
-    return Decoded(field=name, values=values, stamps=stamps, bounds=bounds)
+def _typical(data: list[bytes]) -> bytes:
+    """Return a message of the most frequent size, which is probably not damaged."""
+    rows = max(group_by_size(data).values(), key=len)
+    return bytes(data[rows[0]])
+
+
+def _decode_cdr(
+    data: list[bytes], rows: IntArray, topic: Topic, field: str, columns: _Columns
+) -> tuple[str, tuple[float, float]]:
+    """Decode one number and one header stamp per ROS 2 message.
+
+    Returns:
+        The field, and the smallest and largest valid value.
+    """
+    chosen = data if len(rows) == len(data) else [data[i] for i in rows]
+    store = _type_store(topic, _typical(chosen))
+    name, bounds, is_known = field, (float("nan"), float("nan")), False
+    # the most frequent size first: a damaged message must not choose the field
+    for group in sorted(group_by_size(chosen).values(), key=len, reverse=True):
+        rest, table = rows[group], table_of(chosen, group, len(chosen[group[0]]))
+        for attempt in range(_MOST_LAYOUTS):
+            try:
+                layout = layout_of(bytes(table[0]), topic.message_type, store.fielddefs)
+            except UnsupportedLayoutError:
+                layout = None
+            if layout is None or attempt == _MOST_LAYOUTS - 1:
+                name = _decode_each(data, rest, topic, name, store=store, columns=columns)
+                break
+            name = name if is_known else _field_of(name, list(layout.fields), topic)
+            is_known = True
+            same = with_layout(table, layout)
+            places, part = (rest, table) if same.all() else (rest[same], table[same])
+            if name in layout.fields:
+                columns.values[places] = column(part, layout.fields[name])
+            columns.stamps[places] = _stamps(part, layout)
+            if np.isnan(bounds[0]) and {"min_range", "max_range"} <= set(layout.fields):
+                low, high = (float(column(part[:1], layout.fields[f"{end}_range"])[0]) for end in ("min", "max"))
+                bounds = low, high
+            if same.all():
+                break
+            rest, table = rest[~same], table[~same]
+    return name, bounds
 
 
 def _stamps(table: Any, layout: MessageLayout) -> Any:
@@ -149,44 +235,66 @@ def _stamps(table: Any, layout: MessageLayout) -> Any:
     return 0
 
 
-def _decode_each(
-    data: list[bytes],
-    rows: IntArray,
-    topic: Topic,
-    name: str,
-    *,
-    store: Any,
-    columns: tuple[FloatArray, IntArray],
-) -> str:
+def _decode_each(data: list[bytes], rows: IntArray, topic: Topic, name: str, *, store: Any, columns: _Columns) -> str:
     """Decode messages one by one, and return the decoded field."""
-    values, stamps = columns
     for i in rows:
-        message = store.deserialize_cdr(data[i], topic.message_type)
+        message = _deserialize(store, data[i], topic)
+        if message is None:
+            columns.usable[i] = False
+            continue
         part = _part_of(message, name) if name else None
         if part is None:  # the first message, or one in which a list is too short
             name = _field_of(name, _numbers_in(message), topic)
             part = _part_of(message, name)
-        values[i] = _as_number(part)
-        stamps[i] = _stamp_of(message)
+        columns.values[i] = _as_number(part)
+        columns.stamps[i] = _stamp_of(message)
     return name
 
 
-def _decode_json(data: list[bytes], topic: Topic, field: str) -> Decoded:
-    values, stamps = empty_columns(len(data))
-    for i, text in enumerate(data):
-        try:
-            message = json.loads(text)
-        except ValueError:
-            continue  # a damaged message is a missing reading
-        if not field:
-            field = _field_of(field, _numbers_in(message), topic) if isinstance(message, dict) else ""
-        values[i] = _as_number(_part_of(message, field) if field else message)
-        stamps[i] = _stamp_of(message)
-    if not np.isfinite(values).any() and field:
-        fields = _numbers_in(json.loads(data[0]))
+def _deserialize(store: Any, message: bytes, topic: Topic) -> Any:
+    """Decode one ROS 2 message; None if it is damaged."""
+    serde = require("rosbags.serde", extra=EXTRA)
+    try:
+        return store.deserialize_cdr(message, topic.message_type)
+    except (serde.SerdeError, LookupError, AssertionError, MemoryError, OverflowError):
+        return None
+
+
+def _decode_json(
+    data: list[bytes], rows: IntArray, topic: Topic, field: str, columns: _Columns
+) -> tuple[str, tuple[float, float]]:
+    """Decode one number and one header stamp per JSON message.
+
+    Returns:
+        The field, and the smallest and largest valid value.
+    """
+    bounds = (float("nan"), float("nan"))
+    example = None
+    for i in rows.tolist():
+        message = _parse(data[i])
+        if message is None:
+            columns.usable[i] = False
+            continue
+        if example is None:
+            example = message
+            bounds = _as_number(_part_of(message, "min_range")), _as_number(_part_of(message, "max_range"))
+        if not field and isinstance(message, dict):
+            field = _field_of(field, _numbers_in(message), topic)
+        columns.values[i] = _as_number(_part_of(message, field) if field else message)
+        columns.stamps[i] = _stamp_of(message)
+    if not np.isfinite(columns.values).any() and field and example is not None:
+        fields = _numbers_in(example)
         if field not in fields:
             _field_of(field, fields, topic)
-    return Decoded(field=field, values=values, stamps=stamps)
+    return field, bounds
+
+
+def _parse(text: bytes) -> Any:
+    """Parse a JSON message; None if it is damaged."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None
 
 
 def _field_of(field: str, fields: list[str], topic: Topic) -> str:
@@ -248,7 +356,7 @@ def _as_number(value: Any) -> float:
     """Return a message value as a float, or NaN."""
     try:
         return float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return float("nan")
 
 
@@ -259,19 +367,23 @@ def _stamp_of(message: Any) -> int:
         seconds = None if stamp is None else _part_of(stamp, "sec")
         if seconds is not None:
             parts = (_part_of(stamp, part) for part in _NANOSECONDS)
-            return int(seconds) * 1_000_000_000 + int(next((part for part in parts if part is not None), 0))
+            rest = next((part for part in parts if part is not None), 0)
+            try:
+                time = int(seconds) * 1_000_000_000 + int(rest)
+            except (TypeError, ValueError, OverflowError):
+                return 0
+            return time if abs(time) < _LATEST else 0
     return 0
 
 
 def _type_store(topic: Topic, message: bytes) -> Any:
     """Return the definitions of the message types for a topic."""
     types = require("rosbags.typesys", extra=EXTRA)
-    parse = {"ros2msg": types.get_types_from_msg, "ros2idl": None}.get(topic.definition_format)
-    if topic.definition and topic.definition_format == "ros2idl":
-        parse_idl = require("rosbags.typesys", extra=EXTRA).get_types_from_idl
-        return _registered(types, parse_idl(topic.definition))
-    if topic.definition and parse is not None:
-        return _registered(types, parse(topic.definition, topic.message_type))
+    if topic.definition:
+        with suppress(types.TypesysError):
+            store = types.get_typestore(types.Stores.EMPTY)
+            store.register(_definitions(topic, types))
+            return store
     for version in (types.Stores.LATEST, types.Stores.ROS2_HUMBLE, types.Stores.ROS2_FOXY):
         store = types.get_typestore(version)
         try:
@@ -288,7 +400,26 @@ def _type_store(topic: Topic, message: bytes) -> Any:
     return store
 
 
-def _registered(types: Any, definitions: Any) -> Any:
-    store = types.get_typestore(types.Stores.EMPTY)
-    store.register(definitions)
-    return store
+def _definitions(topic: Topic, types: Any) -> dict[str, Any]:
+    """Parse the definition of a message type in a recording, with the types that it contains.
+
+    The recorder of ROS 2 writes a separator and a title before each definition, and before the first one only if it is
+    in the format IDL.
+
+    Returns:
+        Constants and fields of each type, as rosbags has them.
+    """
+    first, *others = _SEPARATOR.split(topic.definition)
+    parsed: dict[str, Any] = {}
+    if first.strip() and topic.definition_format in _IDL:
+        parsed |= types.get_types_from_idl(first)
+    elif first.strip():
+        return dict(types.get_types_from_msg(topic.definition, topic.message_type))
+    for part in others:
+        title, _, text = part.partition("\n")
+        form, _, name = title.partition(":")
+        if form.strip() == "IDL":
+            parsed |= types.get_types_from_idl(text)
+        else:
+            parsed |= types.get_types_from_msg(text, name.strip())
+    return parsed

@@ -67,20 +67,19 @@ class Event(Value):
         return self.lead < 0
 
 
-def detections_in(steps: LawSteps, floor: float) -> list[tuple[float, float, float, float]]:
+def detections_in(steps: LawSteps, floor: float, pause: float = PAUSE) -> list[tuple[float, float, float, float]]:
     """Find the detections of the control law in a replay.
-
-    Pauses of up to `PAUSE` are ignored.
 
     Args:
         steps: the replay.
         floor: detection threshold of the controller [unit of the readings].
+        pause: time [s] without detection up to which two detections count as one.
 
     Returns:
         Start and end [s], peak output xi and largest force [N] of each detection.
     """
     period = float(steps.time[1] - steps.time[0])
-    spans = _merged(_spans((steps.status & Status.DETECTING) != 0), round(PAUSE / period))
+    spans = _merged(_spans((steps.status & Status.DETECTING) != 0), round(pause / period))
     detections = []
     for a, b in spans:
         peak = floor * float(np.exp(steps.log_level[a:b].max()))
@@ -123,16 +122,21 @@ def events_in(time: FloatArray, values: FloatArray, threshold: float) -> list[tu
 
 
 def judge(
-    rows: list[tuple[float, float, float, float]], events: list[tuple[float, float]] | None, before: float
+    rows: list[tuple[float, float, float, float]],
+    events: list[tuple[float, float]] | None,
+    before: float,
+    known: tuple[float, float] = (-np.inf, np.inf),
 ) -> tuple[tuple[RecordedDetection, ...], tuple[Event, ...]]:
     """Compare detections with true events.
 
-    A detection is right if it overlaps an event, or ends at most `before` ahead of its start.
+    A detection is right if it overlaps an event, or ends at most `before` ahead of its start. It is unknown if the true
+    events are not known while it lasts.
 
     Args:
         rows: start, end, peak and largest force of each detection.
         events: start and end of each true event; None if they are unknown.
         before: longest time from a detection to its event [s].
+        known: start and end of the time in which the true events are known [s].
 
     Returns:
         The detections with a judgment, and the events with the lead of their detection.
@@ -148,8 +152,11 @@ def judge(
         announcing = [i for i in matching if rows[i][0] <= start]
         acting = announcing[-1] if announcing else matching[0] if matching else None
         judged.append(Event(start=start, end=end, lead=np.nan if acting is None else start - rows[acting][0]))
-    detections = (_detection(row, "right" if i in right else "false") for i, row in enumerate(rows))
-    return tuple(detections), tuple(judged)
+    covered = [row[1] >= known[0] and row[0] <= known[1] for row in rows]
+    judgments: list[Judgment] = [
+        "right" if i in right else "false" if is_covered else "unknown" for i, is_covered in enumerate(covered)
+    ]
+    return tuple(map(_detection, rows, judgments)), tuple(judged)
 
 
 def _detection(row: tuple[float, float, float, float], judgment: Judgment) -> RecordedDetection:

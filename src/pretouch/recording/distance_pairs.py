@@ -87,6 +87,12 @@ def pair_distances(
         speed = np.where(both, np.abs(last - first) / width, 0.0)
     kept = inside & (both | none)
     finite = between[kept & both]
+    if not inside.any():
+        raise InvalidInputError(
+            f"reference: no reading of the sensor lies between distances of the reference. The readings range from "
+            f"{at.min():.6g} s to {at.max():.6g} s, and the distances from {clock[0]:.6g} s to {clock[-1]:.6g} s. Use "
+            "the receive times of both topics with --clock receive, or name a topic that was recorded at the same time"
+        )
     if len(finite) < _FEWEST:
         raise InvalidInputError(
             f"reference: the number of readings with a distance is {len(finite)}, but a calibration needs at least "

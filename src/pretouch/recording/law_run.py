@@ -5,7 +5,8 @@ The replay also measures the sensor properties.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -15,12 +16,15 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.control import Controller, Status
 from pretouch.designs import Task
+from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop
 from pretouch.verification.verdict import chosen_gain
 
 from .chain_section import chain_section
-from .detections import BEFORE, detections_in, events_in, judge
+from .clocks import ClockDifference, compare_clocks
+from .detections import BEFORE, PAUSE, detections_in, events_in, judge
 from .latency import Latency, estimate_latency
+from .no_object import ASSUMED
 from .noise import noise_of, spread_of_course
 from .recording import Recording
 from .result import Replay
@@ -74,7 +78,8 @@ def replay(
     readings = readings_of(used, task.sensor, controller.conditioning.offset)
     steps = run_steps(controller, time, readings)
     timing = timing_of(time, used.values)
-    intervals = detections_in(steps, controller.conditioning.floor)
+    pause = max(PAUSE, _REGULAR / timing.rate) if timing.rate > 0 else PAUSE
+    intervals = detections_in(steps, controller.conditioning.floor, pause)
     detecting = _detecting_at(steps, time)
     regular = np.diff(time, prepend=-np.inf) <= _REGULAR / timing.rate if timing.rate > 0 else np.zeros(len(time), bool)
     regular &= np.diff(time, prepend=0.0) > 0
@@ -83,12 +88,15 @@ def replay(
         near |= (time > begin - _AROUND) & (time < finish + _AROUND)
         approaches |= (time > begin - _APPROACH) & (time < finish + _APPROACH)
     offset = controller.conditioning.offset
-    noise = noise_of(used.values, regular, detecting, near, offset, approaches=approaches)
+    codes = tuple(idle.value for idle in used.no_object) if used.kind == "reading" else ()
+    noise = noise_of(used.values, regular, detecting, near, offset, approaches=approaches, codes=codes)
     distance_noise = spread_of_course(used.values, regular) if used.kind == "distance" else None
     origin = int(used.stamps[0])
     first = (origin - int(whole.stamps[0])) / 1e9
-    events = _events(truth, threshold, contacts, origin=origin, first=first, last=float(time.max()))
-    detections, judged = judge(intervals, events, _positive(before))
+    last = float(time.max())
+    events = _events(truth, threshold, contacts, origin=origin, first=first, last=last)
+    known = (-np.inf, np.inf) if truth is None else _span_of(truth, origin, last)
+    detections, judged = judge(intervals, events, _positive(before), known)
     latency = None if reference is None else _latency(task, used, readings, reference, controller)
     name = f"{used.source}, {used.topic}"
     chain = ""
@@ -116,8 +124,9 @@ def replay(
         events=None if events is None else judged,
         reference=reference,
         latency=latency,
-        counts=_counts(used, readings, steps, controller),
+        counts=_counts(used, readings, steps, controller, task.sensor),
         chain=chain,
+        clocks=tuple(_clock_differences(used, (reference, truth))),
         notes=(*used.notes, *notes),
     )
 
@@ -195,6 +204,8 @@ def _events(
     if truth is not None and contacts is not None:
         raise InvalidInputError("truth, contacts: found both, expected only one: a topic (truth) or times (contacts)")
     if truth is not None:
+        if not len(truth.stamps):
+            raise InvalidInputError(f"truth: the topic {truth.topic} has no messages")
         events = events_in(truth.seconds_after(origin), truth.values, threshold)
         return [(max(a, 0.0), b) for a, b in events if b >= 0 and a <= last]
     if contacts is None:
@@ -206,6 +217,31 @@ def _events(
             f"{first + last:.4g} s. All three times count from the first reading"
         )
     return [(t, t) for t in sorted(times)]
+
+
+def _span_of(truth: Recording, origin: int, last: float) -> tuple[float, float]:
+    """Return the first and the last time of the true events' topic [s].
+
+    Raises:
+        InvalidInputError: the topic has no message during the replayed part.
+    """
+    time = truth.seconds_after(origin)
+    if not ((time >= 0) & (time <= last)).any():
+        raise InvalidInputError(
+            f"truth: the topic {truth.topic} has no message in the replayed part from 0 s to {last:.6g} s; its "
+            f"messages are from {time.min():.6g} s to {time.max():.6g} s. Use the receive times of both topics with "
+            "--clock receive, or choose a topic that was recorded at the same time"
+        )
+    return float(time.min()), float(time.max())
+
+
+def _clock_differences(used: Recording, others: Sequence[Recording | None]) -> Iterator[ClockDifference]:
+    """Yield how the clocks of the sensor and of each other topic differ, if both clocks were recorded."""
+    own = used.transports
+    for other in others:
+        transports = None if other is None else other.transports
+        if own is not None and transports is not None and len(own.stamps) and len(transports.stamps):
+            yield compare_clocks(own, transports)
 
 
 def _latency(
@@ -245,14 +281,26 @@ def _delay(
     return None
 
 
-def _counts(used: Recording, readings: FloatArray, steps: LawSteps, controller: Controller) -> dict[str, int]:
-    saturation = controller.conditioning.saturation
+def _counts(
+    used: Recording, readings: FloatArray, steps: LawSteps, controller: Controller, sensor: SensorModel
+) -> dict[str, int]:
+    conditioning = controller.conditioning
+    saturation = conditioning.saturation
     saturated = 0 if saturation is None or used.kind == "distance" else int((readings >= saturation).sum())
     unusable = ~np.isfinite(readings)
+    idle = [each for each in used.no_object if each.reason in ASSUMED and used.kind == "distance"]
+    raw = replace(
+        used,
+        stamps=np.zeros(len(idle), dtype=np.int64),
+        values=np.array([each.value for each in idle]),
+        transport=np.zeros(0),
+    )
+    detected = readings_of(raw, sensor, conditioning.offset) >= conditioning.offset + conditioning.floor
     return {
         "invalid": int(unusable.sum()),
         "too near": int(np.isneginf(used.values).sum()) if used.kind == "distance" else 0,
         "no object": int(np.isposinf(used.values).sum()) if used.kind == "distance" else 0,
+        "detected without an object": sum(each.count for each, is_seen in zip(idle, detected, strict=True) if is_seen),
         "saturated": saturated if saturation is None else saturated - int(np.isposinf(readings).sum()),
         "replaced": len(readings) - int(steps.fresh.sum()),
     }

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.numbers import BoolArray, IntArray
 
 _HEADER: Final = 4  # bytes before the content of a message, which describe its encoding
 _PADDING: Final = 3  # bytes with which serializers may fill up a message
@@ -144,8 +144,8 @@ def column(table: Any, place: Place) -> Any:
     return part.view(place.kind)[:, 0]
 
 
-def same_layout(table: Any, layout: MessageLayout) -> bool:
-    """Return True if all messages have the same byte layout.
+def with_layout(table: Any, layout: MessageLayout) -> BoolArray:
+    """Return for each message whether it has the byte layout of the first one.
 
     The layout is the same if the encodings and the lengths of strings and lists are equal.
 
@@ -153,8 +153,11 @@ def same_layout(table: Any, layout: MessageLayout) -> bool:
         table: bytes of the messages, shape (n, size).
         layout: layout of the first message.
     """
-    lengths = (column(table, place) for place in layout.lengths)
-    return bool((table[:, :2] == table[0, :2]).all()) and all((values == values[0]).all() for values in lengths)
+    same: BoolArray = (table[:, :2] == table[0, :2]).all(axis=1)
+    for place in layout.lengths:
+        lengths = column(table, place)
+        same &= lengths == lengths[0]
+    return same
 
 
 def stamps_of(seconds: Any, nanoseconds: Any) -> IntArray:
@@ -175,11 +178,3 @@ def table_of(data: Sequence[bytes], rows: IntArray, size: int) -> Any:
     """
     chosen = data if len(rows) == len(data) else [data[i] for i in rows]
     return np.frombuffer(b"".join(chosen), dtype=np.uint8).reshape(len(rows), size)
-
-
-def empty_columns(count: int) -> tuple[FloatArray, IntArray]:
-    """Return new arrays for the values and header stamps of messages.
-
-    All values are NaN, and all stamps are 0.
-    """
-    return np.full(count, np.nan), np.zeros(count, dtype=np.int64)

@@ -38,11 +38,13 @@ class Messages:
         topic: the topic.
         received: receive time of each message [ns].
         data: content of each message.
+        damaged: number of messages without a content or a receive time.
     """
 
     topic: Topic
     received: list[int] = field(default_factory=list)
     data: list[bytes] = field(default_factory=list)
+    damaged: int = 0
 
 
 @dataclass(slots=True, kw_only=True)

@@ -10,6 +10,7 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 
+from .no_object import frozen_values
 from .timing import ROBUST
 
 _FEWEST: Final = 30  # readings that an estimate needs
@@ -60,6 +61,7 @@ def noise_of(
     offset: float,
     *,
     approaches: BoolArray,
+    codes: tuple[float, ...] = (),
 ) -> Noise:
     """Estimate the noise properties of a sensor from its readings.
 
@@ -71,11 +73,12 @@ def noise_of(
         offset: offset that the controller subtracts, for xi.
         approaches: whether the reading is a few seconds before or after a detection, when an object below the floor
             may already change it.
+        codes: values by which the driver says that there is no object; they are no sensor outputs.
 
     Returns:
         The estimates.
     """
-    finite = np.isfinite(readings)
+    finite = np.isfinite(readings) & ~np.isin(readings, codes)
     resolution = _resolution(readings[finite])
     quiet = finite & ~detecting & ~near
     for _ in range(_ROUNDS):  # an object whose signal is below the floor is there, too
@@ -92,12 +95,15 @@ def noise_of(
         noise = _spread((readings[1:][pairs] - readings[:-1][pairs]) / np.sqrt(2), resolution)
         center = float(np.median(values))
         wander = _spread(values - center, resolution)
+    relative = None if noise is None else _relative(readings, finite & detecting, regular, offset, noise)
+    if is_frozen(values):  # the output is limited without an object, so its noise is known only from an object
+        noise, relative = _both_noises(readings, finite & detecting, regular, offset) or (noise, relative)
     largest = float(readings[finite].max()) if finite.any() else None
     return Noise(
         offset=center,
         noise=noise,
         wander=wander,
-        relative_noise=None if noise is None else _relative(readings, finite & detecting, regular, offset, noise),
+        relative_noise=relative,
         resolution=resolution,
         largest=largest,
         clipped=_is_clipped(readings[finite]),
@@ -137,13 +143,14 @@ def _spread(deviations: FloatArray, resolution: float) -> float:
 def spread_of_course(values: FloatArray, regular: BoolArray) -> float | None:
     """Return the noise of a time series around its trend.
 
-    The noise is a standard deviation. It is None for too few values.
+    The noise is a standard deviation. It is None for too few values. Values that repeat exactly, for much longer than
+    others, are left out: they are no measurements, but for example the value without an object.
 
     Args:
         values: the values in the order of their times; those that are not finite are left out.
         regular: whether each value followed the one before after about one period.
     """
-    rest, _ = _rest_of_course(values, np.isfinite(values), regular)
+    rest, _ = _rest_of_course(values, np.isfinite(values) & ~np.isin(values, frozen_values(values)), regular)
     return None if rest is None else _spread(rest, _resolution(values[np.isfinite(values)]))
 
 
@@ -164,8 +171,10 @@ def _rest_of_course(
     return views @ np.array(_FOURTH) / np.sqrt(np.sum(np.square(_FOURTH))), views.mean(axis=1)
 
 
-def _relative(readings: FloatArray, used: BoolArray, regular: BoolArray, offset: float, noise: float) -> float | None:
-    """Return the noise relative to the sensor output, or None."""
+def _variances(
+    readings: FloatArray, used: BoolArray, regular: BoolArray, offset: float
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return squared levels of the sensor output, and the variance of the readings at each level."""
     rest, means = _rest_of_course(readings, used, regular)
     if rest is None or means is None:
         return None
@@ -174,12 +183,58 @@ def _relative(readings: FloatArray, used: BoolArray, regular: BoolArray, offset:
     parts = [part for part in np.array_split(order, _BINS) if len(part) >= _FEWEST // 2]
     squares = np.array([np.median(level[part]) ** 2 for part in parts])
     variances = np.array([(ROBUST * np.median(np.abs(rest[part]))) ** 2 for part in parts])
-    if not parts or not (variances > 0).any():
+    return (squares, variances) if parts and (variances > 0).any() else None
+
+
+def _weights(variances: FloatArray) -> FloatArray:
+    """Return the weight of each variance.
+
+    The error of a variance is proportional to it. Thus low levels, where the other noise dominates, have little weight.
+    """
+    return np.asarray(np.where(variances > 0, variances, variances[variances > 0].min()) ** -2.0)
+
+
+def _relative(readings: FloatArray, used: BoolArray, regular: BoolArray, offset: float, noise: float) -> float | None:
+    """Return the noise relative to the sensor output, or None."""
+    levels = _variances(readings, used, regular, offset)
+    if levels is None:
         return None
-    # the error of a variance is proportional to it, so low levels, where the other noise dominates, have little weight
-    weights = np.where(variances > 0, variances, variances[variances > 0].min()) ** -2.0
+    squares, variances = levels
+    weights = _weights(variances)
     share = float(weights @ (squares * (variances - noise**2)) / (weights @ squares**2))
     return float(np.sqrt(max(share, 0.0)))
+
+
+def _both_noises(
+    readings: FloatArray, used: BoolArray, regular: BoolArray, offset: float
+) -> tuple[float, float] | None:
+    """Return the noise without a signal and the noise relative to the output, both from an object's readings."""
+    levels = _variances(readings, used, regular, offset)
+    if levels is None:
+        return None
+    squares, variances = levels
+    weights = _weights(variances)
+    mean = weights @ squares / weights.sum()
+    spread = float(weights @ (squares - mean) ** 2)
+    slope = float(weights @ ((squares - mean) * variances)) / spread if spread > 0 else 0.0
+    constant = float(weights @ variances / weights.sum() - slope * mean)
+    if slope < 0:
+        return float(np.sqrt(weights @ variances / weights.sum())), 0.0
+    if constant < 0:
+        return 0.0, float(np.sqrt(weights @ (squares * variances) / (weights @ squares**2)))
+    return float(np.sqrt(constant)), float(np.sqrt(slope))
+
+
+def is_frozen(values: FloatArray) -> bool:
+    """Return True if most readings have one value, which repeats exactly for longer than any other value.
+
+    Args:
+        values: readings without an object.
+    """
+    frozen = frozen_values(values)
+    if not frozen and len(values) >= _FEWEST and (values == values[0]).all():
+        return True
+    return bool(np.isin(values, frozen).mean() > 0.5) if frozen else False
 
 
 def _resolution(values: FloatArray) -> float:

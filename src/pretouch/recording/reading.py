@@ -14,18 +14,21 @@ import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, UnitError
-from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.numbers import FloatArray
 from pretouch._core.units import parse_unit
 
+from .clocks import Transport, compare_clocks
 from .columns import is_table, read_columns
 from .containers import read_contents
 from .decoding import Decoded, decode
 from .messages import Contents, Messages, refuse_unknown, split_name
+from .no_object import NoObject, classify_distances, idle_codes
 from .recording import Clock, Kind, Recording
 
 _WITH_UNIT: Final = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")
 _LENGTH: Final = parse_unit("m").exponents
-_RANGE: Final = "sensor_msgs/msg/Range"
+_RANGES: Final = ("sensor_msgs/msg/Range", "sensor_msgs/Range")
+_UNBOUNDED: Final = (float("nan"), float("nan"))
 
 
 @check_arguments
@@ -38,7 +41,7 @@ def read_recording(path: str | os.PathLike[str], topic: str = "", *, clock: str 
             of length for distances, such as "/laser [mm]". Distances of sensor_msgs/Range need no unit. For a CSV file,
             the header of a column.
         clock: "header" for the stamps in the messages, or "receive" for the times at which they were recorded; None
-            for the stamps if all messages have one.
+            for the stamps if all messages have one, and if those of several topics are from one clock.
 
     Returns:
         The readings.
@@ -76,20 +79,38 @@ def read_recordings(
         raise InvalidInputError(f"{path}: choose a topic with --topic: {names or 'there is none'}")
     contents = read_contents(file, [name for name, _ in wanted])
     decoded = [decode_topic(contents, name, file.name) for name, _ in wanted]
-    chosen = clock or ("header" if all(each.stamps.all() for _, each in decoded) else "receive")
-    if chosen == "header":
-        for (name, _), (_, each) in zip(wanted, decoded, strict=True):
-            if not each.stamps.all():
-                share = "some" if each.stamps.any() else "all"
-                raise InvalidInputError(
-                    f"{name}: {share} messages of this topic lack a header stamp; use the receive times with --clock "
-                    "receive"
-                )
-    used: Clock = "header" if chosen == "header" else "receive"
+    used, remarks = _choose_clock(clock, [name for name, _ in wanted], decoded)
+    notes = (*contents.notes, *remarks)
     return tuple(
-        _recording(file, used, unit, messages=messages, decoded=each, notes=tuple(contents.notes))
+        _recording(file, used, unit, messages=messages, decoded=each, notes=notes)
         for (_, unit), (messages, each) in zip(wanted, decoded, strict=True)
     )
+
+
+def _choose_clock(
+    clock: str | None, names: list[str], decoded: list[tuple[Messages, Decoded]]
+) -> tuple[Clock, tuple[str, ...]]:
+    """Return the clock of a recording, with remarks.
+
+    Header stamps of several topics are used only if they are from one clock.
+
+    Raises:
+        InvalidInputError: header stamps are wanted, but messages lack one.
+    """
+    stamped = all(each.stamps.all() for _, each in decoded)
+    if clock == "header" and not stamped:
+        name, each = next((n, e) for n, (_, e) in zip(names, decoded, strict=True) if not e.stamps.all())
+        share = "some" if each.stamps.any() else "all"
+        raise InvalidInputError(
+            f"{name}: {share} messages of this topic lack a header stamp; use the receive times with --clock receive"
+        )
+    if clock == "receive" or not stamped:
+        return "receive", ()
+    first, *others = (Transport(m.topic.name, each.received, each.stamps) for m, each in decoded)
+    different = [each for each in (compare_clocks(first, other) for other in others) if each.is_large]
+    if clock == "header" or not different:
+        return "header", ()
+    return "receive", tuple(f"{each.words}. The receive times are used for all topics." for each in different)
 
 
 def _split_unit(text: str) -> tuple[str, str | None]:
@@ -127,42 +148,65 @@ def decode_topic(contents: Contents, name: str, source: str) -> tuple[Messages, 
 def _recording(
     file: Path, clock: Clock, unit: str | None, *, messages: Messages, decoded: Decoded, notes: tuple[str, ...]
 ) -> Recording:
-    received = np.array(messages.received, dtype=np.int64)
-    stamps: IntArray = decoded.stamps if clock == "header" else received
-    transport = (received - decoded.stamps) / 1e9 if decoded.stamps.all() else np.empty(0)
+    transport = (decoded.received - decoded.stamps) / 1e9 if decoded.stamps.all() else np.empty(0)
     message_type = messages.topic.message_type or messages.topic.encoding
-    is_range = message_type == _RANGE and decoded.field == "range"
+    is_range = message_type in _RANGES and decoded.field == "range"
     kind, values, remarks = _in_unit(decoded.values, "m" if unit is None and is_range else unit)
-    if is_range and kind == "distance":
-        values, outside = _valid_ranges(values, decoded.bounds)
-        remarks = (*remarks, *outside)
+    values, no_object, more = _without_idle_values(kind, values, decoded.bounds if is_range else _UNBOUNDED)
+    if decoded.damaged:
+        total = decoded.damaged + len(values)
+        more = (
+            f"{decoded.damaged:,} of {total:,} messages of {messages.topic.name} are damaged, for example too short; "
+            "they count as missing readings.",
+            *more,
+        )
     return Recording(
         source=file.name,
         topic=f"{messages.topic.name}.{decoded.field}" if decoded.field else messages.topic.name,
         message_type=message_type,
-        stamps=stamps,
+        stamps=decoded.stamps if clock == "header" else decoded.received,
         values=values,
         kind=kind,
         clock=clock,
         transport=transport,
-        notes=(*notes, *remarks),
+        no_object=no_object,
+        notes=(*notes, *remarks, *more),
     )
 
 
-def _valid_ranges(values: FloatArray, bounds: tuple[float, float]) -> tuple[FloatArray, tuple[str, ...]]:
-    """Replace distances outside the valid range by plus or minus infinity."""
-    low, high = bounds
-    if not low < high:
-        return values, ()
-    near, far = np.isfinite(values) & (values < low), np.isfinite(values) & (values > high)
-    if not near.any() and not far.any():
-        return values, ()
-    changed = np.where(near, -np.inf, np.where(far, np.inf, values))
-    return changed, (
-        f"Some distances are outside the sensor range from {1e3 * low:.4g} mm to {1e3 * high:.4g} mm: pretouch treats "
-        "these distances as too near or as no object. The number of distances below min_range is "
-        f"{near.sum():,}, and the number of distances above max_range is {far.sum():,}.",
-    )
+def _without_idle_values(
+    kind: Kind, values: FloatArray, bounds: tuple[float, float] = _UNBOUNDED
+) -> tuple[FloatArray, tuple[NoObject, ...], tuple[str, ...]]:
+    """Replace distances that are none, and find values of other readings that mean "no object".
+
+    Returns:
+        The readings, the values without an object, and remarks.
+    """
+    if kind != "distance":
+        return values, idle_codes(values), ()
+    distances = classify_distances(values, bounds)
+    notes = []
+    if distances.too_near:
+        notes.append(
+            f"{distances.too_near:,} distances are below min_range ({1e3 * bounds[0]:.4g} mm) of the sensor: pretouch "
+            "treats them as too near to be measured."
+        )
+    if np.isfinite(distances.unclear):
+        notes.append(
+            f"The distance {distances.unclear:.6g} m repeats exactly, and some readings jump to it. It may mean that "
+            "there is no object, but it counts as a distance. If it means this, let the driver publish infinity."
+        )
+    if distances.failed:
+        notes.append(
+            f"{distances.failed:,} distances equal a value by which drivers report a failed measurement (65535 mm): "
+            "they count as NaN."
+        )
+    if distances.impossible:
+        notes.append(
+            f"{distances.impossible:,} distances are negative, and far from the readings before and after them: they "
+            "count as NaN."
+        )
+    return distances.values, distances.no_object, tuple(notes)
 
 
 def _in_unit(values: FloatArray, unit: str | None) -> tuple[Kind, FloatArray, tuple[str, ...]]:
@@ -183,9 +227,10 @@ def _from_table(file: Path, name: str, unit: str | None) -> Recording:
     usable = np.isfinite(time)
     if not usable.any():
         raise InvalidInputError(f"{file}: no row has a valid time; the time column must contain numbers")
-    kind, values, notes = _in_unit(values, own_unit if unit is None else unit)
+    kind, values, notes = _in_unit(values[usable], own_unit if unit is None else unit)
     if not usable.all():
         notes = (*notes, f"{(~usable).sum():,} rows without a time were ignored.")
+    values, no_object, more = _without_idle_values(kind, values)
     fields: dict[str, Any] = {"source": file.name, "topic": column, "message_type": "column", "clock": "column"}
     stamps = np.round(time[usable] * 1e9).astype(np.int64)
-    return Recording(stamps=stamps, values=values[usable], kind=kind, notes=notes, **fields)
+    return Recording(stamps=stamps, values=values, kind=kind, no_object=no_object, notes=(*notes, *more), **fields)

@@ -15,6 +15,9 @@ from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 
+from .clocks import Transport
+from .no_object import NoObject
+
 Kind: TypeAlias = Literal["reading", "distance"]
 Clock: TypeAlias = Literal["header", "receive", "column"]
 
@@ -39,6 +42,7 @@ class Recording(Value):
         kind: "distance" or "reading" (of any other sensor output).
         clock: which clock the stamps are from.
         transport: receive time minus header stamp of each reading [s]; empty if only one clock was recorded.
+        no_object: values that were taken as "no object": a distance without an object is infinite.
         notes: remarks on the file, such as that it is truncated.
 
     Examples:
@@ -55,6 +59,7 @@ class Recording(Value):
     kind: Kind = "reading"
     clock: Clock = "receive"
     transport: FloatArray = ()  # type: ignore[assignment]
+    no_object: tuple[NoObject, ...] = ()
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -80,6 +85,16 @@ class Recording(Value):
             stamp: nanoseconds of the same clock.
         """
         return np.asarray((self.stamps - stamp) / 1e9)
+
+    @property
+    def transports(self) -> Transport | None:
+        """Receive times and header stamps; None if only one clock was recorded."""
+        if not len(self.transport):
+            return None
+        taken = np.round(1e9 * self.transport).astype(np.int64)
+        is_header = self.clock == "header"
+        received, stamps = (self.stamps + taken, self.stamps) if is_header else (self.stamps, self.stamps - taken)
+        return Transport(self.topic, received, stamps)
 
     def part(self, kept: slice | IntArray) -> Recording:
         """Return the recording with only the selected readings.

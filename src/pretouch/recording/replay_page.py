@@ -15,6 +15,7 @@ from pretouch._core.warning_codes import caution
 from pretouch.control import Status
 from pretouch.control.components import format_output
 
+from .no_object import ASSUMED, NoObject
 from .recording import CLOCKS
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ _SLOWER: Final = 0.95  # of the rate of the scenario, below which the difference
 _NOISIER: Final = 1.5  # times the noise of the scenario
 _ALWAYS: Final = 0.9  # share of the recording: longer detections are suspicious
 _LISTED: Final = 50  # detections in a table
+_SAME_CLOCK: Final = 1e-3  # s between two clocks, above which the lag depends on the clock
 _FEW: Final = 1e-3  # share of readings below which a fault is a remark, and not a warning
 _OPEN_LOOP: Final = (
     "The replay is open loop: on a robot, the motion that the law commands changes later readings. Detections and the "
@@ -90,7 +92,10 @@ def _key_figures(replay: Replay) -> Iterator[tuple[str, Cell]]:
         yield f"noise without an object; scenario {chain.noise:.3g}", f"{noise.noise:.3g} (unit of the readings)"
     if replay.latency is not None and replay.latency.value is not None:
         low, high = (format_quantity(end, "s", 3) for end in (replay.latency.low or 0.0, replay.latency.high or 0.0))
-        yield "lag behind the reference", f"{format_quantity(replay.latency.value, 's', 3)} ({low} to {high})"
+        yield (
+            f"lag behind the reference, by {CLOCKS[replay.recording.clock]}",
+            f"{format_quantity(replay.latency.value, 's', 3)} ({low} to {high})",
+        )
     elif len(replay.recording.transport):
         median = float(np.median(replay.recording.transport))
         yield "header stamp to recorder, median", format_quantity(median, "s", 3)
@@ -108,13 +113,59 @@ def _findings(replay: Replay) -> Iterator[str]:
             "Whether these detections are right is unknown, because the recording has no true contacts; name them with "
             "--truth or --contacts."
         )
+    if replay.recording.no_object:
+        yield f"Taken as no object: {'; '.join(map(_describe_no_object, replay.recording.no_object))}."
     if replay.latency is not None and replay.latency.value is None:
         yield f"The latency cannot be determined: {replay.latency.reason}."
+    elif replay.latency is not None and replay.latency.value is not None:
+        yield from _basis_of_lag(replay, replay.latency.value)
+
+
+def _describe_no_object(idle: NoObject) -> str:
+    """Say which readings were taken as "no object", and why."""
+    count = f"{idle.count:,} {'readings' if idle.count > 1 else 'reading'}"
+    match idle.reason:
+        case "infinite":
+            return f"{count} with the value infinity (REP 117)"
+        case "range":
+            return f"{count} at or beyond max_range ({format_quantity(idle.value, 'm', 4)})"
+        case "part":
+            return f"{count} of {1e3 * idle.value:.0f} mm, by which a sensor part reports this"
+        case "negative":
+            return f"{count} of {idle.value:.6g} m, because no distance is negative"
+    return f"{count} of exactly {idle.value:.6g}, because this value repeats, and the readings jump to it and back"
+
+
+def _basis_of_lag(replay: Replay, lag: float) -> Iterator[str]:
+    """Say which clocks the lag rests on, and how it changes with the other clock."""
+    if replay.recording.clock == "header" and replay.clocks and abs(replay.clocks[0].offset) > _SAME_CLOCK:
+        other = format_quantity(lag + replay.clocks[0].offset, "s", 3)
+        yield (
+            "The lag rests on header stamps: it is right if the stamps of both topics are from one clock. By the "
+            f"receive times, it is {other}."
+        )
 
 
 def _warnings(replay: Replay) -> Iterator[str]:
     """Yield the warnings about a replay, the most important warnings first."""
     timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
+    yield from (
+        caution(
+            "PT611",
+            f"{each.words}: lag, leads and a calibration from both topics are wrong by this difference. Use the "
+            "receive times with --clock receive.",
+        )
+        for each in replay.clocks
+        if each.is_large and replay.recording.clock == "header"
+    )
+    if replay.counts["detected without an object"]:
+        values = ", ".join(f"{idle.value:.6g} m" for idle in replay.recording.no_object if idle.reason in ASSUMED)
+        yield caution(
+            "PT610",
+            f"The readings of {values} were taken as no object, but the exported ROS 2 controller takes them as a "
+            f"near object ({replay.counts['detected without an object']:,} readings of the recording): let the driver "
+            "of the sensor publish infinity instead (REP 117). Otherwise, the robot evades where there is no object.",
+        )
     detected = sum(d.end - d.start for d in replay.detections) / max(float(np.ptp(replay.recording.time)), 1e-9)
     if detected > _ALWAYS:
         yield caution(
@@ -127,7 +178,7 @@ def _warnings(replay: Replay) -> Iterator[str]:
         yield caution(
             "PT606",
             "The sensor is slower than the scenario says, so the verification does not hold for it: copy the section "
-            "[chain] of this recording into the scenario file, and run pretouch verify.",
+            "[chain] of this recording into the scenario file, and run pretouch verify." + _lost_between(replay),
         )
     lag = None if replay.latency is None else replay.latency.low
     if lag is not None and lag > chain.latency + 1 / chain.rate:
@@ -145,6 +196,13 @@ def _warnings(replay: Replay) -> Iterator[str]:
             "PT605",
             f"No reading was above the noise floor (largest signal {xi:.4g}, noise floor {format_output(floor)}): "
             "check that the topic has the unit of the scenario, and that an object came near.",
+        )
+    if replay.distance_noise is not None and replay.distance_noise > _NOISIER * chain.distance_noise > 0:
+        yield caution(
+            "PT607",
+            f"The recorded noise of a distance is {format_quantity(replay.distance_noise, 'm', 3)}, "
+            f"{replay.distance_noise / chain.distance_noise:.2g} times that of the scenario, so the verification is "
+            "too optimistic: copy the section [chain] of this recording into the scenario file.",
         )
     if replay.recording.kind == "reading" and noise.noise is not None:
         if noise.noise > _NOISIER * chain.noise and chain.noise > 0:
@@ -168,6 +226,19 @@ def _warnings(replay: Replay) -> Iterator[str]:
                 f"Without an object, the median reading is {noise.offset:.5g}, but the controller subtracts the offset "
                 f"{replay.controller.conditioning.offset:.5g}: set offset in [controller] to the median.",
             )
+
+
+def _lost_between(replay: Replay) -> str:
+    """Say that the law loses the sensor between two readings, if it does."""
+    controller, interval = replay.controller, 1 / replay.timing.rate
+    timeout = controller.conditioning.numbers(controller.period).timeout
+    if interval <= timeout:
+        return ""
+    return (
+        f" The time between two readings of {format_quantity(interval, 's', 3)} is longer than the timeout of "
+        f"{format_quantity(timeout, 's', 3)}, after which the law counts the sensor as lost: the virtual force ends "
+        "before each new reading."
+    )
 
 
 def _quiet_floor(replay: Replay, noise: float) -> float:

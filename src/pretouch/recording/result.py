@@ -15,6 +15,7 @@ from pretouch._core.values import Value
 from pretouch.control import Controller
 from pretouch.simulation import ClosedLoop
 
+from .clocks import ClockDifference
 from .detections import Event, RecordedDetection
 from .distance_pairs import DistancePairs, pair_distances
 from .latency import Latency
@@ -45,8 +46,10 @@ class Replay(Described, Value):
         reference: the other topic of the same motion; None if there is none.
         latency: by how much the sensor lags the reference; None without a reference.
         counts: number of readings that are "invalid" (NaN), "too near" (minus infinity), "no object" (infinity),
+            "detected without an object" (values that were taken as no object, but that an exported controller detects),
             "saturated", and "replaced" by a newer one before the law's next step.
         chain: section [chain] of a scenario file, estimated from the recording; empty if there are too few readings.
+        clocks: how the header stamps of the sensor differ from those of the reference and of the true events.
         notes: remarks on the file and on the clock.
     """
 
@@ -65,6 +68,7 @@ class Replay(Described, Value):
     latency: Latency | None
     counts: dict[str, int]
     chain: str
+    clocks: tuple[ClockDifference, ...]
     notes: tuple[str, ...]
 
     @property
@@ -133,6 +137,8 @@ class Replay(Described, Value):
                 "type": self.recording.message_type,
                 "kind": self.recording.kind,
                 "clock": self.recording.clock,
+                "clock_differences": self.clocks,
+                "no_object": self.recording.no_object,
                 "law": self.law,
                 "timing": self.timing,
                 "noise": self.noise,

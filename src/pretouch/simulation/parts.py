@@ -30,6 +30,8 @@ class SensorPart:
         source: the source of the facts.
         facts: values stated in the source.
         assumptions: values that the source does not state, assumed here.
+        no_object: distances [m] that the part or its usual driver reports without an object.
+        failed: distances [m] that the usual driver reports if a measurement fails.
     """
 
     name: str
@@ -40,6 +42,8 @@ class SensorPart:
     source: str
     facts: tuple[str, ...]
     assumptions: tuple[str, ...]
+    no_object: tuple[float, ...] = ()
+    failed: tuple[float, ...] = ()
 
 
 @check_arguments
@@ -81,6 +85,8 @@ def _ranging(rate: float) -> SensorChain:
     )
 
 
+_NO_TARGET: Final = (8.190, 8.191)  # 8192 mm minus the number of the error, by ST's community forum on imaging sensors
+_TIMEOUT: Final = 65.535  # highest number of 16 bits, by Pololu's library vl53l0x-arduino
 _TIME_OF_FLIGHT: Final = (
     "a reading averages over its whole period, as in continuous ranging",
     "4 ms from the end of a frame until its data are read, for about 300 bytes at 1 MHz and the driver",
@@ -168,10 +174,20 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                     range=(0.02, farthest),
                     signal=None,
                     source=f"ST data sheet of the sensor {name}: range and shortest timing budget",
-                    facts=("a reading every 20 ms with the shortest timing budget", f"up to {farthest:g} m"),
+                    facts=(
+                        "a reading every 20 ms with the shortest timing budget",
+                        f"up to {farthest:g} m",
+                        "8190 or 8191 mm without a target, by ST's community forum on imaging sensors",
+                        *failures,
+                    ),
                     assumptions=_TIME_OF_FLIGHT,
+                    no_object=_NO_TARGET,
+                    failed=(_TIMEOUT,) if failures else (),
                 )
-                for name, farthest in (("VL53L0X", 2.0), ("VL53L1X", 4.0))
+                for name, farthest, failures in (
+                    ("VL53L0X", 2.0, ("65535 mm after a timeout, by Pololu's library vl53l0x-arduino",)),
+                    ("VL53L1X", 4.0, ()),
+                )
             ),
             *(
                 SensorPart(

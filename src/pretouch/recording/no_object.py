@@ -1,0 +1,263 @@
+"""Find the readings of a recording that mean that there is no object.
+
+Drivers report such readings in many ways: as infinity, as a value beyond the range, as -1, or as a value that only
+occurs without an object. Such a value repeats exactly, and the readings jump to it and back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+from pretouch._core.values import Value
+from pretouch.simulation import PARTS
+
+Reason: TypeAlias = Literal["infinite", "range", "part", "negative", "repeated"]
+
+ASSUMED: Final = ("part", "negative", "repeated")
+"""Reasons that neither the message nor REP 117 gives."""
+
+_FEWEST: Final = 8  # readings in a row that are exactly equal, before a value can be frozen
+_LONGER: Final = 3.0  # times the longest run of any other value
+_MOST_FROZEN: Final = 3  # values that are tested
+_MOST_NEGATIVE: Final = 8  # different negative values that are tested
+_STEPS: Final = 3  # readings before or after a run, whose steps show how fast the readings change
+_LOCAL: Final = 3.0  # times the largest of these steps, above which a change is a jump
+_TYPICAL: Final = 5.0  # typical steps, which are noise, above which a change is a jump
+_MOSTLY: Final = 0.5  # share of jumps, above which a value is none of the distances around it
+_ROUNDING: Final = 1e-6  # relative, of numbers in single precision
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoObject(Value):
+    """A value of the readings that was taken as "no object".
+
+    Args:
+        value: the value, in m or in the unit of the readings; for the reason "range", the limit of the sensor.
+        count: number of readings with this value.
+        reason: "infinite" (REP 117), "range" (at or beyond max_range of the message), "part" (from the documentation of
+            a sensor part), "negative" (no distance is negative), or "repeated" (repeats exactly, and the readings jump
+            to it and back).
+    """
+
+    value: float
+    count: int
+    reason: Reason
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Distances(Value):
+    """Recorded distances after values that are no distances were replaced.
+
+    Args:
+        values: distances [m]: plus infinity without an object, minus infinity if the object is too near to be measured,
+            NaN without a valid reading.
+        no_object: the values that were taken as "no object".
+        failed: number of readings by which a part reports a failed measurement.
+        impossible: number of single negative readings, which are no distances.
+        too_near: number of readings below the smallest distance of the sensor.
+        unclear: a smallest distance that repeats exactly, and may mean that there is no object; NaN if there is none.
+    """
+
+    values: FloatArray
+    no_object: tuple[NoObject, ...]
+    failed: int
+    impossible: int
+    too_near: int
+    unclear: float
+
+
+def classify_distances(values: FloatArray, bounds: tuple[float, float]) -> Distances:
+    """Replace the recorded values that are no distances.
+
+    Args:
+        values: recorded distances [m].
+        bounds: smallest and largest distance that the sensor can measure [m]; NaN if unknown.
+
+    Returns:
+        The distances.
+    """
+    low, high = bounds
+    changed, taken = values.copy(), []
+    infinite = np.isposinf(values)
+    if low < high:
+        beyond = np.isfinite(values) & (values >= high * (1 - _ROUNDING))
+        changed[beyond] = np.inf
+        if beyond.any():
+            taken.append(NoObject(value=high, count=int(beyond.sum()), reason="range"))
+    if infinite.any():
+        taken.append(NoObject(value=np.inf, count=int(infinite.sum()), reason="infinite"))
+    failures = _any_of(changed, _codes("failed"))
+    changed[failures] = np.nan
+    for idle in _idle_distances(changed):
+        chosen = changed == idle.value
+        changed[chosen] = np.inf
+        taken.append(idle)
+    impossible = _outside_jumps(changed)
+    changed[impossible] = np.nan
+    unclear = _unclear_value(changed)
+    near = np.isfinite(changed) & (changed < low) if low < high else np.zeros(len(values), dtype=bool)
+    changed[near] = -np.inf
+    return Distances(
+        values=changed,
+        no_object=tuple(taken),
+        failed=int(failures.sum()),
+        impossible=int(impossible.sum()),
+        too_near=int(near.sum()),
+        unclear=unclear,
+    )
+
+
+def idle_codes(readings: FloatArray) -> tuple[NoObject, ...]:
+    """Find values below all sensor outputs that a driver reports without an object.
+
+    Such a value is no sensor output: the readings jump to it, while a sensor output falls to its offset continuously.
+
+    Args:
+        readings: sensor outputs, in any unit.
+
+    Returns:
+        The values, of which there is mostly none.
+    """
+    frozen = frozen_values(readings)
+    lowest = readings[np.isfinite(readings)].min() if frozen else np.nan
+    return tuple(_repeated(readings, [value for value in frozen if value == lowest]))
+
+
+def frozen_values(values: FloatArray) -> tuple[float, ...]:
+    """Find values that repeat exactly, for much longer than any other value of the readings.
+
+    Noise is not measured over such readings. They are often those without an object.
+
+    Args:
+        values: the readings.
+
+    Returns:
+        The values, at most three.
+    """
+    series = values[np.isfinite(values)]
+    starts = np.flatnonzero(np.diff(series, prepend=np.nan) != 0)
+    lengths = np.diff(starts, append=len(series))
+    if not len(series) or lengths.max() < _FEWEST:
+        return ()
+    levels, index = np.unique(series[starts], return_inverse=True)
+    longest = np.zeros(len(levels), dtype=np.int64)
+    np.maximum.at(longest, index, lengths)
+    order = np.argsort(-longest, kind="stable")
+    for count in range(min(_MOST_FROZEN, len(levels) - 1), 0, -1):
+        least, rest = longest[order[count - 1]], longest[order[count]]
+        if least >= max(_FEWEST, _LONGER * rest):
+            return tuple(levels[order[:count]].tolist())
+    return ()
+
+
+def _idle_distances(values: FloatArray) -> Iterator[NoObject]:
+    """Yield the values that a sensor reports without an object."""
+    taken: list[float] = []
+    for reason, candidates in _suspects(values):
+        for value in candidates:
+            jumps, _ = _jumps(values, values == value)
+            if not len(jumps) or jumps.mean() > _MOSTLY:
+                taken.append(value)
+                yield NoObject(value=value, count=int((values == value).sum()), reason=reason)
+    rest = np.where(np.isin(values, taken), np.nan, values) if taken else values
+    frozen = frozen_values(rest)
+    known = rest[np.isfinite(rest)]
+    ends = (known.min(), known.max()) if frozen else ()
+    yield from _repeated(rest, [value for value in frozen if value in ends])
+
+
+def _suspects(values: FloatArray) -> Iterator[tuple[Reason, list[float]]]:
+    """Yield values that no object can cause, or that a part reports without an object."""
+    yield "part", np.unique(values[_any_of(values, _codes("no_object"))]).tolist()
+    negative, counts = np.unique(values[np.isfinite(values) & (values < 0)], return_counts=True)
+    order = np.argsort(-counts, kind="stable")[:_MOST_NEGATIVE]
+    yield "negative", negative[order][counts[order] > 1].tolist()
+
+
+def _codes(name: str) -> tuple[float, ...]:
+    """Return the values [m] with a special meaning of all sensor parts."""
+    return tuple({value for part in PARTS.values() for value in getattr(part, name)})
+
+
+def _unclear_value(values: FloatArray) -> float:
+    """Return a smallest distance to or from which the readings jump in some runs; NaN if there is none."""
+    for value in frozen_values(values):
+        jumps, _ = _jumps(values, values == value)
+        if value == values[np.isfinite(values)].min() and jumps.any():
+            return value
+    return float("nan")
+
+
+def _repeated(values: FloatArray, candidates: list[float]) -> Iterator[NoObject]:
+    """Yield the candidates to which the readings mostly jump, and from which they mostly jump back.
+
+    At a contact, the readings may jump away, because the object is taken away, but they do not jump to it.
+    """
+    for value in candidates:
+        jumps, side = _jumps(values, values == value)
+        begins, ends = jumps[side > 0], jumps[side < 0]
+        if len(begins) and len(ends) and min(begins.mean(), ends.mean()) > _MOSTLY:
+            yield NoObject(value=value, count=int((values == value).sum()), reason="repeated")
+
+
+def _outside_jumps(values: FloatArray) -> BoolArray:
+    """Return the negative readings to which the readings jump: no distance is negative.
+
+    Readings near 0 become negative by noise, without a jump.
+    """
+    negative = np.isfinite(values) & (values < 0)
+    if not negative.any():
+        return negative
+    jumps, side = _jumps(values, negative)
+    for run, (start, end) in enumerate(zip(*_runs(negative), strict=True), 1):
+        around = jumps[np.abs(side) == run]
+        negative[start:end] = len(around) > 0 and around.all()
+    return negative
+
+
+def _jumps(values: FloatArray, chosen: BoolArray) -> tuple[BoolArray, IntArray]:
+    """Return for each begin and end of the chosen readings whether the readings jump there.
+
+    A change is a jump if it is larger than the steps of the readings next to it, and than the noise. Ends at which
+    these steps are unknown are left out.
+
+    Returns:
+        Whether there is a jump, and the number of the run from 1 on: positive at its begin, negative at its end.
+    """
+    starts, ends = _runs(chosen)
+    usable = np.isfinite(values) & ~chosen
+    with np.errstate(invalid="ignore"):
+        steps = np.where(usable[1:] & usable[:-1], np.abs(np.diff(values)), np.nan)
+    if not np.isfinite(steps).any():
+        return np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64)
+    noise = float(np.nanmedian(steps))
+    none = np.full(_STEPS, np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(np.concatenate([none, steps, none]), _STEPS)
+    first, last = starts > 0, ends < len(values)
+    before, after = starts[first] - 1, ends[last]
+    near, inner = np.concatenate([before, after]), np.concatenate([before + 1, after - 1])
+    around = np.concatenate([windows[before], windows[after + _STEPS]])
+    local = np.where(np.isnan(around), -1.0, around).max(axis=1, initial=-1.0)
+    judged = (local >= 0) & usable[near]
+    side = np.concatenate([np.flatnonzero(first) + 1, -1 - np.flatnonzero(last)])[judged]
+    changes = np.abs(values[near] - values[inner])[judged]
+    return changes > _LOCAL * local[judged] + _TYPICAL * noise, side
+
+
+def _runs(flags: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return start and end index of each run of True values."""
+    edges = np.diff(np.concatenate([[0], flags.astype(np.int8), [0]]))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+
+
+def _any_of(values: FloatArray, codes: tuple[float, ...]) -> BoolArray:
+    """Return the values that equal one of the codes, except for the rounding of a number in single precision."""
+    equal = np.zeros(len(values), dtype=bool)
+    for code in codes:
+        equal |= np.abs(values - code) <= _ROUNDING * code
+    return equal

@@ -1,0 +1,160 @@
+"""Readings without an object: whatever a driver reports then, it is no contact, and no noise is measured over it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_recordings import low_floor, page_of
+
+from pretouch.recording import Recording, replay
+from pretouch.recording.no_object import classify_distances, frozen_values, idle_codes
+from pretouch.recording.noise import noise_of, spread_of_course
+
+UNKNOWN = (np.nan, np.nan)
+NOISE = 4.3e-3
+
+
+def visits(idle: float, noise: float = NOISE, nearest: float = 0.1, step: float = 0.0, seed: int = 1) -> np.ndarray:
+    """Return distances at 50 Hz of an object that comes four times to `nearest`, and leaves the beam there."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0, 40, 0.02)
+    distance = np.full(len(time), np.nan)
+    for start in (5.0, 15.0, 25.0, 33.0):
+        near = (time >= start) & (time < start + 4)
+        distance[near] = np.maximum(0.45 - 0.25 * (time[near] - start), nearest)
+    distance += noise * rng.standard_normal(len(time))
+    distance = np.round(distance / step) * step if step else distance
+    return np.where(np.isnan(distance), idle, distance).astype(np.float32).astype(float)
+
+
+@pytest.mark.parametrize(
+    ("idle", "limits", "reason"),
+    [
+        (np.inf, UNKNOWN, "infinite"),
+        (-1.0, UNKNOWN, "negative"),
+        (-1.0, (0.02, 4.0), "negative"),
+        (4.0, (0.02, 4.0), "range"),
+        (9.0, (0.02, 4.0), "range"),
+        (8.190, UNKNOWN, "part"),
+        (8.191, (0.02, 40.0), "part"),
+        (0.0, UNKNOWN, "repeated"),
+        (0.0, (0.02, 4.0), "repeated"),
+        (2.55, UNKNOWN, "repeated"),
+    ],
+)
+def test_an_idle_value_is_no_object_and_has_no_noise(idle: float, limits: tuple[float, float], reason: str) -> None:
+    """The noise of 800 readings by fourth differences: 4 * 1.2 / sqrt(800) = 17 %."""
+    values = visits(idle)
+    distances = classify_distances(values, limits)
+    (taken,) = distances.no_object
+    assert (taken.reason, taken.count) == (reason, 1200)
+    assert (distances.impossible, distances.failed) == (0, 0)
+    assert np.isposinf(distances.values).sum() == 1200
+    assert spread_of_course(distances.values, np.ones(len(values), bool)) == pytest.approx(NOISE, rel=0.17)
+
+
+def test_a_range_of_minus_one_is_no_contact_for_the_law() -> None:
+    """The law detects the four visits from 165 mm on, and nothing else."""
+    distances = classify_distances(visits(-1.0), (0.02, 4.0))
+    named = {"source": "b", "topic": "/range", "message_type": "", "kind": "distance"}
+    stamps = np.arange(2000) * 20_000_000
+    result = replay(
+        low_floor(), Recording(stamps=stamps, values=distances.values, no_object=distances.no_object, **named)
+    )
+    assert len(result.detections) == 4
+    assert [detection.start for detection in result.detections] == pytest.approx([6.1, 16.1, 26.1, 34.1], abs=0.3)
+    assert result.counts["detected without an object"] == 1200
+    page = page_of(result)
+    assert page.warnings[0].startswith("PT610")
+    assert any("1,200 readings of -1 m" in text for text in page.findings)
+
+
+def test_a_contact_at_distance_0_is_no_idle_value() -> None:
+    """An object that comes to rest at 0, and goes away again; without an object, the distance is infinite."""
+    time = np.arange(0, 20, 0.02)
+    distance = np.maximum(0.3 * np.abs(np.sin(time / 3)) - 0.05, 0.0)
+    for idle in (distance, np.where(distance > 0.2, np.inf, distance)):
+        distances = classify_distances(idle, UNKNOWN)
+        assert not [taken for taken in distances.no_object if taken.reason != "infinite"]
+        assert (distances.values == idle).all()
+        assert np.isnan(distances.unclear)
+
+
+def test_an_object_that_leaves_at_contact_is_unclear() -> None:
+    """An object that comes slowly to 0, and is taken away: the value counts as a distance, with a remark."""
+    distance = np.maximum(0.4 - 0.2 * (np.arange(0, 50, 0.02) % 5), 0.0)
+    distance[distance > 0] += 1e-3 * np.random.default_rng(1).standard_normal((distance > 0).sum())
+    distances = classify_distances(distance, UNKNOWN)
+    assert distances.no_object == ()
+    assert (distances.values == distance).all()
+    assert distances.unclear == 0
+
+
+def test_noise_around_contact_is_no_idle_value_and_single_jumps_below_0_are_invalid() -> None:
+    rng = np.random.default_rng(2)
+    time = np.arange(0, 20, 0.02)
+    distance = 0.1 * np.abs(np.sin(time / 2)) + 2e-3 * rng.standard_normal(len(time))
+    assert (distance < 0).sum() > 5
+    assert (classify_distances(distance, UNKNOWN).values == distance).all()
+    distance[500] = -0.7
+    distances = classify_distances(distance, UNKNOWN)
+    assert distances.impossible == 1
+    assert np.isnan(distances.values[500])
+    assert np.isneginf(classify_distances(distance, (0.0, 1.0)).values).sum() == (distance < 0).sum() - 1
+
+
+def test_a_failed_measurement_is_no_reading() -> None:
+    values = visits(np.inf)
+    values[[100, 700]] = 65.535
+    distances = classify_distances(values, UNKNOWN)
+    assert distances.failed == 2
+    assert np.isnan(distances.values[[100, 700]]).all()
+
+
+def test_an_object_at_rest_before_a_sensor_without_noise_stays_an_object() -> None:
+    """Its distance repeats exactly, too, but no reading jumps to it."""
+    time = np.arange(0, 20, 0.02)
+    distance = np.interp(time, [0, 5, 7, 12, 14, 20], [0.3, 0.3, 0.1, 0.1, 0.3, 0.3])
+    assert frozen_values(distance) == (0.1, 0.3) or frozen_values(distance) == (0.3, 0.1)
+    assert classify_distances(distance, UNKNOWN).no_object == ()
+
+
+def test_repeated_values_of_a_slower_sensor_are_not_frozen() -> None:
+    rng = np.random.default_rng(3)
+    assert frozen_values(np.repeat(rng.standard_normal(300), 16)) == ()
+    assert frozen_values(np.round(rng.standard_normal(5000))) == ()
+    assert frozen_values(np.zeros(0)) == frozen_values(np.full(50, np.nan)) == ()
+
+
+def outputs(noise: float = 6.0, relative: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
+    """Return sensor outputs at 250 Hz of an object that comes and goes, and whether its signal is large.
+
+    30 counts are subtracted, so that the output is negative without an object.
+    """
+    rng = np.random.default_rng(4)
+    time = np.arange(0, 60, 4e-3)
+    signal = 2e4 * np.exp(-60 * (0.02 + 0.06 * (1 - np.sin(time)))) - 30
+    return signal + np.hypot(noise, relative * signal) * rng.standard_normal(len(time)), np.sin(time) > 0.2
+
+
+def test_a_code_below_all_outputs_is_no_offset() -> None:
+    readings, there = outputs()
+    readings[~there] = -1000.0
+    (code,) = idle_codes(readings)
+    assert (code.value, code.count) == (-1000.0, (~there).sum())
+    flags = np.ones(len(readings), bool)
+    noise = noise_of(readings, flags, there, ~flags, 0.0, approaches=~flags, codes=(code.value,))
+    assert noise.offset is None
+    assert noise.noise is None
+
+
+def test_an_output_that_is_limited_without_an_object_has_the_noise_of_an_object() -> None:
+    """Numbers without a sign have no noise at 0. Each of 8 levels has 800 readings: 4 * 1.2 / sqrt(800) = 17 %."""
+    readings, there = outputs()
+    readings = np.maximum(readings, 0.0)
+    assert idle_codes(readings) == ()
+    flags = np.ones(len(readings), bool)
+    noise = noise_of(readings, flags, there, ~flags, 0.0, approaches=~flags)
+    assert noise.offset == 0.0
+    assert noise.noise == pytest.approx(6.0, rel=0.2)
+    assert noise.relative_noise == pytest.approx(0.01, rel=0.2)

@@ -242,6 +242,14 @@ def test_a_wrong_design_with_limits_is_noticed(monkeypatch: pytest.MonkeyPatch) 
     assert limits.check(6, 7) > 0
 
 
+@pytest.mark.slow
+def test_the_chain_of_each_recording_is_that_of_its_sensor() -> None:
+    pytest.importorskip("rosbags", reason="needs the extra ros")
+    from benchmarks import recordings
+
+    assert recordings.check(1, 1) == 0
+
+
 def test_a_narrow_range_of_feasible_gains_is_not_called_infeasible() -> None:
     """One of 20,000 random tasks: the smallest contact speed of all gains is just below its limit."""
     from benchmarks import limits

@@ -44,12 +44,14 @@ def chain_section(
         The text.
     """
     rows: list[tuple[str, str, str]] = []
-    exposure = min(declared.exposure, 1 / timing.rate)
+    rate = timing.rate / timing.held
+    repeated = f"without gaps; each value is published {timing.held} times"
+    exposure = min(declared.exposure, 1 / rate)
     rows += [
-        ("rate", _quoted(timing.rate, "Hz"), "without gaps"),
+        ("rate", _quoted(rate, "Hz"), "without gaps" if timing.held == 1 else repeated),
         ("exposure", _quoted(exposure, "s"), "not measured; from the scenario"),
         ("delay", *_delay(declared, delay)),
-        ("jitter", _quoted(min(timing.jitter, 1 / timing.rate / 4), "s"), "robust standard deviation"),
+        ("jitter", _quoted(min(timing.jitter, 1 / rate / 4), "s"), "robust standard deviation"),
         ("dropout", _number(timing.dropout), "readings missing in gaps of up to five periods"),
         *_level_rows(noise, declared, kind, distance_noise),
     ]

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 
 _LONGEST: Final = 1.0  # s, largest latency that is searched
@@ -20,6 +20,7 @@ _RIVAL: Final = 0.9  # of the largest correlation: another maximum above this is
 _DROP: Final = 0.5  # of the largest correlation, at which its main maximum ends
 _KERNEL: Final = 0.14  # width of the smoothing kernel, in half-widths of the correlation
 _LAGS: Final = 1.0  # lags of the autocorrelation, in half-widths of the correlation
+_MISSING: Final = 3  # values in a row that are not finite, from which they are no single dropouts
 _MOST_POINTS: Final = 5_000_000
 _LIMIT: Final = 1.959963984540054  # standard deviations of a 95 % interval
 
@@ -63,6 +64,7 @@ def estimate_latency(  # noqa: PLR0911 - one return for each reason
         The latency, or the reason why it cannot be determined: too few readings, no motion, weak correlation, or
         several shifts that fit almost equally well.
     """
+    missing = _missing_spans(time, signal)
     time, signal = _finite(time, signal)
     other_time, other = _finite(other_time, other)
     if min(len(time), len(other_time)) < _FEWEST:
@@ -95,7 +97,11 @@ def estimate_latency(  # noqa: PLR0911 - one return for each reason
             "almost equally well; move the object irregularly",
         )
     half_width = _half_width(np.abs(correlations), best) * float(shifts[1] - shifts[0])
-    value, error = _refine(time, signal, _smoothed(other_time, other, half_width), float(shifts[best]), half_width)
+    # the smoothed signal shows an object that leaves before it has left, where the other one may have no readings
+    kept = _apart(time, missing, half_width)
+    kept = kept if kept.sum() >= _FEWEST else np.ones(len(time), dtype=bool)
+    smooth = _smoothed(other_time, other, half_width)
+    value, error = _refine(time[kept], signal[kept], smooth, float(shifts[best]), half_width)
     return Latency(value=value, low=value - _LIMIT * error, high=value + _LIMIT * error, correlation=peak)
 
 
@@ -108,6 +114,22 @@ def _finite(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArra
     kept = np.isfinite(values) & np.isfinite(time)
     unique, index = np.unique(time[kept], return_index=True)
     return unique, values[kept][index]
+
+
+def _missing_spans(time: FloatArray, values: FloatArray) -> list[tuple[float, float]]:
+    """Return the begin and end of each longer time without a finite value [s]."""
+    unusable = ~np.isfinite(values)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], unusable.astype(np.int8), [0]])))
+    runs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    return [(float(time[a]), float(time[b - 1])) for a, b in runs if b - a >= _MISSING]
+
+
+def _apart(time: FloatArray, spans: list[tuple[float, float]], margin: float) -> BoolArray:
+    """Return which times are farther than a margin from all spans."""
+    apart = np.ones(len(time), dtype=bool)
+    for begin, end in spans:
+        apart &= (time < begin - margin) | (time > end + margin)
+    return apart
 
 
 def _correlation(a: FloatArray, b: FloatArray) -> float:

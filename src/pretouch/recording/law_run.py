@@ -13,7 +13,7 @@ import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch.control import Controller, Status
 from pretouch.designs import Task
 from pretouch.sensors import SensorModel
@@ -89,15 +89,19 @@ def replay(
         approaches |= (time > begin - _APPROACH) & (time < finish + _APPROACH)
     offset = controller.conditioning.offset
     codes = tuple(idle.value for idle in used.no_object) if used.kind == "reading" else ()
-    noise = noise_of(used.values, regular, detecting, near, offset, approaches=approaches, codes=codes)
-    distance_noise = spread_of_course(used.values, regular) if used.kind == "distance" else None
+    new = _new_values(used.values, timing.held)  # a repeated value has no noise of its own
+    steady = np.logical_and.reduce([regular[np.minimum(new + i, len(time) - 1)] for i in range(timing.held)])
+    noise = noise_of(
+        used.values[new], steady, detecting[new], near[new], offset, approaches=approaches[new], codes=codes
+    )
+    distance_noise = spread_of_course(used.values[new], steady) if used.kind == "distance" else None
     origin = int(used.stamps[0])
     first = (origin - int(whole.stamps[0])) / 1e9
     last = float(time.max())
     events = _events(truth, threshold, contacts, origin=origin, first=first, last=last)
     known = (-np.inf, np.inf) if truth is None else _span_of(truth, origin, last)
     detections, judged = judge(intervals, events, _positive(before), known)
-    latency = None if reference is None else _latency(task, used, readings, reference, controller)
+    latency = None if reference is None else _latency(task, used.part(new), readings[new], reference, controller)
     name = f"{used.source}, {used.topic}"
     chain = ""
     if timing.rate > 0 and len(time) > 2:
@@ -167,6 +171,13 @@ def _one_clock(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
         f"The clock of the recording was set back {jumps}: pretouch replayed only the longest part without a jump"
         f"{advice}. The replay ignores {lost:,} of {total:,} readings.",
     )
+
+
+def _new_values(values: FloatArray, held: int) -> IntArray:
+    """Return the indices of the readings, without those that only repeat the value before."""
+    if held == 1:
+        return np.arange(len(values))
+    return np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
 
 
 def _part_between(recording: Recording, start: float, end: float) -> Recording:

@@ -15,12 +15,18 @@ The tree:
     ├── BrokenCoreError (also an ImportError)    the compiled core is missing, damaged or of another version
     └── ResultUnavailableError                   a part of a result that does not exist, such as a missing contact
 
+Every error has the attributes `argument` (the argument, option, file key or file that is wrong), `value` (what was
+given), `limit` (what is allowed) and `remedy` (a name or an option that helps). A `ScenarioFileError` also has
+`mistakes`, with line, key and sentence of each. Programs read these attributes instead of the message, whose words may
+change.
+
 A run without the desired outcome (no contact, infeasible constraints) is not an error: it is a result with a status.
 """
 
 from ._core.errors import (
     BrokenCoreError,
     CalibrationDataError,
+    FileMistake,
     InvalidInputError,
     MissingExtraError,
     OutOfRangeError,
@@ -36,6 +42,7 @@ from ._core.errors import (
 __all__ = [
     "BrokenCoreError",
     "CalibrationDataError",
+    "FileMistake",
     "InvalidInputError",
     "MissingExtraError",
     "OutOfRangeError",

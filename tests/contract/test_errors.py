@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import inspect
+import pickle
 import re
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 import pretouch as pt
 from pretouch._core import errors
+from refusals import refused
 
 
 def _drawn() -> dict[str, str]:
@@ -53,3 +57,31 @@ def test_what_is_drawn_as_also_another_error_is_one() -> None:
     assert issubclass(errors.BrokenCoreError, ImportError)
     assert issubclass(errors.InvalidInputError, ValueError)
     assert not issubclass(errors.ResultUnavailableError, ValueError)
+
+
+def test_an_error_has_argument_value_and_limit() -> None:
+    with refused("mass", value=-1.0, limit=(0.0, np.inf)):
+        pt.Admittance(mass=-1.0, damping=10.0, stiffness=25.0)
+    with refused("name", value="VCNL4000") as caught:
+        pt.simulation.sensor_part("VCNL4000")
+    assert "VCNL4010" in caught.value.limit
+    with refused("mass", error=pt.errors.InvalidInputError, value="1 kg", limit=None):
+        pt.Admittance(mass="1 kg", damping=10.0, stiffness=25.0)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", sorted(_actual()))
+def test_the_fields_of_an_error_survive_pickle(name: str) -> None:
+    error = getattr(errors, name)("sweep.nc: exists", value=(1, "a"), limit=(0.0, 1.0), remedy="--force")
+    copy = pickle.loads(pickle.dumps(error))  # noqa: S301
+    assert (str(copy), copy.argument, copy.fields) == ("sweep.nc: exists", "sweep.nc", error.fields)
+    unsendable = getattr(errors, name)("law: wrong", value=lambda: 0)
+    assert pickle.loads(pickle.dumps(unsendable)).value is None  # noqa: S301
+
+
+def test_an_error_of_a_scenario_file_has_all_mistakes(tmp_path: Path) -> None:
+    file = tmp_path / "approach.toml"
+    text = (Path(__file__).parents[2] / "examples/approach.toml").read_text(encoding="utf-8")
+    file.write_text(text.replace('"1 kg"', '"-1 kg"').replace('"0.2 m"', '"2 s"'), encoding="utf-8")
+    with refused("admittance.mass", error=pt.errors.ScenarioFileError, value="-1 kg") as caught:
+        pt.load_scenario(file)
+    assert [(m.line, m.key) for m in caught.value.mistakes] == [(10, "admittance.mass"), (27, "constraints.excursion")]

@@ -40,6 +40,7 @@ class _Allowed(NamedTuple):
         plural: describes several allowed values in messages.
         by_type: whether the type of a value alone decides.
         convert: turns an allowed value into the type that is stored, such as a NumPy number into a float.
+        choices: the allowed names; empty if the values are not names.
     """
 
     quick: set[type]
@@ -48,6 +49,7 @@ class _Allowed(NamedTuple):
     plural: str
     by_type: bool = True
     convert: Callable[[Any], Any] | None = None
+    choices: tuple[str, ...] = ()
 
 
 class Rule:
@@ -84,7 +86,9 @@ class Rule:
             return value
         if not self._allowed.holds(value):
             raise InvalidInputError(
-                f"{before}{self._name}: found {short_repr(value)}, expected {self._allowed.singular}"
+                f"{before}{self._name}: found {short_repr(value)}, expected {self._allowed.singular}",
+                value=value,
+                limit=self._allowed.choices or None,
             )
         if self._allowed.by_type and type(value).__module__.startswith(_PACKAGE):
             self.quick.add(type(value))  # a user's class is not stored, so that it can be garbage-collected
@@ -246,7 +250,14 @@ def _composed(origin: Any, parts: tuple[Any, ...]) -> _Allowed | None:
         return _any_of([_allowed(part) for part in parts])
     if origin is Literal:
         choices = ", ".join(map(str, parts))
-        return _Allowed(set(), lambda v: isinstance(v, str) and v in parts, f"one of {choices}", choices, by_type=False)
+        return _Allowed(
+            set(),
+            lambda v: isinstance(v, str) and v in parts,
+            f"one of {choices}",
+            choices,
+            by_type=False,
+            choices=parts,
+        )
     if origin is tuple and parts[-1:] != (Ellipsis,):
         return _fixed_tuple(parts)
     if isinstance(origin, type) and issubclass(origin, Iterable):

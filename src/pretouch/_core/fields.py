@@ -149,11 +149,13 @@ def _check_one(value: Any, f: Field[Any], *, arrays: bool, before: str, instead:
     if metadata["infinite"] and isinstance(number, float) and math.isinf(number):
         if number < 0 and metadata["sign"] == "positive":
             unit = written_unit(metadata["unit"])
-            raise InvalidInputError(f"{before}{f.name}: found -inf {unit}, which must be positive")
+            raise InvalidInputError(
+                f"{before}{f.name}: found -inf {unit}, which must be positive", value=number, limit=(0.0, math.inf)
+            )
         return
     unit = _UNIT_WORDS.get(metadata["unit"], metadata["unit"])
     rule: Callable[..., Any] = _RULES.get(metadata["sign"], finite)
     checked = rule(number, f"{before}{f.name}", unit)
     if not arrays and not isinstance(checked, float):
-        raise InvalidInputError(f"{before}{f.name}: found an array, expected one number{instead}")
+        raise InvalidInputError(f"{before}{f.name}: found an array, expected one number{instead}", value=number)
     object.__setattr__(value, f.name, checked)

@@ -72,7 +72,9 @@ def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
             same = os.path.realpath(path) == os.path.realpath(each)
         if same:
             raise OutputExistsError(
-                f"{path}: the output would overwrite the input file {each}. Choose another name with --output"
+                f"{path}: the output would overwrite the input file {each}. Choose another name with --output",
+                value=str(each),
+                remedy="--output",
             )
 
 
@@ -163,7 +165,8 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
         raise OutputExistsError(
             f"{named}: this {'folder' if target.is_dir() else 'file'} already exists, and pretouch does not "
             "overwrite it. Choose another name with --output, or replace the file with --force (overwrite=True "
-            "in Python)"
+            "in Python)",
+            remedy="--force",
         ) from None
     except OSError as error:
         if not target.parent.is_dir():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import types
+from collections.abc import Iterable
 from typing import Any, Final
 
 import numpy as np
@@ -38,6 +39,21 @@ EXAMPLES: Final = {
 
 _LONGEST: Final = 60  # characters of a value that a message shows
 _FEW: Final = 8  # items that are shown
+
+
+def not_one_of(argument: str, value: Any, names: Iterable[str]) -> dict[str, Any]:
+    """Describe the error of a name that is not one of the allowed names.
+
+    Returns:
+        The arguments of the error: message, value and limit.
+
+    Examples:
+        >>> not_one_of("method", "exact", ["auto", "integration"])["message"]
+        "method: found 'exact', expected one of auto, integration"
+    """
+    allowed = tuple(names)
+    message = f"{argument}: found {value!r}, expected one of {', '.join(allowed)}"
+    return {"message": message, "value": value, "limit": allowed}
 
 
 def short_repr(value: Any) -> str:

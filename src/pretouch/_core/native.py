@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import BrokenCoreError, InvalidInputError
+from .messages import not_one_of
 
 POINTER: Final = ctypes.c_void_p
 INTEGER: Final = ctypes.c_int64
@@ -64,7 +65,7 @@ def _library() -> ctypes.CDLL:
         raise _broken(path, f"cannot be loaded ({' '.join(str(error).split())})") from None
     requested = os.environ.get(_SWITCH, "")
     if requested not in {"", *VARIANTS}:
-        raise InvalidInputError(f"{_SWITCH}: found {requested!r}, expected one of {', '.join(VARIANTS)}")
+        raise InvalidInputError(**not_one_of(_SWITCH, requested, VARIANTS))
     number = VARIANTS.index(requested) if requested else -1
     if requested and library.pretouch_choose_variant(number) != number:
         raise InvalidInputError(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
 from numbers import Real
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,9 @@ from .units import written_unit
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 IntArray: TypeAlias = NDArray[np.int64]
+
+_FROM_ZERO: Final = (0.0, math.inf)
+_ANY: Final = (-math.inf, math.inf)
 
 
 def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
@@ -41,7 +44,7 @@ def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
         return float(scalar)
     array = _numbers(value)
     if array is None:
-        raise InvalidInputError(f"{name}: found {value!r}, expected a number{_in(unit)}")
+        raise InvalidInputError(f"{name}: found {value!r}, expected a number{_in(unit)}", value=value)
     _require(np.isfinite(array), array, name, unit, "must be finite")
     if array.ndim == 0:
         return float(array)
@@ -58,7 +61,7 @@ def positive(value: ArrayLike, name: str, unit: str = "") -> Any:
     checked = finite(value, name, unit)
     if type(checked) is float and checked > 0:
         return checked
-    _require(np.asarray(checked) > 0, np.asarray(checked), name, unit, "must be positive")
+    _require(np.asarray(checked) > 0, np.asarray(checked), name, unit, "must be positive", limit=_FROM_ZERO)
     return checked
 
 
@@ -71,7 +74,7 @@ def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
     checked = finite(value, name, unit)
     if type(checked) is float and checked >= 0:
         return checked
-    _require(np.asarray(checked) >= 0, np.asarray(checked), name, unit, "must not be negative")
+    _require(np.asarray(checked) >= 0, np.asarray(checked), name, unit, "must not be negative", limit=_FROM_ZERO)
     return checked
 
 
@@ -86,7 +89,9 @@ def checked_probability(value: Any, name: str = "probability") -> float:
     """
     number = float(finite(value, name))
     if not 0 < number < 1:
-        raise InvalidInputError(f"{name}: found {number:g}, expected a number between 0 and 1, such as 0.95")
+        raise InvalidInputError(
+            f"{name}: found {number:g}, expected a number between 0 and 1, such as 0.95", value=number, limit=(0.0, 1.0)
+        )
     return number
 
 
@@ -174,10 +179,19 @@ def _numbers(value: ArrayLike) -> FloatArray | None:
     return None
 
 
-def _require(holds: Any, array: FloatArray, name: str, unit: str, rule: str) -> None:
+def _require(
+    holds: Any,
+    array: FloatArray,
+    name: str,
+    unit: str,
+    rule: str,
+    *,
+    limit: tuple[float, float] = (-math.inf, math.inf),
+) -> None:
     if not np.all(holds):
         wrong = array[~np.atleast_1d(holds)][0] if array.ndim else float(array)
-        raise InvalidInputError(f"{name}: found {float(wrong):g}{_unit(unit)}, which {rule}")
+        number = float(wrong)
+        raise InvalidInputError(f"{name}: found {number:g}{_unit(unit)}, which {rule}", value=number, limit=limit)
 
 
 def _unit(unit: str) -> str:

@@ -106,9 +106,13 @@ def parse_unit(text: str) -> Unit:
     except (OverflowError, ZeroDivisionError):
         unit, rest = Unit(math.inf, _NONE), []
     if rest:
-        raise UnitError(f"{text!r} is not a unit: cannot read {rest[0]!r}")
+        raise UnitError(f"{text!r} is not a unit: cannot read {rest[0]!r}", argument="unit", value=text)
     if not 0 < unit.factor < math.inf:
-        raise UnitError(f"{text!r} is not a valid unit: its conversion factor to SI units would be zero or infinite")
+        raise UnitError(
+            f"{text!r} is not a valid unit: its conversion factor to SI units would be zero or infinite",
+            argument="unit",
+            value=text,
+        )
     return unit
 
 
@@ -136,20 +140,28 @@ def _tokens(text: str) -> list[str]:
     while position < len(source):
         match = _TOKEN.match(source, position)
         if match is None:
-            raise UnitError(f"{text!r} is not a unit: cannot read {source[position:].strip()!r}")
+            raise UnitError(
+                f"{text!r} is not a unit: cannot read {source[position:].strip()!r}", argument="unit", value=text
+            )
         space, part = match.groups()
         if space and tokens and _ends_factor(tokens) and _starts_factor(part):
             if divided[-1]:
                 raise UnitError(
                     f"{text!r} is not a valid unit: the space before {part!r} is ambiguous; write * or / instead "
-                    "of the space"
+                    "of the space",
+                    argument="unit",
+                    value=text,
                 )
             tokens.append("*")
         divided[-1] |= part == "/"
         if part == "(":
             divided.append(False)
             if len(divided) > _DEEPEST:
-                raise UnitError(f"{text!r} is not a valid unit: at most {_DEEPEST - 1} nested parentheses are allowed")
+                raise UnitError(
+                    f"{text!r} is not a valid unit: at most {_DEEPEST - 1} nested parentheses are allowed",
+                    argument="unit",
+                    value=text,
+                )
         elif part == ")" and len(divided) > 1:
             divided.pop()
         tokens.append(part)
@@ -179,18 +191,20 @@ def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
 def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
     """Parse one unit with its exponent. The result is the unit and the unparsed tokens."""
     if not tokens or tokens[0] in {"*", "**", "·", "/", "^", ")"}:
-        raise UnitError(f"{text!r} is not a unit: a unit is missing")
+        raise UnitError(f"{text!r} is not a unit: a unit is missing", argument="unit", value=text)
     if tokens[0] == "(":
         unit, tokens = _product(tokens[1:], text)
         if not tokens or tokens[0] != ")":
-            raise UnitError(f"{text!r} is not a unit: a parenthesis is not closed")
+            raise UnitError(f"{text!r} is not a unit: a parenthesis is not closed", argument="unit", value=text)
     else:
         unit = _symbol(tokens[0], text)
     tokens = tokens[1:]
     if tokens and tokens[0] in {"^", "**"}:
         if len(tokens) < 2 or not re.fullmatch(r"[-+]?\d{1,4}", tokens[1]) or abs(int(tokens[1])) > _LARGEST_POWER:
             raise UnitError(
-                f"{text!r} is not a valid unit: exponents must be integers from -{_LARGEST_POWER} to {_LARGEST_POWER}"
+                f"{text!r} is not a valid unit: exponents must be integers from -{_LARGEST_POWER} to {_LARGEST_POWER}",
+                argument="unit",
+                value=text,
             )
         unit = _combine(Unit(1.0, _NONE), unit, int(tokens[1]))
         tokens = tokens[2:]
@@ -209,7 +223,11 @@ def _symbol(symbol: str, text: str) -> Unit:
         factor = 1.0 if symbol == "kg" else _PREFIX[symbol[0]] * base.factor
         return Unit(factor, base.exponents)
     symbols = "m, s, g, N, J, Pa, Hz, V with a prefix, min, h, in, counts, %"
-    raise UnitError(f"{text!r} is not a valid unit: the symbol {symbol!r} is unknown; known symbols are {symbols}")
+    raise UnitError(
+        f"{text!r} is not a valid unit: the symbol {symbol!r} is unknown; known symbols are {symbols}",
+        argument="unit",
+        value=text,
+    )
 
 
 def _combine(left: Unit, right: Unit, power: int) -> Unit:
@@ -268,32 +286,37 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
     """
     expected = _expected("a quantity in", unit)
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise UnitError(f"{name}: found {value!r}, expected {_expected('a number or text with a unit of', unit)}")
+        raise UnitError(
+            f"{name}: found {value!r}, expected {_expected('a number or text with a unit of', unit)}", value=value
+        )
     if isinstance(value, str):
         match = _QUANTITY.fullmatch(value)
         if match is None:
-            raise UnitError(f"{name}: found {value!r}, expected {_expected('a number with a unit of', unit)}")
+            raise UnitError(
+                f"{name}: found {value!r}, expected {_expected('a number with a unit of', unit)}", value=value
+            )
         try:
             parsed = parse_unit(match.group(2))
         except UnitError as error:
-            raise UnitError(f"{name}: {error}; expected {_expected('a unit of', unit)}") from None
+            raise UnitError(f"{name}: {error}; expected {_expected('a unit of', unit)}", value=value) from None
         required = parse_unit(unit)
         if not bare_text and (instead := missing_unit(value, unit)):
-            raise UnitError(f"{name}: found {value!r}, expected {instead}")
+            raise UnitError(f"{name}: found {value!r}, expected {instead}", value=value)
         if match.group(2) and parsed.exponents != required.exponents:
-            raise UnitError(f"{name}: found {value!r}, expected {expected}")
+            raise UnitError(f"{name}: found {value!r}, expected {expected}", value=value)
         number = _scaled(match.group(1), parsed.factor)
         if math.isinf(number) and "inf" not in match.group(1):
-            raise UnitError(f"{name}: found {value!r}, which is larger than any float")
+            raise UnitError(f"{name}: found {value!r}, which is larger than any float", value=value)
     else:
         try:
             number = float(value)
         except OverflowError:
             raise UnitError(
-                f"{name}: found an integer that is too large for a floating-point number, expected {expected}"
+                f"{name}: found an integer that is too large for a floating-point number, expected {expected}",
+                value=value,
             ) from None
     if math.isnan(number):
-        raise UnitError(f"{name}: found {value!r}, expected {expected}")
+        raise UnitError(f"{name}: found {value!r}, expected {expected}", value=value)
     return number
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
+from pretouch._core.messages import not_one_of
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_percent
 from pretouch._core.warning_codes import caution
@@ -287,7 +288,7 @@ def check_models(models: tuple[str, ...]) -> None:
     for model in models:
         if find_curve(model) is None or model not in (*sensor_curves(fitted=True, foreign=True), _TABLE):
             others = [name for name in CURVE_KINDS.names() if name not in model_names()]
-            raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join((*model_names(), *others))}")
+            raise InvalidInputError(**not_one_of("model", model, (*model_names(), *others)))
     if not models:
         raise InvalidInputError(
             f"models: the list is empty; name at least one of the models {', '.join(model_names())}"

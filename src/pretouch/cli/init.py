@@ -375,7 +375,9 @@ def _part(name: str) -> SensorPart | None:
         return None
     parts = {parts.lower(): part for parts, part in PARTS.items()}
     if name.lower() not in parts:
-        raise InvalidInputError(f"found {name!r}, expected one of {', '.join(PARTS)}, or {_NONE}")
+        raise InvalidInputError(
+            f"found {name!r}, expected one of {', '.join(PARTS)}, or {_NONE}", value=name, limit=(*PARTS, _NONE)
+        )
     return parts[name.lower()]
 
 

@@ -172,7 +172,8 @@ def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
         )
     if path.exists() and not force:
         raise OutputExistsError(
-            f"{path}: this file already exists, and pretouch does not overwrite it; replace the file with --force"
+            f"{path}: this file already exists, and pretouch does not overwrite it; replace the file with --force",
+            remedy="--force",
         )
 
 

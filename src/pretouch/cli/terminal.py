@@ -77,7 +77,7 @@ def read_gain(text: str | None, law: ContinuousLaw) -> float | None:
     try:
         return None if text is None else read_quantity(text, law.number.unit, name="--gain")
     except UnitError as error:
-        raise UnitError(f"{error}, the unit of law kind {law.kind}") from None
+        raise UnitError(f"{error}, the unit of law kind {law.kind}", **error.fields) from None
 
 
 def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:

@@ -59,7 +59,9 @@ def load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> 
 def refuse_existing(path: Path | None, *, force: bool) -> None:
     """Refuse to replace an existing output file without --force. This check runs before anything is computed."""
     if path is not None and path.exists() and not force:
-        raise OutputExistsError(f"{path}: this file already exists; choose another name, or replace it with --force")
+        raise OutputExistsError(
+            f"{path}: this file already exists; choose another name, or replace it with --force", remedy="--force"
+        )
 
 
 def write_series(path: Path, series: tuple[Series, ...], *, force: bool) -> str:

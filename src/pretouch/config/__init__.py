@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.errors import CalibrationDataError, PretouchError, ScenarioFileError
+from pretouch._core.errors import CalibrationDataError, PretouchError
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import QUANTITIES
 from pretouch.designs.constraints import Constraint
@@ -114,7 +114,7 @@ def load_document(path: Path, text: str, sha256: str, data: Mapping[str, Any]) -
     builder = _Builder(source, data)
     task = _task(builder)
     if task is None:
-        raise ScenarioFileError(source.list_mistakes(builder.unread + builder.mistakes))
+        raise source.refusal(builder.unread + builder.mistakes)
     return task
 
 
@@ -148,7 +148,7 @@ def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
 
     Raises:
         ScenarioFileError: the file has mistakes, or its sensor needs no calibration file.
-    """
+    """  # noqa: DOC502 - made by refusal
     content, text, data = read_document(path)
     source = ScenarioSource(path=Path(path), text=text, sha256=hashlib.sha256(content).hexdigest())
     builder = _Builder(source, data)
@@ -162,7 +162,7 @@ def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
             'calibration = "sensor.csv"',
         )
     if builder.unread or builder.mistakes or scenario is None or sensor is None:
-        raise ScenarioFileError(source.list_mistakes(builder.unread + builder.mistakes))
+        raise source.refusal(builder.unread + builder.mistakes)
     recess = sensor.get("recess") or 0.0
     farthest = recess + float(np.max(scenario.distance))
     return CalibrationPlan(path=source.path.parent / sensor[CALIBRATION], nearest=recess, farthest=farthest)

@@ -6,13 +6,14 @@ The mistakes are reported together, with their line numbers.
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Final, TypeAlias, TypeVar
 
-from pretouch._core.errors import InvalidInputError, OutOfRangeError, ScenarioFileError
+from pretouch._core.errors import FileMistake, InvalidInputError, OutOfRangeError, ScenarioFileError
 from pretouch.motion.laws import DAMPER, LAW_KINDS
 
 from .key_lines import key_lines
@@ -89,8 +90,9 @@ class ScenarioSource:
             return error
         message = self.explained(error)
         path, sentence = split_message(message, "")
-        has_line = path[:1] in self.lines
-        return ScenarioFileError(self.list_mistakes([(path, sentence)]) if has_line else f"{self.path}: {message}")
+        if path[:1] in self.lines:
+            return self.refusal([(path, sentence)], **error.fields)
+        return ScenarioFileError(f"{self.path}: {message}", argument=error.argument, **error.fields)
 
     def explained(self, error: InvalidInputError) -> str:
         """Return an error message with the calibrated range of distances.
@@ -99,21 +101,40 @@ class ScenarioSource:
         """
         return f"{error}; {self.supported}" if self.supported and isinstance(error, OutOfRangeError) else str(error)
 
-    def list_mistakes(self, mistakes: Iterable[Mistake]) -> str:
-        """Return the mistakes in the scenario file by line number.
+    def refusal(self, mistakes: Iterable[Mistake], **fields: Any) -> ScenarioFileError:
+        """Return the error that lists the mistakes in the scenario file by line number.
 
-        Each mistake has its own line of text. A missing key has the line of its section, or else the last line.
+        Each mistake has its own line of text. A missing key has the line of its section, or else the last line. The
+        fields of the error are those of the first mistake, without other `fields` the value in the file.
         """
         last = self.text.rstrip().count("\n") + 1
         rows = []
         for path, sentence in dict.fromkeys(mistakes):
             line = next((self.lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in self.lines), last)
-            rows.append((line, f"{_dotted(path)}: {sentence}" if path else sentence))
-        ordered = sorted(rows, key=lambda each: each[0])
-        return "\n".join(f"{self.path}, line {line}: {text}" for line, text in ordered)
+            rows.append((path, FileMistake(line, _dotted(path), sentence)))
+        rows.sort(key=lambda each: each[1].line)
+        first_path, first = rows[0]
+        fields = fields or {"value": _value_at(tomllib.loads(self.text), first_path)}
+        texts = [f"{each.key}: {each.sentence}" if each.key else each.sentence for _, each in rows]
+        return ScenarioFileError(
+            "\n".join(f"{self.path}, line {each.line}: {text}" for (_, each), text in zip(rows, texts, strict=True)),
+            argument=first.key,
+            mistakes=(each for _, each in rows),
+            **fields,
+        )
 
 
 _lines_of = lru_cache(maxsize=4)(key_lines)
+
+
+def _value_at(content: Any, path: KeyPath) -> Any:
+    """Return the value at a key of a parsed file; None if there is no such key."""
+    for part in path:
+        try:
+            content = content[part]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return content
 
 
 def _dotted(path: KeyPath) -> str:

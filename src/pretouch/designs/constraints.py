@@ -8,6 +8,7 @@ from typing import Any
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
+from pretouch._core.messages import not_one_of
 from pretouch._core.numbers import finite
 from pretouch.motion.contact import ContactState
 
@@ -39,7 +40,7 @@ class Constraint:
         check_types(self)
         if self.name not in CONSTRAINT_NAMES and QUANTITY_KINDS.find(self.name) is None:
             names = dict.fromkeys((*CONSTRAINT_NAMES, *QUANTITY_KINDS.installed()))
-            raise InvalidInputError(f"constraint: found {self.name!r}, expected one of {', '.join(names)}")
+            raise InvalidInputError(**not_one_of("constraint", self.name, names))
         if not finite(self.limit, f"constraint {self.name}", self.unit) > 0:
             raise InvalidInputError(
                 f"constraint {self.name}: found a limit of {self.limit:g} {self.unit}, expected a positive limit"

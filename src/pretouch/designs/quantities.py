@@ -11,7 +11,7 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.extensions import Extensions
-from pretouch._core.messages import short_repr
+from pretouch._core.messages import not_one_of, short_repr
 from pretouch._core.units import parse_unit
 from pretouch._core.vocabulary import QUANTITIES, Entry
 from pretouch.motion.contact import ContactState
@@ -144,7 +144,7 @@ def check_quantity(name: str, argument: str) -> None:
     """
     if find_quantity(name) is None:
         names = dict.fromkeys((*QUANTITY_UNITS, *QUANTITY_KINDS.names()))
-        raise InvalidInputError(f"{argument}: found {name!r}, expected one of {', '.join(names)}")
+        raise InvalidInputError(**not_one_of(argument, name, names))
 
 
 @check_arguments

@@ -12,6 +12,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.messages import not_one_of
 from pretouch._core.numbers import FloatArray, IntArray, chebyshev_basis, chebyshev_sum
 from pretouch.motion.gradients import input_names
 from pretouch.motion.scenario import SCENARIO_INPUTS, scenario_with, sensor_inputs, sensor_with
@@ -273,7 +274,7 @@ def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tup
     if problem.is_differentiable:
         names = [n for n in input_names(problem.task.sensor) if n != "gain"]
         if name not in names:
-            raise InvalidInputError(f"by: found {name!r}, expected one of {', '.join(names)}")
+            raise InvalidInputError(**not_one_of("by", name, names))
         parts = [_exact(problem, flat, where[i : i + _BLOCK], name, derivative) for i in range(0, len(where), _BLOCK)]
         remaining = np.concatenate(parts) if parts else where
     for i in remaining:

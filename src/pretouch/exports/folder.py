@@ -79,7 +79,8 @@ def _check_replaceable(target: Path, *, overwrite: bool) -> None:
     if not overwrite:
         raise OutputExistsError(
             f"{target}: this folder already exists; choose another folder, or replace an earlier export with --force "
-            "(in Python: overwrite=True)"
+            "(in Python: overwrite=True)",
+            remedy="--force",
         )
     foreign = _foreign_file(target)
     if foreign is not None:

@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import refuse_input
+from pretouch._core.messages import not_one_of
 from pretouch.control import Limits
 from pretouch.designs import Task
 
@@ -82,7 +83,7 @@ def export(
             verified and pulls the robot toward the object.
     """
     if target not in TARGETS:
-        raise InvalidInputError(f"target: found {target!r}, expected one of {', '.join(TARGETS)}")
+        raise InvalidInputError(**not_one_of("target", target, TARGETS))
     kind, make = TARGETS[target]
     source: Any = task.source
     refuse_input(folder, getattr(source, "inputs", ()))

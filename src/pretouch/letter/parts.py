@@ -109,7 +109,10 @@ def reproduce(ids: Sequence[str] = (), *, progress: Callable[[str], None] | None
         hint = f". Did you mean {near[0]}?" if near else ""
         raise InvalidInputError(
             f"reproduce: the published letter has no part named {unknown[0]!r}. The available parts are: "
-            f"{', '.join(IDS)}{hint}"
+            f"{', '.join(IDS)}{hint}",
+            value=unknown[0],
+            limit=tuple(IDS),
+            remedy=near[0] if near else "",
         )
     reproductions = []
     for name in IDS:

@@ -21,6 +21,7 @@ from typing import Any, Final, Protocol, cast
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.messages import not_one_of
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
@@ -224,7 +225,7 @@ class ContactGradients(Value):
     def _check(self, quantity: str, by: str) -> None:
         for argument, name, names in (("quantity", quantity, self.quantities), ("by", by, self.inputs)):
             if name not in names:
-                raise InvalidInputError(f"{argument}: found {name!r}, expected one of {', '.join(names)}")
+                raise InvalidInputError(**not_one_of(argument, name, names))
 
     def _change(self, by: str) -> _Change:
         solution = self.solution

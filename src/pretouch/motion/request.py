@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
+from pretouch._core.messages import not_one_of
 from pretouch._core.numbers import FloatArray, IntArray, finite, positive
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
@@ -136,7 +137,7 @@ def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
         OutOfRangeError: an encounter starts outside the range of the curve.
     """
     if method not in METHODS:
-        raise InvalidInputError(f"method: found {method!r}, expected one of {', '.join(METHODS)}")
+        raise InvalidInputError(**not_one_of("method", method, METHODS))
     if method == "closed-form" and sensor.constant_log_slope is None:
         raise InvalidInputError(
             "method: the method 'closed-form' needs a sensor curve of constant slope, but the slope of the curve "

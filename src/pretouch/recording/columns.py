@@ -101,7 +101,12 @@ def _index_of(path: Path, header: list[str], wanted: str, clock: int) -> int:
     near = get_close_matches(wanted, names, 1) if wanted else []
     problem = f"there is no column {wanted!r}" if wanted else "there are several columns of readings"
     hint = f"; did you mean {near[0]}?" if near else ";"
-    raise InvalidInputError(f"{path}: {problem}{hint} choose one with --topic: {', '.join(names)}")
+    raise InvalidInputError(
+        f"{path}: {problem}{hint} choose one with --topic: {', '.join(names)}",
+        value=wanted,
+        limit=tuple(names),
+        remedy=near[0] if near else "--topic",
+    )
 
 
 def _number(row: list[str], index: int) -> float:

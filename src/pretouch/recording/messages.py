@@ -121,5 +121,8 @@ def refuse_unknown(wanted: str, counts: Mapping[Topic, int], source: str) -> NoR
     more = f" and {len(topics) - _SHOWN} more" if len(topics) > _SHOWN else ""
     listed = f"{', '.join(topics[:_SHOWN])}{more}"
     raise InvalidInputError(
-        f"{source}: the recording has no topic {wanted!r}{hint}. The topics of the recording are {listed}"
+        f"{source}: the recording has no topic {wanted!r}{hint}. The topics of the recording are {listed}",
+        value=wanted,
+        limit=tuple(names),
+        remedy=near[0] if near else "",
     )

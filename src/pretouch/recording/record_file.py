@@ -37,7 +37,8 @@ def check_free(path: Path) -> None:
         if each.exists():
             raise OutputExistsError(
                 f"{each}: this file already exists, and pretouch does not overwrite it; continue the recording with "
-                "--resume, or choose another name"
+                "--resume, or choose another name",
+                remedy="--resume",
             )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.messages import short_repr
+from pretouch._core.messages import not_one_of, short_repr
 from pretouch._core.numbers import FloatArray, finite
 
 from .style import CURVES
@@ -110,7 +110,7 @@ def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
 def check_choice(value: Any, choices: tuple[str, ...], name: str) -> None:
     """Check that an option has one of its allowed values."""
     if value not in choices:
-        raise InvalidInputError(f"{name}: found {value!r}, expected one of {', '.join(choices)}")
+        raise InvalidInputError(**not_one_of(name, value, choices))
 
 
 def check_ends(low: Any, high: Any, subject: str) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.messages import not_one_of
 from pretouch._core.numbers import FloatArray, finite_or_none
 from pretouch._core.values import Value
 from pretouch.designs.impact import SpringImpact
@@ -198,7 +199,7 @@ class RobotSimulation(Described, Value):
 
     def _index(self, site: str) -> int:
         if site not in self.sites:
-            raise InvalidInputError(f"site: found {site!r}, expected one of {', '.join(self.sites)}")
+            raise InvalidInputError(**not_one_of("site", site, self.sites))
         return self.sites.index(site)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
+from pretouch._core.messages import not_one_of
 from pretouch._core.numbers import FloatArray, are_numbers
 from pretouch._core.units import to_si
 from pretouch._core.values import Value
@@ -63,7 +64,7 @@ class SensorSite(Value):
                 f"field_of_view: found {math.degrees(angle):g} deg, expected an angle of at least 0 and below 180 deg"
             )
         if self.hold not in HOLDS:
-            raise InvalidInputError(f"hold: found {self.hold!r}, expected one of {', '.join(HOLDS)}")
+            raise InvalidInputError(**not_one_of("hold", self.hold, HOLDS))
         object.__setattr__(self, "axis", axis)
         object.__setattr__(self, "field_of_view", angle)
 

@@ -81,7 +81,9 @@ def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
     """
     if name not in sensor.parameter_units:
         raise InvalidInputError(
-            f"parameter: found {name!r}, expected one of {', '.join(sensor.parameter_units) or 'none at all'}"
+            f"parameter: found {name!r}, expected one of {', '.join(sensor.parameter_units) or 'none at all'}",
+            value=name,
+            limit=tuple(sensor.parameter_units),
         )
     exact = sensor._sensitivity_to(name) if _describes_own_curve(type(sensor)) else None
     return exact if exact is not None else CurveSensitivity(slope=_by_differences(sensor, name))

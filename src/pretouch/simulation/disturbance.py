@@ -57,7 +57,11 @@ class Disturbance:
     def __post_init__(self) -> None:
         check_declared(self)
         if self.kind not in KINDS:
-            raise InvalidInputError(f"kind: found {self.kind!r}, expected one of {', '.join(map(repr, KINDS))}")
+            raise InvalidInputError(
+                f"kind: found {self.kind!r}, expected one of {', '.join(map(repr, KINDS))}",
+                value=self.kind,
+                limit=KINDS,
+            )
         if (self.time is None) == (self.distance is None):
             found = "neither time nor distance" if self.time is None else "both time and distance"
             raise InvalidInputError(

@@ -10,6 +10,7 @@ from typing import Final
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.messages import not_one_of
 
 from .chain import SensorChain
 
@@ -65,7 +66,7 @@ def sensor_part(name: str) -> SensorPart:
         250.0
     """
     if name not in PARTS:
-        raise InvalidInputError(f"name: found {name!r}, expected one of {', '.join(PARTS)}")
+        raise InvalidInputError(**not_one_of("name", name, PARTS))
     return PARTS[name]
 
 

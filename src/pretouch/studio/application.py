@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError, PretouchError, require
 from pretouch._core.files import as_json
+from pretouch._core.messages import not_one_of
 
 from .answers import (
     change_scenario,
@@ -181,7 +182,7 @@ class Application:
         except ValueError:
             raise InvalidInputError("request: the content is not JSON, expected a JSON object from the page") from None
         if name not in self._answers:
-            raise InvalidInputError(f"request: found {name!r}, expected one of {', '.join(self._answers)}")
+            raise InvalidInputError(**not_one_of("request", name, self._answers))
         return self._answers[name](_Asked(content_object))
 
     async def _job(self, request: Any) -> Any:

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError, PretouchError
 from pretouch._core.files import as_json
+from pretouch._core.messages import not_one_of
 from pretouch._core.warning_codes import caution
 
 VERBS: Final = ("verify", "pareto", "sweep", "export")
@@ -84,7 +85,7 @@ class Jobs:
             InvalidInputError: there is no such computation, or too many are running.
         """
         if verb not in VERBS:
-            raise InvalidInputError(f"verb: found {verb!r}, expected one of {', '.join(VERBS)}")
+            raise InvalidInputError(**not_one_of("verb", verb, VERBS))
         with self._lock:
             if sum(job.state == "running" for job in self._jobs.values()) >= _MOST:
                 raise InvalidInputError(

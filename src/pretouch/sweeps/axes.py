@@ -169,10 +169,15 @@ def _unit(name: str, units: Mapping[str, str], option: str) -> str:
         near = sorted(similar, key=lambda n: not n.startswith("obstacle.")) or get_close_matches(name, units, n=1)
         if near:
             raise InvalidInputError(
-                f"{option}: the name {name!r} is not an input of this sweep; did you mean {' or '.join(near)}?"
+                f"{option}: the name {name!r} is not an input of this sweep; did you mean {' or '.join(near)}?",
+                value=name,
+                limit=tuple(units),
+                remedy=near[0],
             )
         raise InvalidInputError(
-            f"{option}: the name {name!r} is not an input of this sweep; expected one of {', '.join(units)}"
+            f"{option}: the name {name!r} is not an input of this sweep; expected one of {', '.join(units)}",
+            value=name,
+            limit=tuple(units),
         )
     return units[name]
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from pretouch._core.blocks import aligned
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.messages import not_one_of
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import QUANTITIES, unit_of, words_for
 from pretouch.designs import QUANTITY_UNITS, DesignStatus, ImpactModel, quantity_of
@@ -66,7 +67,7 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
         if name not in {STATUS, *OF_DESIGNS, *ALWAYS, *ContactState.names()} and find_quantity(name) is None:
             of_contacts = (*ContactState.names(), *QUANTITY_UNITS, *QUANTITY_KINDS.installed(), *ALWAYS)
             allowed = dict.fromkeys((*(OF_DESIGNS if designs else ()), *of_contacts))
-            raise InvalidInputError(f"results: found {name!r}, expected one of {', '.join(allowed)}")
+            raise InvalidInputError(**not_one_of("results", name, allowed))
         if name != STATUS and QUANTITIES[name].needs_impact and impact is None:
             raise InvalidInputError(
                 f"results: the result {name!r} needs an impact model; add an impact model with the robot's mass"

@@ -294,7 +294,8 @@ def _open_finished(plan: Grid, target: Path, *, overwrite: bool) -> xr.Dataset |
         if dataset is None:
             raise OutputExistsError(
                 f"{target}: this file does not contain a sweep, so pretouch does not overwrite it; choose another "
-                "name with --output"
+                "name with --output",
+                remedy="--output",
             )
         problem = f"{target}: the stored sweep is damaged."
         if not equal:
@@ -302,6 +303,7 @@ def _open_finished(plan: Grid, target: Path, *, overwrite: bool) -> xr.Dataset |
             problem = f"{target}: the stored sweep differs from the requested sweep in {differing}."
         raise OutputExistsError(
             f"{problem} Therefore, pretouch does not overwrite the file. Choose another name with --output, or replace "
-            "the file with --force (overwrite=True in Python)"
+            "the file with --force (overwrite=True in Python)",
+            remedy="--force",
         )
     return None

@@ -144,10 +144,13 @@ class ZarrStore(Store):
                 "another name for the output"
             )
         if attributes.get(DIGEST) != attributes_of(plan)[DIGEST]:
+            parts = differing_parts(attributes, plan)
             raise OutputExistsError(
-                f"{path}: the stored sweep differs from the requested sweep in "
-                f"{differing_parts(attributes, plan)}. Therefore, pretouch does not overwrite it. Choose another "
-                "name with --output, or replace the sweep with --force (overwrite=True in Python)"
+                f"{path}: the stored sweep differs from the requested sweep in {parts}. Therefore, "
+                "pretouch does not overwrite it. Choose another name with --output, or replace the sweep with --force "
+                "(overwrite=True in Python)",
+                value=parts,
+                remedy="--force",
             )
         zarr = require("zarr")
         try:
@@ -166,7 +169,8 @@ class ZarrStore(Store):
         except Exception as error:  # the parsers of zarr raise many kinds of exceptions
             raise OutputExistsError(
                 f"{path}: the files of this sweep are damaged ({' '.join(str(error).split())[:200]}). Choose "
-                "another name with --output, or replace the sweep with --force (overwrite=True in Python)"
+                "another name with --output, or replace the sweep with --force (overwrite=True in Python)",
+                remedy="--force",
             ) from None
         super().__init__(plan, per_block, arrays)
 

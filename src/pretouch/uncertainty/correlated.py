@@ -203,7 +203,8 @@ def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance:
                 raise InvalidInputError(
                     f"fit: the fitted parameter {name} has the value {mean[i]:.4g} and the standard error {error:.2g}. "
                     f"A normal distribution with this standard error includes impossible curves ({impossible}). "
-                    "Calibrate with more readings, or specify the distribution of each parameter"
+                    "Calibrate with more readings, or specify the distribution of each parameter",
+                    value=name,
                 ) from None
 
 

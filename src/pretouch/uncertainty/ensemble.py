@@ -12,6 +12,7 @@ import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.messages import not_one_of
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.values import Value
@@ -108,7 +109,7 @@ def check_draw(count: int, *, seed: int, sampling: str) -> None:
         InvalidInputError: one of them is invalid.
     """
     if sampling not in SAMPLINGS:
-        raise InvalidInputError(f"sampling: found {sampling!r}, expected one of {', '.join(SAMPLINGS)}")
+        raise InvalidInputError(**not_one_of("sampling", sampling, SAMPLINGS))
     if type(count) is not int or count < 1:
         raise InvalidInputError(f"samples: found {count!r}, expected a positive whole number")
     if count > MOST_SAMPLES:
@@ -397,7 +398,12 @@ def make_ensemble(
         if name not in units:
             similar = get_close_matches(name, units, n=1)
             hint = f"did you mean {similar[0]}?" if similar else f"expected one of {', '.join(units)}"
-            raise InvalidInputError(f"uncertainty: found {name!r}, which is no input; {hint}")
+            raise InvalidInputError(
+                f"uncertainty: found {name!r}, which is no input; {hint}",
+                value=name,
+                limit=tuple(units),
+                remedy=similar[0] if similar else "",
+            )
         checked[name] = np.atleast_1d(finite(samples, name, units[name]))
     equal_rows = len({v.shape for v in checked.values()}) == 1 and next(iter(checked.values())).ndim == 1
     if (checked or count is None) and not equal_rows:
@@ -411,7 +417,7 @@ def make_ensemble(
         several = scenario_with(scenario, {name: v for name, v in checked.items() if not _of_sensor(name)})
         likeness, many = _sensors(sensor, parameters, several, law, method)
     except InvalidInputError as impossible:
-        raise InvalidInputError(f"uncertainty: {impossible}{_REMEDY}") from None
+        raise InvalidInputError(f"uncertainty: {impossible}{_REMEDY}", **impossible.fields) from None
     if evaluate is not None and several.shape == ():  # the encounters differ only in their noise
         position = np.full(size, several.obstacle.position)
         several = replace(several, obstacle=replace(several.obstacle, position=position))

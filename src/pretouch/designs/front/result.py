@@ -10,6 +10,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import plain
+from pretouch._core.messages import not_one_of
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
@@ -157,7 +158,7 @@ class ParetoFront(Answer):
             InvalidInputError: the front does not contain the quantity.
         """
         if quantity not in self.quantities:
-            raise InvalidInputError(f"quantity: found {quantity!r}, expected one of {', '.join(self.quantities)}")
+            raise InvalidInputError(**not_one_of("quantity", quantity, self.quantities))
         return np.asarray(self.values[:, self.quantities.index(quantity)])
 
     def meets(self, **limits: float) -> BoolArray:

@@ -53,13 +53,18 @@ class GainAxis:
         low, high = bounds
         low, high = finite(low, "bounds", unit), finite(high, "bounds", unit)
         if not low < high:
-            raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] {unit}, expected two gains in ascending order")
+            raise InvalidInputError(
+                f"bounds: found [{low:g}, {high:g}] {unit}, expected two gains in ascending order",
+                value=(low, high),
+            )
         if number is not None and max(number.sign * low, number.sign * high) <= 0:
             shown = pretty_unit(unit)
             raise InvalidInputError(
                 f"bounds: no {number.name} from {low:g} to {high:g} {shown} mitigates the impact. "
                 f"The sign of a mitigating {number.name} is {number.mitigating}. Did you mean "
-                f"{0.0 - high:g} to {0.0 - low:g} {shown}?"
+                f"{0.0 - high:g} to {0.0 - low:g} {shown}?",
+                value=(low, high),
+                limit=(0.0 - high, 0.0 - low),
             )
         return cls(low=low, high=high)
 

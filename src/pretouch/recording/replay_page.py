@@ -93,7 +93,7 @@ def _key_figures(replay: Replay) -> Iterator[tuple[str, Cell]]:
     if replay.latency is not None and replay.latency.value is not None:
         low, high = (format_quantity(end, "s", 3) for end in (replay.latency.low or 0.0, replay.latency.high or 0.0))
         yield (
-            f"lag behind the reference, by {CLOCKS[replay.recording.clock]}",
+            f"lag, by {CLOCKS[replay.recording.clock]}",
             f"{format_quantity(replay.latency.value, 's', 3)} ({low} to {high})",
         )
     elif len(replay.recording.transport):

@@ -1,7 +1,6 @@
 """Build the compiled core as one shared library, with the machine's compiler or, if there is none, with zig.
 
     python native/build.py            into src/pretouch/_core/
-    python native/build.py --strict   treat compiler warnings as errors; wheels are built without, for future compilers
     python native/build.py --sanitize check addresses and undefined behavior at run time, into build/native/sanitized/
     python native/build.py --page     into src/pretouch/studio/page/, as WebAssembly for browsers; needs ziglang
     python native/build.py --tidy     run clang-tidy on every source, if it is installed; nothing is built
@@ -143,14 +142,13 @@ def write_record(library: Path, version: str) -> Path:
     return record_path(library)
 
 
-def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Path:
+def build(library: Path, *, sanitize: bool = False) -> Path:
     """Compile every source, link the library and write its record.
 
     The C compiler links, since no C++ runtime is needed.
 
     Args:
         library: path of the library; the record is written next to it.
-        strict: treat compiler warnings as errors.
         sanitize: check addresses and undefined behavior at run time.
 
     Returns:
@@ -161,7 +159,6 @@ def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Pat
     compiler = cc, _ = compilers() or _zig()
     common = ["-fvisibility=hidden", *([] if system == "win32" else ["-fPIC"])]
     common += SANITIZED.split() if sanitize else ["-g0"]
-    common += ["-Werror"] if strict else []
     objects = _objects(_jobs(compiler, common, this_target().split("-", 1)[1]))
     made = KEPT / f"{os.getpid()}-{library.name}"  # a linker may write further files there
     link = [*cc, "-shared", *(["-fsanitize=address,undefined"] if sanitize else ["-s"] if system != "darwin" else [])]
@@ -183,14 +180,13 @@ def page_core_path(root: Path) -> Path:
     return root / "src/pretouch/studio/page/core.wasm"
 
 
-def build_page_core(made: Path, *, strict: bool = False) -> Path:
+def build_page_core(made: Path) -> Path:
     """Compile the unchanged sources of the core for browsers, and link those functions that the page calls.
 
     The options make the code small, so that it loads fast; they do not change any bit of the results.
 
     Args:
         made: path of the module.
-        strict: treat compiler warnings as errors.
 
     Returns:
         The path of the module. The module imports nothing. JavaScript places its arrays in the exported memory, from
@@ -199,7 +195,7 @@ def build_page_core(made: Path, *, strict: bool = False) -> Path:
     check_interface()
     zig = [sys.executable, "-m", "ziglang"]
     compiler = [*zig, "cc", "-target", PAGE_TARGET], [*zig, "c++", "-target", PAGE_TARGET]
-    common = ["-fvisibility=hidden", "-msimd128", "-Os", "-flto", "-g0", *(["-Werror"] if strict else [])]
+    common = ["-fvisibility=hidden", "-msimd128", "-Os", "-flto", "-g0"]
     exported = [f"-Wl,--export=pretouch_{name}" for name in PAGE_FUNCTIONS]
     link = [*compiler[0], "-mexec-model=reactor", "-nostartfiles", "-Wl,--no-entry", "-Wl,--export=__heap_base", "-s"]
     return _link(made, _objects(_jobs(compiler, common, "wasm32")), [*link, *exported], [])
@@ -302,7 +298,6 @@ def main() -> None:
     """Build the library or the page's core in the source tree, or run clang-tidy, as the command line says."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--sanitize", action="store_true", help="check addresses and undefined behavior")
-    parser.add_argument("--strict", action="store_true", help="take a warning for an error")
     parser.add_argument("--page", action="store_true", help="build WebAssembly for the page of pretouch studio")
     parser.add_argument("--tidy", action="store_true", help="let clang-tidy read the sources, and build nothing")
     wanted, root = parser.parse_args(), NATIVE.parent
@@ -311,11 +306,11 @@ def main() -> None:
     if wanted.page:
         if not has_zig():
             parser.error(f'the page needs zig: python -m pip install "{ZIG}"')
-        print(build_page_core(page_core_path(root), strict=wanted.strict).relative_to(root))
+        print(build_page_core(page_core_path(root)).relative_to(root))
         return
     own = library_path(root)
     made = root / "build/native/sanitized" / own.name if wanted.sanitize else own
-    print(build(made, strict=wanted.strict, sanitize=wanted.sanitize).relative_to(root))
+    print(build(made, sanitize=wanted.sanitize).relative_to(root))
 
 
 if __name__ == "__main__":

@@ -183,6 +183,53 @@ def test_only_damaged_messages_are_refused(recorded, tmp_path):
         read_recording(file, "/j.v")
 
 
+def test_messages_that_are_lost_from_a_database_are_noticed(recorded, tmp_path):
+    """The rest of the database is whole, and only the metadata show the loss."""
+    bag = recorded.float_bag(tmp_path / "bag", np.arange(100) * 0.01, np.arange(100), storage="SQLITE3")
+    with sqlite3.connect(next(bag.glob("*.db3"))) as database:
+        database.execute("DELETE FROM messages WHERE id > 60 AND id < 71")
+    recording = read_recording(bag, "/reading")
+    assert len(recording.values) == 90
+    assert any("100 messages" in note and "90 messages" in note for note in recording.notes)
+
+
+def test_messages_that_are_lost_from_an_mcap_file_are_noticed(recorded, tmp_path):
+    """A damaged number of the channel, in a file without checksums; the statistics at its end are whole."""
+    file = recorded.write_json_mcap(tmp_path / "x.mcap", {"/j": [(i, {"v": i}) for i in range(50)]}, use_chunking=False)
+    content = bytearray(file.read_bytes())
+    content[content.index(b'{"v": 7}') - 22] ^= 0xFF
+    file.write_bytes(bytes(content))
+    recording = read_recording(file, "/j")
+    assert len(recording.values) == 49
+    assert any("50 messages" in note and "49 messages" in note for note in recording.notes)
+
+
+def test_a_database_without_its_messages_has_none(recorded, tmp_path):
+    bag = recorded.float_bag(tmp_path / "bag", [0.0, 0.1], [1.0, 2.0], storage="SQLITE3")
+    with sqlite3.connect(next(bag.glob("*.db3"))) as database:
+        database.execute("DROP TABLE messages")
+    with pytest.raises(InvalidInputError, match="no messages"):
+        read_recording(bag, "/reading")
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 1e200, 5e-324, np.nan, np.inf])
+@pytest.mark.parametrize("kind", ["reading", "distance"])
+def test_readings_that_no_sensor_has_raise_no_python_warning(task, value, kind):
+    """Warnings of Python are errors in all tests."""
+    values = 150.0 + 20 * np.random.default_rng(1).standard_normal(400)
+    values[50:52], values[300] = value, -value
+    result = replay(task, readings(values, kind=kind), reference=readings(values, kind="distance"))
+    assert np.isfinite(result.steps.virtual_force).all()
+    assert isinstance(result.to_dict()["headline"], str)
+
+
+def test_a_time_that_no_clock_has_is_ignored(tmp_path):
+    (tmp_path / "x.csv").write_text("time [s],a\n0,1\n1e300,2\n1,3\n")
+    recording = read_recording(tmp_path / "x.csv", "a")
+    assert recording.values.tolist() == [1.0, 3.0]
+    assert any("1 rows without a valid time" in note for note in recording.notes)
+
+
 @pytest.mark.parametrize("title", [True, False])
 def test_a_type_that_an_idl_file_defines_is_read(recorded, tmp_path, title):
     """The recorder writes a separator and a title before the root of such a definition; other writers do not."""

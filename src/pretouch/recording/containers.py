@@ -28,9 +28,10 @@ _MCAP: Final = b"\x89MCAP0\r\n"
 _ZSTD: Final = b"\x28\xb5\x2f\xfd"
 _SQLITE: Final = b"SQLite format 3\0"
 _ROS1: Final = b"#ROSBAG V"
-_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6  # opcodes of MCAP records
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS = 2, 3, 4, 5, 6, 11  # opcodes of MCAP records
 _RECORD: Final = struct.Struct("<BQ")
 _HEAD: Final = struct.Struct("<HIQQ")  # channel, sequence, receive time, publish time
+_YAML_COUNT: Final = re.compile(r"^  message_count:\s*(\d+)", re.MULTILINE)  # of all topics
 _YAML_FILES: Final = re.compile(r"relative_file_paths:\s*\n((?:\s*-\s*.+\n?)*)")
 
 
@@ -54,6 +55,8 @@ def read_contents(path: Path, wanted: Collection[str]) -> Contents:
         files = _files_of(path, contents) if path.is_dir() else [path]
         for file in files:
             _read_file(file, wanted, contents)
+        if path.is_dir():
+            _compare_with_metadata(path, contents)
     except FileNotFoundError:
         raise InvalidInputError(f"{path}: this file or folder does not exist") from None
     except OSError as error:
@@ -81,6 +84,17 @@ def _files_of(folder: Path, contents: Contents) -> list[Path]:
     if missing := [name for name in names if name and not (folder / name).exists()]:
         contents.notes.append(f"Files of the bag are missing: {', '.join(missing)}.")
     return files or present
+
+
+def _compare_with_metadata(folder: Path, contents: Contents) -> None:
+    """Add a remark if a bag has fewer messages than its metadata say, and no other remark says so."""
+    metadata = folder / "metadata.yaml"
+    if contents.notes or not metadata.exists():
+        return
+    listed = _YAML_COUNT.search(metadata.read_text(encoding="utf-8", errors="replace"))
+    count = sum(contents.counts.values())
+    if listed is not None and count < int(listed[1]):
+        contents.notes.append(_describe_loss(folder.name, count, int(listed[1])))
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
@@ -130,7 +144,7 @@ def _read_mcap(name: str, stream: Any, wanted: Collection[str], contents: Conten
     records = require("mcap.records", extra=EXTRA)
     state, before = _Channels(wanted, contents), sum(contents.counts.values())
     size = stream.seek(0, os.SEEK_END)
-    place, complete = len(_MCAP), False
+    place, complete, expected = len(_MCAP), False, 0
     try:
         while place + _RECORD.size <= size and not complete:
             stream.seek(place)
@@ -142,17 +156,29 @@ def _read_mcap(name: str, stream: Any, wanted: Collection[str], contents: Conten
                 chunk = records.Chunk.read(_fields(stream.read(length)))
                 data, _ = reader.get_chunk_data_stream(chunk, validate_crc=True)
                 _read_records(data.read(chunk.uncompressed_size), state)
+            elif opcode == _STATISTICS:
+                expected = int(records.Statistics.read(_fields(stream.read(length))).message_count)
             elif opcode in {_SCHEMA, _CHANNEL, _MESSAGE}:
                 _read_records(_RECORD.pack(opcode, length) + stream.read(length), state)
             complete = opcode == _FOOTER  # indexes are not read
     except Exception as error:  # each library for compression has errors of its own
         if isinstance(error, MemoryError | InvalidInputError | MissingExtraError):
             raise
+    count = sum(contents.counts.values()) - before
+    if complete and count < expected:
+        contents.notes.append(_describe_loss(name, count, expected))
     if not complete:
-        count = sum(contents.counts.values()) - before
         contents.notes.append(
             f"The file {name} is truncated or damaged; pretouch read only its first {count:,} messages."
         )
+
+
+def _describe_loss(name: str, count: int, expected: int) -> str:
+    """Say that a recording has fewer messages than it should have."""
+    return (
+        f"The recording {name} is damaged: it should have {expected:,} messages, but pretouch found only {count:,} "
+        "messages."
+    )
 
 
 def _fields(data: bytes) -> Any:
@@ -226,9 +252,10 @@ def _read_sqlite(path: Path, name: str, wanted: Collection[str], contents: Conte
     journal = path.with_name(f"{path.name}-wal")
     fixed = "&immutable=1" if not journal.exists() or not journal.stat().st_size else ""
     connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro{fixed}", uri=True)
+    connection.text_factory = lambda data: data.decode(errors="replace")  # a damaged name is no reason to stop
     try:
         _read_database(connection, wanted, contents)
-    except sqlite3.DatabaseError as error:
+    except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # also of its own error message
         if not contents.counts:
             raise InvalidInputError(f"{name}: this database is not a ROS 2 bag, or it is damaged ({error})") from None
         contents.notes.append(

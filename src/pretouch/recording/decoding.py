@@ -215,7 +215,8 @@ def _decode_cdr(
             same = with_layout(table, layout)
             places, part = (rest, table) if same.all() else (rest[same], table[same])
             if name in layout.fields:
-                columns.values[places] = column(part, layout.fields[name])
+                with np.errstate(invalid="ignore"):  # the bits of a damaged number can be those of a signaling NaN
+                    columns.values[places] = column(part, layout.fields[name])
             columns.stamps[places] = _stamps(part, layout)
             if np.isnan(bounds[0]) and {"min_range", "max_range"} <= set(layout.fields):
                 low, high = (float(column(part[:1], layout.fields[f"{end}_range"])[0]) for end in ("min", "max"))

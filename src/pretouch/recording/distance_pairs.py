@@ -77,7 +77,8 @@ def pair_distances(
     width = clock[after] - clock[after - 1]
     steps = np.diff(clock)
     longest = _LONGEST_GAP * float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    inside = (at >= clock[0]) & (at <= clock[-1]) & (width <= longest) & (width > 0) & np.isfinite(readings)
+    known = (at >= clock[0]) & (at <= clock[-1]) & (width <= longest) & (width > 0)
+    inside = known & np.isfinite(readings)
     first, last = length[after - 1], length[after]
     both = np.isfinite(first) & np.isfinite(last)
     none = np.isposinf(first) & np.isposinf(last)
@@ -87,7 +88,7 @@ def pair_distances(
         speed = np.where(both, np.abs(last - first) / width, 0.0)
     kept = inside & (both | none)
     finite = between[kept & both]
-    if not inside.any():
+    if not known.any():
         raise InvalidInputError(
             f"reference: no reading of the sensor lies between distances of the reference. The readings range from "
             f"{at.min():.6g} s to {at.max():.6g} s, and the distances from {clock[0]:.6g} s to {clock[-1]:.6g} s. Use "

@@ -72,7 +72,8 @@ def replay(
         The replay, with any result: also no detection, or no usable reading.
     """
     controller, loop, law = _controller(task)
-    whole, notes = _one_clock(recording)
+    whole, notes = _one_clock(recording.plausible)
+    reference = None if reference is None else reference.plausible
     used = _part_between(whole, start, end)
     time = used.time
     readings = readings_of(used, task.sensor, controller.conditioning.offset)

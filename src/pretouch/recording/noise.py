@@ -22,6 +22,7 @@ _ROUNDS: Final = 4  # the level without an object and the readings without an ob
 _BINS: Final = 8  # levels of xi at which noise is estimated
 _FEWEST_LEVELS: Final = 6  # distinct readings: with fewer, equal steps may be chance
 _CLIPPED: Final = 5  # readings in a row at the largest value, from which it counts as a limit
+_ROUNDED: Final = 10.0  # rounding errors, above which a step is no rounding
 _WHOLE: Final = 0.02  # of a step: deviation of quantized readings from whole steps
 
 
@@ -244,9 +245,11 @@ def _resolution(values: FloatArray) -> float:
         return 0.0
     steps = np.diff(levels)
     step = float(steps.min())
+    rounding = float(np.spacing(np.float32(np.abs(levels).max())))  # of numbers in single precision
+    if step <= _ROUNDED * rounding:
+        return 0.0
     multiples = (levels - levels[0]) / step
-    rounding = np.spacing(np.float32(np.abs(levels).max())) / step  # of numbers in single precision
-    return step if np.all(np.abs(multiples - np.round(multiples)) <= _WHOLE + rounding) and rounding < 0.1 else 0.0
+    return step if np.all(np.abs(multiples - np.round(multiples)) <= _WHOLE + rounding / step) else 0.0
 
 
 def _is_clipped(values: FloatArray) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,12 +23,13 @@ from .columns import is_table, read_columns
 from .containers import read_contents
 from .decoding import Decoded, decode
 from .messages import Contents, Messages, refuse_unknown, split_name
-from .no_object import NoObject, classify_distances, idle_codes
+from .no_object import classify_distances, idle_codes
 from .recording import Clock, Kind, Recording
 
 _WITH_UNIT: Final = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")
 _LENGTH: Final = parse_unit("m").exponents
 _RANGES: Final = ("sensor_msgs/msg/Range", "sensor_msgs/Range")
+_LATEST: Final = 2**62 / 1e9  # s, in the year 2116
 _UNBOUNDED: Final = (float("nan"), float("nan"))
 
 
@@ -135,8 +137,8 @@ def decode_topic(contents: Contents, name: str, source: str) -> tuple[Messages, 
     parts = split_name(name, [topic.name for topic in contents.counts])
     if parts is None:
         refuse_unknown(name, contents.counts, source)
-    messages = contents.messages[parts[0]]
-    if not messages.data:
+    messages = contents.messages.get(parts[0])
+    if messages is None or not messages.data:
         why = "; ".join(note.rstrip(".") for note in contents.notes)
         raise InvalidInputError(
             f"{source}: the topic {parts[0]} has no messages{f' ({why})' if why else ''}; was the sensor running "
@@ -152,15 +154,14 @@ def _recording(
     message_type = messages.topic.message_type or messages.topic.encoding
     is_range = message_type in _RANGES and decoded.field == "range"
     kind, values, remarks = _in_unit(decoded.values, "m" if unit is None and is_range else unit)
-    values, no_object, more = _without_idle_values(kind, values, decoded.bounds if is_range else _UNBOUNDED)
     if decoded.damaged:
         total = decoded.damaged + len(values)
-        more = (
+        remarks = (
+            *remarks,
             f"{decoded.damaged:,} of {total:,} messages of {messages.topic.name} are damaged, for example too short; "
             "they count as missing readings.",
-            *more,
         )
-    return Recording(
+    recording = Recording(
         source=file.name,
         topic=f"{messages.topic.name}.{decoded.field}" if decoded.field else messages.topic.name,
         message_type=message_type,
@@ -169,22 +170,17 @@ def _recording(
         kind=kind,
         clock=clock,
         transport=transport,
-        no_object=no_object,
-        notes=(*notes, *remarks, *more),
+        notes=(*notes, *remarks),
     )
+    return _without_idle_values(recording, decoded.bounds if is_range else _UNBOUNDED)
 
 
-def _without_idle_values(
-    kind: Kind, values: FloatArray, bounds: tuple[float, float] = _UNBOUNDED
-) -> tuple[FloatArray, tuple[NoObject, ...], tuple[str, ...]]:
-    """Replace distances that are none, and find values of other readings that mean "no object".
-
-    Returns:
-        The readings, the values without an object, and remarks.
-    """
-    if kind != "distance":
-        return values, idle_codes(values), ()
-    distances = classify_distances(values, bounds)
+def _without_idle_values(recording: Recording, bounds: tuple[float, float] = _UNBOUNDED) -> Recording:
+    """Replace distances that are none, and find values of other readings that mean "no object"."""
+    recording = recording.plausible
+    if recording.kind != "distance":
+        return replace(recording, no_object=idle_codes(recording.values))
+    distances = classify_distances(recording.values, bounds)
     notes = []
     if distances.too_near:
         notes.append(
@@ -206,7 +202,7 @@ def _without_idle_values(
             f"{distances.impossible:,} distances are negative, and far from the readings before and after them: they "
             "count as NaN."
         )
-    return distances.values, distances.no_object, tuple(notes)
+    return replace(recording, values=distances.values, no_object=distances.no_object, notes=(*recording.notes, *notes))
 
 
 def _in_unit(values: FloatArray, unit: str | None) -> tuple[Kind, FloatArray, tuple[str, ...]]:
@@ -224,13 +220,12 @@ def _in_unit(values: FloatArray, unit: str | None) -> tuple[Kind, FloatArray, tu
 
 def _from_table(file: Path, name: str, unit: str | None) -> Recording:
     column, own_unit, time, values = read_columns(file, name)
-    usable = np.isfinite(time)
+    usable = np.isfinite(time) & (np.abs(time) < _LATEST)
     if not usable.any():
         raise InvalidInputError(f"{file}: no row has a valid time; the time column must contain numbers")
     kind, values, notes = _in_unit(values[usable], own_unit if unit is None else unit)
     if not usable.all():
-        notes = (*notes, f"{(~usable).sum():,} rows without a time were ignored.")
-    values, no_object, more = _without_idle_values(kind, values)
+        notes = (*notes, f"{(~usable).sum():,} rows without a valid time were ignored.")
     fields: dict[str, Any] = {"source": file.name, "topic": column, "message_type": "column", "clock": "column"}
     stamps = np.round(time[usable] * 1e9).astype(np.int64)
-    return Recording(stamps=stamps, values=values, kind=kind, no_object=no_object, notes=(*notes, *more), **fields)
+    return _without_idle_values(Recording(stamps=stamps, values=values, kind=kind, notes=notes, **fields))

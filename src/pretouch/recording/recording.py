@@ -21,6 +21,8 @@ from .no_object import NoObject
 Kind: TypeAlias = Literal["reading", "distance"]
 Clock: TypeAlias = Literal["header", "receive", "column"]
 
+_LARGEST: Final = 1e30  # of a reading; the squares of larger ones are no numbers any more
+
 CLOCKS: Final = {
     "header": "header stamps",
     "receive": "receive times",
@@ -95,6 +97,14 @@ class Recording(Value):
         is_header = self.clock == "header"
         received, stamps = (self.stamps + taken, self.stamps) if is_header else (self.stamps, self.stamps - taken)
         return Transport(self.topic, received, stamps)
+
+    @property
+    def plausible(self) -> Recording:
+        """The recording, with NaN in place of readings beyond 1e30, which no sensor has."""
+        if not (beyond := np.isfinite(self.values) & (np.abs(self.values) > _LARGEST)).any():
+            return self
+        note = f"{beyond.sum():,} readings are beyond 1e30, which no sensor measures: they count as NaN."
+        return replace(self, values=np.where(beyond, np.nan, self.values), notes=(*self.notes, note))
 
     def part(self, kept: slice | IntArray) -> Recording:
         """Return the recording with only the selected readings.

@@ -261,7 +261,7 @@ def test_columns_and_labels_are_chosen_on_the_command_line_as_the_messages_say(r
     assert code == 2
     assert '--columns "output=2" (called columns in a scenario file and in Python)' in err
     code, _, err = run("fit", "equal.csv", "--columns", "output=3", "--json")
-    assert (code, '--columns "distance=1 [mm]"' in err) == (2, True)
+    assert (code, '--columns "distance=1 [UNIT]"' in err) == (2, True)
     code, out, _ = run("fit", "equal.csv", "--columns", "distance=1 [mm], output=3 [V]", "--json")
     assert (code, strict(out)["best"]) == (0, "exponential-1")
     code, out, _ = run("fit", "two.csv", "--labels", "none", "--json")

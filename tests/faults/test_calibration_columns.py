@@ -104,7 +104,7 @@ def test_the_units_of_a_wide_table_are_said_or_stand_in_its_corner(file, text, c
 def test_numbered_columns_beside_a_distance_are_repeats_where_that_is_said(file):
     text = "distance [mm],1,2,3\n0,9,5,3\n10,8,4,\n"
     with pytest.raises(
-        CalibrationDataError, match=r'"distance=1"\. If .* headers, use the option --columns "distance=\[mm\]"'
+        CalibrationDataError, match=r'"distance=1"\. If .* headers, use the option --columns "distance=\[UNIT\]"'
     ):
         read_calibration(file(text))
     curve = read_calibration(file(text), columns={"distance": 1})
@@ -118,8 +118,6 @@ def test_columns_named_as_repeats_are_read_as_such(file):
         curve = read_calibration(file(f"distance [mm],{heads}\n0,9,8\n10,5,4\n"))
         assert (curve.distances.tolist(), curve.outputs.tolist()) == ([0, 0, 0.01, 0.01], [9, 8, 5, 4])
         assert curve.source.notes == (f"The columns {heads.replace(',', ', ')} are read as repeats.",)
-    with pytest.raises(CalibrationDataError, match="may both contain the output"):
-        read_calibration(file("distance [mm],sensor 1 [V],sensor 2 [V]\n0,9,8\n10,5,4\n"))
     with pytest.raises(CalibrationDataError, match="may both contain the output"):
         read_calibration(file("distance [mm],trial 1 [V],trial 2 [mV]\n0,9,8\n10,5,4\n"))
 
@@ -314,10 +312,10 @@ def test_a_choice_that_cannot_be_is_refused(file, columns, message):
     ("text", "message"),
     [
         ("0,5,10,inf\n9,5,3,1\n", "line 1: the distances '0', '5', '10', ... have no unit; write the unit into each"),
-        ("0,5,10,inf\n9,5,3,1\n", f'--columns "distance=[mm]" {REMEDY}'),
+        ("0,5,10,inf\n9,5,3,1\n", f'--columns "distance=[UNIT]" {REMEDY}'),
         ("sensor,0,5,10\na,9,5,3\n", "line 1: the distances '0', '5', '10' have no unit"),
         ("0,5,10,20\n9,5,3,1\n", 'line 1: the first row contains numbers, but a header such as "distance [mm],'),
-        ("0,5,10,20\n9,5,3,1\n", '. If these numbers are distances, use --columns "distance=[mm]"'),
+        ("0,5,10,20\n9,5,3,1\n", '. If these numbers are distances, use --columns "distance=[UNIT]"'),
         ("1,1cm,2mm\n9,5,3\n", "line 1: the header '1' has no unit, and the units of the other headers differ"),
         ("-1cm,2cm\n9,5\n", "line 1: found the distance '-1 cm', which must not be negative"),
         ("0cm,1e400cm\n9,5\n", "line 1: found the distance '1e400 cm', expected a number of a magnitude"),
@@ -340,9 +338,9 @@ def test_a_choice_that_cannot_be_is_refused(file, columns, message):
         ("Bench 4\nSerial 5\n0 2\n5 1\n", "line 1: found 'Bench 4', but a header such as"),
         ("1,2\n2,3\ndistance [mm],output [V]\n0,2\n", "line 1: found the numbers '1,2' above the header in line 3"),
         ("Bench 4\ndistance,output [V]\n0,2\n", "line 2: found 'distance', a distance without a unit"),
-        ("distance,output [V]\n0,2\n", f'or use the option --columns "distance=1 [mm]" {REMEDY}'),
+        ("distance,output [V]\n0,2\n", f'or use the option --columns "distance=1 [UNIT]" {REMEDY}'),
         ("distance [mm],drive current [mA],gain\n0,8,2\n", f'--columns "distance=1,output=2" {REMEDY}'),
-        ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "use --labels none. In Python and in"),
+        ("distance [mm],output [V],object\n0,1,a\n1,1,b\n2,1,c\n3,1,d\n", "use --labels none. In Python and in"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_sentence_with_its_line(file, text, message):

@@ -227,7 +227,7 @@ def test_a_time_that_no_clock_has_is_ignored(tmp_path):
     (tmp_path / "x.csv").write_text("time [s],a\n0,1\n1e300,2\n1,3\n")
     recording = read_recording(tmp_path / "x.csv", "a")
     assert recording.values.tolist() == [1.0, 3.0]
-    assert any("1 rows without a valid time" in note for note in recording.notes)
+    assert any("without a time, which are not read: 1" in note for note in recording.notes)
 
 
 @pytest.mark.parametrize("title", [True, False])
@@ -321,7 +321,7 @@ def test_without_the_libraries_a_sentence_names_the_extra(recorded, tmp_path, mo
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("", "empty"),
+        ("", "has no rows"),
         ("a,b\n1,2\n", "time"),
         ("time [s]\n1\n", "header"),
         ("time [mm],a\n1,2\n", "time"),

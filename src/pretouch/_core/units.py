@@ -47,6 +47,7 @@ _PLAIN: Final[dict[str, Unit]] = {
     "h": Unit(3600.0, (0, 0, 1, 0, 0)),
     "in": Unit(0.0254, (1, 0, 0, 0, 0)),
     "inch": Unit(0.0254, (1, 0, 0, 0, 0)),
+    "ft": Unit(0.3048, (1, 0, 0, 0, 0)),
     "rad": Unit(1.0, _NONE),
     "deg": Unit(math.pi / 180, _NONE),
     "%": Unit(0.01, _NONE),
@@ -222,7 +223,7 @@ def _symbol(symbol: str, text: str) -> Unit:
         # the gram has the factor 1e-3, so that "kg" is exactly 1
         factor = 1.0 if symbol == "kg" else _PREFIX[symbol[0]] * base.factor
         return Unit(factor, base.exponents)
-    symbols = "m, s, g, N, J, Pa, Hz, V with a prefix, min, h, in, counts, %"
+    symbols = "m, s, g, N, J, Pa, Hz, V with a prefix, min, h, in, ft, counts, %"
     raise UnitError(
         f"{text!r} is not a valid unit: the symbol {symbol!r} is unknown; known symbols are {symbols}",
         argument="unit",

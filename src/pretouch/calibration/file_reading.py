@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple, TypeAlias
 
@@ -13,24 +14,18 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray, finite
+from pretouch.tables.cells import Column, TextTable, is_missing, is_no_object, number
 from pretouch.tables.column_options import find_label_columns, parse_column_options
-from pretouch.tables.headers import (
-    Column,
-    Layout,
-    TextTable,
-    is_missing,
-    is_no_object,
-    number,
-    output_column,
-    split_title,
-)
+from pretouch.tables.names import split_title
 from pretouch.tables.text_table import read_table
 
 from .data import IF_NEGATIVE, Calibration, Provenance
-from .table_layout import long_layout, wide_layout
+from .table_layout import Layout, long_layout, output_column, wide_layout
 
 _FEW: Final = 5  # number of distances from which on a stray one is searched for
 _STRAY: Final = 50.0  # smallest ratio of a stray distance to the next smaller distance
+_SENSOR: Final = "sensor"  # label of curves whose outputs are in columns side by side
+_COLUMN: Final = "column"  # the same, if the file has labels of that name
 _REMEMBERED: Final = 10_000  # cells of a column whose numbers are cached, since distances and counts repeat
 
 NoObject: TypeAlias = "float | Sequence[float] | FloatArray | str | os.PathLike[str] | None"
@@ -141,7 +136,8 @@ def _curves(
             f"{table.file}: the table has a header but no rows below the header; add rows with distances and "
             "sensor outputs"
         )
-    if labels is None and len(groups) > 3 and max(map(len, groups.values())) * len(layout.pairs) == 1:
+    repeats = 1 if layout.sensors else len(layout.pairs)
+    if labels is None and len(groups) > 3 and max(map(len, groups.values())) * repeats == 1:
         titles = ", ".join(repr(table.name(i)) for i in label_columns)
         raise CalibrationDataError(
             f"{table.file}: every row has a different label (label columns: {titles}). Therefore, each curve would "
@@ -150,12 +146,16 @@ def _curves(
         )
     extra = _no_object_readings(no_object, layout)
     names = tuple(table.name(i) for i in label_columns)
-    values = [dict(zip(names, key, strict=True)) for key in groups]
-    curves = zip(values, groups.values(), strict=True)
-    return [
-        (curve_labels, _curve(table, layout, curve_labels, readings.of(rows, shared), extra))
-        for curve_labels, rows in curves
-    ]
+    curves = []
+    for key, rows in groups.items():
+        group = dict(zip(names, key, strict=True))
+        if not layout.sensors:
+            curves.append((group, _curve(table, layout, group, readings.of(rows, shared), extra)))
+        for k, sensor in enumerate(layout.sensors):
+            curve_labels = {**group, _SENSOR if _SENSOR not in group else _COLUMN: sensor}
+            column = replace(layout, outputs=layout.pairs[k][1].title)
+            curves.append((curve_labels, _curve(table, column, curve_labels, readings.pair(k).of(rows, shared), extra)))
+    return curves
 
 
 class _Readings(NamedTuple):
@@ -166,6 +166,10 @@ class _Readings(NamedTuple):
 
     distances: FloatArray
     outputs: FloatArray
+
+    def pair(self, index: int) -> _Readings:
+        """Return the readings of one pair of columns."""
+        return _Readings(self.distances[:, [index]], self.outputs[:, [index]])
 
     def of(self, rows: Sequence[int], shared: Sequence[int]) -> _Readings:
         """Return the readings of selected table rows.

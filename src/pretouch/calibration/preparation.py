@@ -12,7 +12,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch._core.units import format_quantity, supported_digits
 from pretouch._core.warning_codes import caution
-from pretouch.tables.headers import is_length
+from pretouch.tables.names import is_length
 
 from .averaging import (
     AveragedCurve,

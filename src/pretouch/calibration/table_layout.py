@@ -6,35 +6,91 @@ import math
 import re
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from decimal import Decimal
 
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit
+from pretouch.tables.cells import Column, TextTable, is_missing, is_no_object, is_number, join_first, quoted
 from pretouch.tables.column_options import ColumnOption, ColumnOptions, columns_hint
-from pretouch.tables.headers import (
-    Column,
+from pretouch.tables.names import (
     DistanceMark,
-    Layout,
-    TextTable,
     distance_mark,
     is_length,
-    is_missing,
     is_named,
-    is_no_object,
-    is_number,
     is_output_unit,
-    join_first,
     looks_wide,
     output_unit,
-    quoted,
     split_title,
 )
+from pretouch.tables.unit_words import LENGTH, TIME, dimension, unit_in_words
 
 from .data import IF_NEGATIVE
 
 _SHOWN = 8  # columns that a message lists
+_SIDES = frozenset(
+    [
+        "left",
+        "right",
+        "front",
+        "rear",
+        "back",
+        "top",
+        "bottom",
+        "inner",
+        "outer",
+        "center",
+        "middle",
+        "north",
+        "south",
+        "east",
+        "west",
+        "a",
+        "b",
+        "c",
+        "d",
+    ]
+)
+_TRUE = frozenset(
+    [
+        "true",
+        "actual",
+        "real",
+        "reference",
+        "ref",
+        "set",
+        "target",
+        "nominal",
+        "commanded",
+        "desired",
+        "ground",
+        "stage",
+        "ruler",
+        "soll",
+    ]
+)
 _FEW = 3  # fewest distances of a curve: a setting with fewer is not a label
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Columns of a calibration table that contain distances, outputs and labels.
+
+    A long table has one pair of columns, a wide table has many.
+
+    A pair has the column of distances, or one distance [m] (infinite without an object), and the column of outputs.
+    `distances` and `outputs` describe these columns, and `unit` is that of the outputs. `labels` are the indices of the
+    columns that distinguish curves by default; `notes` are assumptions. `sensors` are the names of the pairs if each
+    pair belongs to a sensor of its own.
+    """
+
+    pairs: tuple[tuple[Column | float, Column], ...]
+    distances: str
+    outputs: str
+    unit: str
+    labels: tuple[int, ...]
+    notes: tuple[str, ...]
+    sensors: tuple[str, ...] = ()
 
 
 def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
@@ -47,12 +103,14 @@ def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
         The layout.
     """
     _refuse_no_header(table)
-    distance_index, output_indices = _columns(table, options)
+    distance_index, output_indices, are_sensors = _columns(table, options)
     distance_column = _distance_column(table, distance_index, options.distance)
     output_column, notes = _output_column(table, output_indices, options.output)
     labels, more_notes = _labels(table, distance_index, output_indices)
     if len(output_indices) > 1:
-        more_notes.append(f"The columns {', '.join(table.header[i] for i in output_indices)} are read as repeats.")
+        listed = join_first([table.header[i] for i in output_indices], _SHOWN)
+        what = "as the outputs of several sensors, with a curve for each" if are_sensors else "as repeats"
+        more_notes.append(f"The columns {listed} are read {what}.")
     return Layout(
         pairs=tuple((distance_column, replace(output_column, index=i, title=table.header[i])) for i in output_indices),
         distances=distance_column.title,
@@ -60,16 +118,28 @@ def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
         unit=output_column.unit,
         labels=labels,
         notes=(*notes, *more_notes),
+        sensors=tuple(split_title(table.header[i])[0] for i in output_indices) if are_sensors else (),
     )
 
 
-def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
-    """Find the distance column and output columns of a table. Several output columns count as repeats."""
+def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int], bool]:
+    """Find the distance column and output columns of a table.
+
+    Returns:
+        The distance column, the output columns, and whether several output columns belong to several sensors.
+        Otherwise, they are repeats.
+
+    Raises:
+        CalibrationDataError: there are no such columns.
+    """
     selected = options.output.index(table)
     distance = _distance(table, options.distance, selected)
     repeats = _repeats(table, distance)
     if selected is None and distance is not None and len(repeats) > 1:
-        return distance, repeats
+        return distance, repeats, False
+    sensors = _sensors(table, distance)
+    if selected is None and distance is not None and sensors:
+        return distance, sensors, True
     output = _output(table, distance) if selected is None else selected
     if len(table.header) == 2:  # the second of two columns follows from the first; by default the distance is the first
         distance = (0 if output is None else 1 - output) if distance is None else distance
@@ -81,8 +151,9 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
         )
     if distance is None or output is None:
         columns = join_first([f"{i}: {quoted(title)}" for i, title in enumerate(table.header, start=1)], _SHOWN)
-        distance_or_first = 0 if distance is None else distance
-        free = [i for i in range(len(table.header)) if i != distance_or_first]
+        readable = [i for i, title in enumerate(table.header) if not is_named(title, "time")] or [0]
+        distance_or_first = readable[0] if distance is None else distance
+        free = [i for i in [*readable, *range(len(table.header))] if i != distance_or_first]
         output_guess = next((i for i in free if not is_named(table.header[i], "setting")), free[0])
         raise CalibrationDataError(
             f"{table.place}: the table needs one column named distance and one column named output. It has the columns "
@@ -90,7 +161,35 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
             f"{columns_hint(f'distance={distance_or_first + 1},output={output_guess + 1}')}",
             problem=f"{table.place}: the table has no columns that are named distance and output",
         )
-    return distance, [output]
+    return distance, [output], False
+
+
+def _sensors(table: TextTable, distance: int | None) -> list[int]:
+    """Return the output columns of several sensors beside one distance column.
+
+    All columns that may be outputs must be alike: they have the same unit, and names that differ in one word or number.
+    """
+    others = ("setting", "count", "repeat", "statistic", "time", "setting or output")
+    columns = []
+    for i, title in enumerate(table.header):
+        unit = split_title(title)[1]
+        if i == distance or any(is_named(title, kind) for kind in others) or dimension(unit) in {LENGTH, TIME}:
+            continue
+        cells = [cell for cell in table.columns[i] if not is_missing(cell)]
+        if not cells or not all(map(is_number, cells)):
+            continue
+        columns.append(i)
+    titles = [split_title(table.header[i]) for i in columns]
+    if len(columns) < 2 or len(dict(titles)) < len(titles) or len({unit for _, unit in titles}) > 1:
+        return []
+    words = [re.findall(r"[^\W\d_]+|\d+", name) for name, _ in titles]
+    differing = [i for i, group in enumerate(zip(*words, strict=False)) if len(set(group)) > 1]
+    if len({len(each) for each in words}) > 1 or len(differing) != 1:
+        return []
+    alone = len(words[0]) == 1  # such as left and right, but not output and raw
+    known = is_output_unit(titles[0][1]) and not any(is_named(table.header[i], "output") for i in columns)
+    sides = all(name.strip().casefold() in _SIDES for name, _ in titles)
+    return columns if known or sides or not alone else []
 
 
 def _repeats(table: TextTable, distance: int | None) -> list[int]:
@@ -105,10 +204,11 @@ def _refuse_no_header(table: TextTable) -> None:
     if all(is_number(cell) for cell in table.header):
         message = (
             f'{table.place}: the first row contains numbers, but a header such as "distance [mm],output [V]" is '
-            f"expected. Add a header, or name the columns with {columns_hint('distance=1 [mm],output=2 [V]')}"
+            "expected. Add a header, or name the columns and their units with "
+            f"{columns_hint('distance=1 [UNIT],output=2')}"
         )
         if len(table.header) > 2:
-            message += '. If these numbers are distances, use --columns "distance=[mm]"'
+            message += '. If these numbers are distances, use --columns "distance=[UNIT]"'
         raise CalibrationDataError(message)
     if len(table.header) < 2:
         raise CalibrationDataError(
@@ -137,7 +237,8 @@ def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int
         or [i for i in lengths if not is_named(table.header[i], "setting")]
         or named
     )
-    return _single_match(table, matches, "distance")
+    told = [i for i in matches if set(re.findall(r"[^\W\d_]+", table.header[i].casefold())) & _TRUE]
+    return _single_match(table, told if len(told) == 1 else matches, "distance")
 
 
 def _output(table: TextTable, distance: int | None) -> int | None:
@@ -149,7 +250,8 @@ def _output(table: TextTable, distance: int | None) -> int | None:
         The column.
     """
     free = [i for i in range(len(table.header)) if i != distance]
-    others = [i for i in free if not is_named(table.header[i], "setting")]
+    no_outputs = ("setting", "time", "statistic")
+    others = [i for i in free if not any(is_named(table.header[i], kind) for kind in no_outputs)]
     named = [i for i in others if is_named(table.header[i], "output")]
     with_unit = [i for i in others if is_output_unit(split_title(table.header[i])[1])]
     either = [i for i in free if len(free) > 1 and is_named(table.header[i], "setting or output")]
@@ -185,8 +287,11 @@ def _single_match(table: TextTable, matches: Sequence[int], what: str) -> int | 
 
 def _distance_column(table: TextTable, index: int, option: ColumnOption) -> Column:
     title, unit = table.header[index], option.unit_with(table.header[index])
-    hint = columns_hint(f"distance={index + 1} [mm]")
-    how = f'write the unit into the column header, as in "distance [mm]", or use {hint}'
+    hint = columns_hint(f"distance={index + 1} [UNIT]")
+    how = (
+        f'write the unit in which the distances were measured into the column header, as in "distance [cm]", or use '
+        f"{hint} with this unit in place of UNIT"
+    )
     if not unit:
         raise CalibrationDataError(
             f"{table.place}: found {quoted(title)}, a distance without a unit: {how}",
@@ -196,7 +301,7 @@ def _distance_column(table: TextTable, index: int, option: ColumnOption) -> Colu
         raise CalibrationDataError(
             f"{table.place}: the unit {unit!r} of the distance is not a unit of length, such as mm; {how}"
         )
-    return Column(index=index, title=title, unit="m", factor=parse_unit(unit).factor)
+    return Column(index=index, title=title, unit="m", factor=parse_unit(str(unit_in_words(unit))).factor)
 
 
 def _output_column(table: TextTable, outputs: Sequence[int], option: ColumnOption) -> tuple[Column, list[str]]:
@@ -236,13 +341,25 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
             reason = "another column is the distance or the output"
         elif is_named(title, "count") and len(set(cells)) == len(cells) > 1:
             reason = "it counts the rows"
-        elif (is_named(title, "setting") or is_output_unit(split_title(title)[1])) and _drifts(table, i, distance):
+        elif is_named(title, "statistic"):
+            reason = "it describes averaged readings"
+        elif (is_named(title, "time") or dimension(split_title(title)[1]) == TIME) and _drifts(table, i, distance):
+            reason = "it is a time"
+        elif _is_measured(table, i) and _drifts(table, i, distance):
             reason = "it changes within the curve"
         if reason:
             notes.append(f"Column {table.title(i)} is not used: {reason}.")
         else:
             labels.append(i)
     return tuple(labels), notes
+
+
+def _is_measured(table: TextTable, index: int) -> bool:
+    """Return True if a column has a setting, an output or other numbers, which tell no curves apart if they drift."""
+    cells = [cell for cell in table.columns[index] if not is_missing(cell)]
+    title = table.header[index]
+    named = is_named(title, "setting") or is_output_unit(split_title(title)[1])
+    return named or (bool(cells) and not _may_be_label(table, index))
 
 
 def _drifts(table: TextTable, index: int, distance: int) -> bool:
@@ -273,11 +390,11 @@ def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
         _refuse_ambiguity(table, marks, others)
     unit = _distance_unit(table, options, marks, others)
     symbol, factor, notes = _output_unit(table, options, marks, others)
-    counts = [i for i in others if _counts_rows(table, i)]
+    counts = [i for i in others if _counts_rows(table, i) or _names_outputs(table, i)]
     places = [table.header[i] for i, mark in marks.items() if mark.number is not None]
     unit_text = "" if any(mark.unit for mark in marks.values()) else f" in {unit}"
     span = f"{places[0]} to {places[-1]}{unit_text}" if places else "none"
-    filled = [table.title(i) for i in counts if any(table.columns[i])]
+    filled = [table.title(i) for i in counts if any(table.columns[i]) and not _names_outputs(table, i)]
     notes = [
         f"The column headers {span} are interpreted as distances, and each row as one repetition of the measurement.",
         *notes,
@@ -306,7 +423,7 @@ def _refuse_ambiguity(table: TextTable, marks: dict[int, DistanceMark], others: 
         raise CalibrationDataError(
             f"{table.place}: the distances may be in the column {table.header[corner]!r} or in the headers "
             f'{first!r} to {last!r}. If they are in the column, use --columns "distance={corner + 1}". If they are in '
-            f"the headers, use {columns_hint('distance=[mm]')}"
+            f"the headers, use {columns_hint('distance=[UNIT]')}"
         )
 
 
@@ -345,7 +462,7 @@ def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, Di
         raise CalibrationDataError(
             f'{table.place}: the distances {shown} have no unit; write the unit into each header, such as "5 '
             'mm", or use '
-            f"{columns_hint('distance=[mm]')}"
+            f"{columns_hint('distance=[UNIT]')}"
         )
     return corner[0]
 
@@ -354,7 +471,7 @@ def _units(title: str) -> list[tuple[str, str]]:
     """Return all names and units in a column header. The header in the corner may contain two pairs."""
     units = [(name, unit.strip()) for name, unit in _BRACKETS.findall(title)]
     name, unit = split_title(title)
-    return units or ([(name, unit)] if unit else [("", title)])
+    return units or ([("" if name == unit else name, unit)] if unit else [("", title)])
 
 
 def _is_distance_name(name: str) -> bool:
@@ -378,10 +495,18 @@ def _output_unit(
                 and (not name.strip() or is_named(name.strip(" \\/|,;"), "output"))
             ):
                 unit_text = unit
+        named = next(iter(table.columns[i]), "") if _names_outputs(table, i) else ""
+        unit_text = unit_text or split_title(named)[1]
     if unit_text is not None:
         return (*output_unit(unit_text), [])
     symbol, meaning = default_output_unit(set().union(*(table.columns[i] for i in marks)))
     return symbol, 1.0, [f"The sensor outputs have no unit, so their values are interpreted as {meaning}."]
+
+
+def _names_outputs(table: TextTable, index: int) -> bool:
+    """Return True if a column says in words that the cells are outputs, as in a table that was turned."""
+    cells = set(table.columns[index])
+    return len(cells) == 1 and all(is_named(cell, "output") for cell in cells)
 
 
 def _counts_rows(table: TextTable, index: int) -> bool:
@@ -413,3 +538,22 @@ def _distance_of_header(table: TextTable, mark: DistanceMark, unit: str) -> floa
     if not (math.isfinite(value) and has_workable_magnitude(value)):
         raise CalibrationDataError(f"{message}, expected a number {WORKABLE} (in m)")
     return value
+
+
+def output_column(table: TextTable, index: int, layout: Layout) -> Column:
+    """Return the output column of a file with no-object readings.
+
+    Readings in another unit than that of the calibration are an error.
+
+    Raises:
+        CalibrationDataError: the unit is another one.
+    """
+    title = table.header[index]
+    header_unit = split_title(title)[1]
+    symbol, factor = output_unit(header_unit) if header_unit else (layout.unit, layout.pairs[0][1].factor)
+    if symbol != layout.unit:
+        raise CalibrationDataError(
+            f"{table.place}: found readings in the unit {header_unit!r}, expected readings in the unit of the "
+            f"calibration ({layout.unit or 'none'!r})"
+        )
+    return Column(index=index, title=title, unit=symbol, factor=factor)

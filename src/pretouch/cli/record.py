@@ -41,6 +41,7 @@ class _Origin:
     column: str
     distance_column: str
     distance_unit: str
+    decimal: str
 
     def open(self) -> ReadingSource:
         """Open the source of the sensor readings. The default is the only serial port of the computer."""
@@ -60,7 +61,12 @@ class _Origin:
             raise InvalidInputError(
                 f"{' and '.join(chosen)}: found {len(chosen)} sources of readings, expected only one of these options"
             )
-        layout = LineFormat(column=self.column, distance_column=self.distance_column, distance_unit=self.distance_unit)
+        layout = LineFormat(
+            column=self.column,
+            distance_column=self.distance_column,
+            distance_unit=self.distance_unit,
+            decimal_mark=self.decimal,
+        )
         if self.topic:
             from pretouch.recording.sources.topic import TopicSource  # noqa: PLC0415
 
@@ -106,7 +112,12 @@ def record(
     distance_column: Annotated[
         str, option("COLUMN", "The distance in each line, if the source sends it; inf means no object.")
     ] = "",
-    distance_unit: Annotated[str, option("UNIT", "Unit of --distance-column.")] = "mm",
+    distance_unit: Annotated[
+        str, option("UNIT", "Unit of --distance-column; by default the one that the lines state, or mm.")
+    ] = "",
+    decimal: Annotated[
+        str, option("MARK", 'Decimal sign of the lines, "." or ",", if they can be read in two ways.')
+    ] = "",
     unit: Annotated[str | None, option("UNIT", "Unit of the output, such as V or counts.")] = None,
     distances: Annotated[
         str | None, option("LIST", 'Distances, such as "0 mm, 5 mm, 10 mm"; by default you type each distance.')
@@ -149,6 +160,7 @@ def record(
         column=column,
         distance_column=distance_column,
         distance_unit=distance_unit,
+        decimal=decimal,
     )
 
     def run() -> None:

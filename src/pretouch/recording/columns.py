@@ -1,103 +1,105 @@
-"""Read sensor readings and their times from a CSV file with a time column."""
+"""Read sensor readings and their times from a table of text with a time column."""
 
 from __future__ import annotations
 
-import csv
-import re
+from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Final
+from typing import NamedTuple
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError, UnitError
-from pretouch._core.numbers import FloatArray
-from pretouch._core.units import parse_unit
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, IntArray
+from pretouch.tables.cells import TextTable, is_no_object
+from pretouch.tables.names import is_named, split_title
+from pretouch.tables.text_table import read_table
+from pretouch.tables.times import read_times
 
-TIME: Final = re.compile(r"(?:time|timestamp|stamp|t|sec|seconds|__time)\b.*", re.IGNORECASE)
-_UNIT: Final = re.compile(r"(.*?)\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$")
-_SECONDS: Final = parse_unit("s").exponents
-_EPOCH_NS: Final = 1e17  # a time without unit above this is in nanoseconds since 1970
-_FEWEST: Final = 2  # columns
+LINE = "line as received"
+"""Header of the column with the lines of a recording at the bench as they came."""
+_TABLES = frozenset({".csv", ".tsv", ".txt", ".log", ".dat", ".json", ".jsonl", ".ndjson", ".lvm"})
+
+
+class RecordedColumn(NamedTuple):
+    """A column of a recording with its times.
+
+    `stamps` are in nanoseconds; a cell that is no number is NaN, and one that says "no object" is infinite.
+    """
+
+    name: str
+    unit: str
+    stamps: IntArray
+    values: FloatArray
+    notes: tuple[str, ...]
 
 
 def is_table(path: Path) -> bool:
-    """Return True if the file is a text table.
+    """Return True if the file is a table of text.
 
-    Only the ending of the file name counts: .csv, .tsv or .txt.
+    Only the ending of the file name counts.
 
     Args:
         path: the file.
     """
-    return path.suffix.lower() in {".csv", ".tsv", ".txt"}
+    return path.suffix.lower() in _TABLES and not path.is_dir()
 
 
-def split_unit(title: str) -> tuple[str, str]:
-    """Split a column header such as "distance [mm]" into name and unit.
-
-    Args:
-        title: the header.
-
-    Returns:
-        Name and unit; the unit is empty if there is none.
-
-    Examples:
-        >>> split_unit("distance [mm]"), split_unit("reading")
-        (('distance', 'mm'), ('reading', ''))
-    """
-    match = _UNIT.fullmatch(title)
-    return (match[1], match[2]) if match and match[1] else (title, "")
-
-
-def read_columns(path: Path, wanted: str) -> tuple[str, str, FloatArray, FloatArray]:
-    """Read the time column and one other column of a CSV file.
+def read_columns(path: Path, wanted: str) -> RecordedColumn:
+    """Read the times and one other column of a table.
 
     Args:
         path: the file.
-        wanted: header of the column, with or without its unit; empty if there is only one besides the time.
+        wanted: header of the column, with or without its unit, or its number from 1; empty if there is only one besides
+            the times.
 
     Returns:
-        Name and unit of the column, times [s] and values; a cell that is no number is NaN.
+        The column.
 
     Raises:
         InvalidInputError: the file cannot be read, or there is no time column or no such column.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig", errors="replace")
-    except OSError as error:
-        what = "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
-        raise InvalidInputError(f"{path}: this file {what}") from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    if not lines:
-        raise InvalidInputError(f"{path}: this file is empty; expected a header line, and rows with time and reading")
-    delimiter = max("\t;,", key=lines[0].count)
-    header = [cell.strip() for cell in next(csv.reader(lines[:1], delimiter=delimiter))]
-    rows = list(csv.reader(lines[1:], delimiter=delimiter))
-    if len(header) < _FEWEST:
-        raise InvalidInputError(
-            f"{path}: found the header line {lines[0]!r}, expected two or more columns, such as: time [s],reading"
+    if not path.exists():
+        raise InvalidInputError(f"{path}: this file does not exist")
+    table = read_table(path, is_recording=True)
+    times = read_times(table)
+    index = _index_of(path, table, wanted, times.columns)
+    values = _values(table.columns[index])
+    name, unit = split_title(table.header[index])
+    notes = (*table.notes, *times.notes)
+    if unit is None and _is_range(table, index):
+        unit = "m"
+        notes = (*notes, f"The column {table.title(index)} of a Range message is in m.")
+    usable = times.usable
+    lost = int(np.isnan(values[usable]).sum())
+    if lost:
+        notes = (
+            *notes,
+            f"{lost:,} cells of the column {table.title(index)} are no numbers: missing readings.",
         )
-    clock = next((i for i, title in enumerate(header) if TIME.fullmatch(title)), None)
-    if clock is None:
-        raise InvalidInputError(
-            f"{path}: found no time column among the columns {', '.join(header)}; rename the column with the times "
-            "to time [s]"
-        )
-    index = _index_of(path, header, wanted, clock)
-    time, values = (np.array([_number(row, i) for row in rows]) for i in (clock, index))
-    name, unit = split_unit(header[index])
-    return name, unit, time * _factor(path, header[clock], time), values
+    return RecordedColumn(name, unit or "", times.stamps[usable], values[usable], notes)
 
 
-def _index_of(path: Path, header: list[str], wanted: str, clock: int) -> int:
-    """Return the index of the chosen column, or of the only column besides the time column."""
-    others = [i for i in range(len(header)) if i != clock]
-    if not wanted and len(others) == 1:
-        return others[0]
-    matching = [i for i in others if wanted in {header[i], split_unit(header[i])[0]}]
+def _index_of(path: Path, table: TextTable, wanted: str, times: tuple[int, ...]) -> int:
+    """Return the index of the chosen column, or of the only column with readings besides the times."""
+    header = table.header
+    others = [i for i in range(len(header)) if i not in times]
+    kinds = ("count", "setting", "statistic")
+    numeric = [i for i in others if not any(is_named(header[i], kind) for kind in kinds) and header[i] != LINE]
+    numeric = [i for i in numeric if np.isfinite(_values(table.columns[i][:1000])).any()]
+    for candidates in (others, numeric) if not wanted else ():
+        if len(candidates) == 1:
+            return candidates[0]
+    matching = [i for i in others if wanted and wanted in {header[i], split_title(header[i])[0]}]
+    if not matching and wanted.isdigit() and 1 <= int(wanted) <= len(header):
+        matching = [int(wanted) - 1]
     if len(matching) == 1:
         return matching[0]
-    names = [header[i] for i in others]
+    names = [header[i] for i in (numeric or others)]
+    if not names:
+        raise InvalidInputError(
+            f"{path}: the header has no column besides the times; expected at least two, such as: time [s],reading"
+        )
     near = get_close_matches(wanted, names, 1) if wanted else []
     problem = f"there is no column {wanted!r}" if wanted else "there are several columns of readings"
     hint = f"; did you mean {near[0]}?" if near else ";"
@@ -109,24 +111,21 @@ def _index_of(path: Path, header: list[str], wanted: str, clock: int) -> int:
     )
 
 
-def _number(row: list[str], index: int) -> float:
-    try:
-        return float(row[index])
-    except (ValueError, IndexError):
-        return float("nan")
+def _is_range(table: TextTable, index: int) -> bool:
+    """Return True if a column is the range of an exported sensor_msgs/Range, whose limits are columns as well."""
+    path, _, field = table.header[index].rpartition("range")
+    return not field and {f"{path}min_range", f"{path}max_range"} <= set(table.header)
 
 
-def _factor(path: Path, title: str, time: FloatArray) -> float:
-    """Return the factor that converts the time column to seconds."""
-    unit = split_unit(title)[1] or next((u for u in ("ns", "us", "ms") if title.lower().endswith(f"_{u}")), "")
-    if not unit:
-        return 1e-9 if len(time) and np.nanmax(np.abs(time)) > _EPOCH_NS else 1.0
+def _values(cells: Sequence[str]) -> FloatArray:
     try:
-        parsed = parse_unit(unit)
-    except UnitError:
-        parsed = None
-    if parsed is None or parsed.exponents != _SECONDS:
-        raise InvalidInputError(
-            f"{path}: the name of the time column, {title!r}, has no unit of time; add the unit, such as time [s]"
-        )
-    return parsed.factor
+        return np.array(cells).astype(np.float64)
+    except ValueError:
+        return np.array([_value(cell) for cell in cells])
+
+
+def _value(cell: str) -> float:
+    try:
+        return float(cell.replace(",", "."))
+    except ValueError:
+        return float("inf") if cell and is_no_object(cell) else float("nan")

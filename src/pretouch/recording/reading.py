@@ -17,6 +17,8 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, UnitError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import parse_unit
+from pretouch.tables.names import output_unit
+from pretouch.tables.unit_words import unit_in_words
 
 from .clocks import Transport, compare_clocks
 from .columns import is_table, read_columns
@@ -210,22 +212,20 @@ def _in_unit(values: FloatArray, unit: str | None) -> tuple[Kind, FloatArray, tu
     if not unit:
         return "reading", values, ()
     try:
-        parsed = parse_unit(unit)
+        parsed = parse_unit(unit_in_words(unit) or unit)
     except UnitError as error:
         raise InvalidInputError(f"--topic: {error}") from None
     if parsed.exponents == _LENGTH:
         return "distance", values * parsed.factor, ()
+    base, factor = output_unit(unit)
+    if factor != 1.0:
+        return "reading", values * factor, (f"The readings are converted from {unit} to {base}.",)
     return "reading", values, (f"The readings have the unit {unit}; pretouch does not convert them.",)
 
 
 def _from_table(file: Path, name: str, unit: str | None) -> Recording:
-    column, own_unit, time, values = read_columns(file, name)
-    usable = np.isfinite(time) & (np.abs(time) < _LATEST)
-    if not usable.any():
-        raise InvalidInputError(f"{file}: no row has a valid time; the time column must contain numbers")
-    kind, values, notes = _in_unit(values[usable], own_unit if unit is None else unit)
-    if not usable.all():
-        notes = (*notes, f"{(~usable).sum():,} rows without a valid time were ignored.")
-    fields: dict[str, Any] = {"source": file.name, "topic": column, "message_type": "column", "clock": "column"}
-    stamps = np.round(time[usable] * 1e9).astype(np.int64)
-    return _without_idle_values(Recording(stamps=stamps, values=values, kind=kind, notes=notes, **fields))
+    column = read_columns(file, name)
+    kind, values, notes = _in_unit(column.values, column.unit if unit is None else unit)
+    fields: dict[str, Any] = {"source": file.name, "topic": column.name, "message_type": "column", "clock": "column"}
+    recording = Recording(stamps=column.stamps, values=values, kind=kind, notes=(*column.notes, *notes), **fields)
+    return _without_idle_values(recording)

@@ -5,6 +5,7 @@ All readings are also written to a raw file. Interrupted recordings can be conti
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import re
@@ -19,7 +20,10 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError, OutputError, OutputExistsError
 from pretouch.calibration import Calibration
 
+from .columns import LINE
+
 _HEADER: Final = re.compile(r"distance \[mm\],output(?: \[(?P<unit>[^\]]*)\])?")
+_FIRST_LINES: Final = 10
 _PICOMETERS: Final = 12  # decimal digits of a distance in m that are compared
 
 
@@ -80,7 +84,8 @@ class RecordFile:
             raise
         self._write(self._file, made if exists else f"{made}distance [mm],{title}\n")
         is_new = not os.fstat(self._all).st_size
-        self._write(self._all, f"{made}time [s],distance [mm],{title}\n" if is_new else made)
+        self._has_lines = is_new or _has_lines(self.raw)
+        self._write(self._all, f"{made}time [s],distance [mm],{title},{LINE}\n" if is_new else made)
 
     def add(self, distance: float, output: float) -> None:
         """Write a reading and its distance to the calibration file.
@@ -91,13 +96,16 @@ class RecordFile:
         self._rows.append((distance, output))
         self._count[round(distance, _PICOMETERS)] += 1
 
-    def add_raw(self, time: float, distance: float | None, output: float) -> None:
+    def add_raw(self, time: float, distance: float | None, output: float, line: bytes | None = None) -> None:
         """Write a reading with its time to the raw file.
 
-        The time is in s, and the distance in m. The distance is None while the object moves.
+        The time is in s, and the distance in m. The distance is None while the object moves. The line of text from
+        which the reading comes follows as it arrived; bytes that are no text are escaped.
         """
         self._received += 1
-        self._write(self._all, f"{time:.6f},{'' if distance is None else _mm(distance)},{output:.15g}\n")
+        text = "" if line is None else line.decode("utf-8", "backslashreplace").replace('"', '""')
+        cells = f"{time:.6f},{'' if distance is None else _mm(distance)},{output:.15g}"
+        self._write(self._all, f'{cells},"{text}"\n' if self._has_lines else f"{cells}\n")
 
     def count(self, distance: float) -> int:
         """Return the number of calibration readings at a distance [m]."""
@@ -192,6 +200,12 @@ class RecordFile:
         except OSError as error:
             path = self.path if descriptor == self._file else self.raw
             raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def _has_lines(raw: Path) -> bool:
+    """Return True if a raw file that is continued has a column for the lines as they were received."""
+    with open(raw, encoding="utf-8", errors="replace") as stream:
+        return any(line.rstrip("\n").endswith(f",{LINE}") for line in itertools.islice(stream, _FIRST_LINES))
 
 
 def _append(path: Path) -> int:

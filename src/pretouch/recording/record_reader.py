@@ -108,8 +108,8 @@ class RecordReader:
                     break
                 now = time.monotonic() - self._start
                 place = self.place
-                for output, distance in arrived:
-                    self._file.add_raw(now, place if distance is None else distance, output)
+                for output, distance, line in arrived:
+                    self._file.add_raw(now, place if distance is None else distance, output, line)
                     self._queue.append(TimedReading(now, output, distance, place))
                 self.count += len(arrived)
                 if arrived:

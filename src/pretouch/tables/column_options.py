@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pretouch._core.errors import CalibrationDataError
 
-from .headers import TextTable, is_length, join_first, quoted, split_title
+from .cells import TextTable, join_first, quoted
+from .names import is_length, split_title
+from .unit_words import unit_in_words
 
 _SHOWN = 20  # headers that a message lists
 _KEYS = ("distance", "output")
@@ -68,11 +70,12 @@ class ColumnOption:
 class ColumnOptions:
     """User options for the columns of a calibration table.
 
-    They apply to the columns of distances and outputs.
+    They apply to the columns of distances and outputs. The table of a recording has a column of times instead.
     """
 
     distance: ColumnOption = ColumnOption(key="distance")
     output: ColumnOption = ColumnOption(key="output")
+    is_recording: bool = False
 
     @property
     def names_a_column(self) -> bool:
@@ -103,7 +106,7 @@ class ColumnOptions:
 
 def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
     """Parse the user's options for table columns."""
-    options = {}
+    options: dict[str, ColumnOption] = {}
     for key, value in (columns or {}).items():
         if key not in _KEYS:
             raise CalibrationDataError(
@@ -117,6 +120,7 @@ def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
         text = str(value).strip()
         match = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", text)
         name, unit = (match[1], match[2].strip()) if match else (text, None)
+        unit = unit and (unit_in_words(unit) or unit)
         if key == "distance" and unit is not None and not is_length(unit):
             raise CalibrationDataError(
                 f"columns: found the unit {unit!r} for the distance, expected a unit of length such as mm"
@@ -125,7 +129,10 @@ def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
         options[key] = ColumnOption(
             key=key, text=text, number=number, name="" if number is not None else name, unit=unit
         )
-    return ColumnOptions(**options)
+    chosen = ColumnOptions()
+    return replace(
+        chosen, distance=options.get("distance", chosen.distance), output=options.get("output", chosen.output)
+    )
 
 
 def find_label_columns(table: TextTable, labels: Sequence[str | int]) -> tuple[int, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import os
 import re
@@ -10,39 +9,45 @@ from array import array
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.files import read_regular_file
 
+from .cell_forms import plain_columns
+from .cells import TextTable, is_missing, is_number, is_row, quoted
 from .column_options import ColumnOptions, columns_hint
-from .headers import TextTable, is_length, is_number, is_row, names_a_distance, quoted, uses_commas
+from .dialect import BLANK, BRACKETED, cells_of, delimiter_of_header, delimiter_of_row
+from .line_forms import form_lines
+from .names import is_length, is_named, is_unit, names_a_distance
 
 Lines: TypeAlias = "list[tuple[int, str]]"
 _refusal = CalibrationDataError.without_content
 
 _SEARCHED = 200  # lines in which the header is searched
+_REMARKS = frozenset({"", "comment", "comments", "remark", "remarks", "note", "notes", "kommentar", "bemerkung"})
 _COUNTED = 1000  # rows from which the number of columns is determined
 _MOST_BYTES = 100_000_000
 _MOST_ROWS = 2_000_000
 _LONGEST_LINE = 200_000  # characters, enough for ten thousand columns
 _BREAK = re.compile(r"\r\n|\n|\r")
-_BLANK = " "
-_BRACKETED = r"[\[(][^\[\]()]*[\])]"
 _HEADER_WORD = re.compile(
-    rf'"[^"]*"|[-+]?\d+(?:[.,]\d*)?[ \t]*(?:[unµμmck]?m|in|inch)(?!\S)|no[ -]object|(?:{_BRACKETED}|\S)+', re.IGNORECASE
+    rf'"[^"]*"|[-+]?\d+(?:[.,]\d*)?[ \t]*(?:[unµμmck]?m|in|inch)(?!\S)|no[ -]object|(?:{BRACKETED}|\S)+', re.IGNORECASE
 )
-_UP_TO_UNIT = re.compile(rf"[^\[\](){_BLANK}\t][^\[\]()]*{_BRACKETED}|\S.*")
-_ROW_WORD = re.compile(r'"[^"]*"|no object|\S+', re.IGNORECASE)
+_UP_TO_UNIT = re.compile(rf"[^\[\](){BLANK}\t][^\[\]()]*{BRACKETED}|\S.*")
 _NO_OBJECT = re.compile("no object", re.IGNORECASE)  # two words, one cell
 
 
-def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = None) -> TextTable:
+def read_table(
+    path: str | os.PathLike[str], options: ColumnOptions | None = None, *, is_recording: bool = False
+) -> TextTable:
     """Read a text table such as a CSV file.
 
     Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. An error is raised for
-    unreadable or too large files, for files without a table, and for rows with another number of cells.
+    unreadable or too large files, and for files without a table. Rows with another number of cells are an error in a
+    calibration. In a recording, they are left out with a note, and the header names a time instead of a distance.
 
     Returns:
         The table.
@@ -55,46 +60,52 @@ def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = Non
     text, encoding = _decode(content, path.name)
     digest = hashlib.sha256(content).hexdigest()
     del content  # to save memory with large files
+    numbers: Sequence[int]
     numbers, texts, remark = _lines(path.name, text)
     if not texts:
         raise _refusal(f"{path.name}: the file has no rows, but a header and at least one row of numbers are needed")
+    numbers, texts, notes_on_lines = form_lines(numbers, texts)
+    options = replace(options, is_recording=is_recording)
     head = list(zip(numbers[: _SEARCHED + 2], texts, strict=False))
     at, head_lines, notes = _header_at(path.name, head, remark, options)
     first = len(head) - (len(head_lines) - (at + 1))
-    delimiter = _delimiter(head_lines[at][1]) if at >= 0 else _any_delimiter(head_lines[0][1])
+    delimiter = delimiter_of_header(head_lines[at][1]) if at >= 0 else delimiter_of_row(head_lines[0][1])
     rows: list[Any] = texts[first:]  # lines, which `_split` replaces by their cells
-    numbers, plain = numbers[first:], '"' not in text
-    commas = delimiter != "," and "," in text
+    numbers, unquoted = numbers[first:], '"' not in text
     del text, texts
-    _split(rows, delimiter, plain=plain)
+    _split(rows, delimiter, plain=unquoted)
     header, units = _header_and_units(head_lines[at][1] if at >= 0 else None, rows, delimiter)
     notes_on_units = [f"The units are those of line {numbers[0]}."] if units else []
     rows, numbers = rows[units:], numbers[units:]
-    header = _without_empty_end(header, rows)
+    if is_recording:
+        rows, numbers, notes_on_lines = _whole_rows(header, rows, numbers, notes_on_lines)
+    header = _without_empty_columns(_without_empty_end(header, rows), rows)
     _refuse_other_widths(path.name, header, rows, numbers, delimiter)
     columns = tuple(zip(*rows, strict=True)) or ((),) * len(header)
+    place = f"{path.name}, line {head_lines[max(at, 0)][0]}"
+    plain = plain_columns(place, header, columns, delimiter)
     return TextTable(
         file=path.name,
         sha256=digest,
         encoding=encoding,
         delimiter=delimiter,
-        decimal_mark="," if commas and any(uses_commas(column) for column in columns) else ".",
+        decimal_mark=plain.decimal_mark,
         header_line=head_lines[max(at, 0)][0],
-        header=header,
-        columns=columns,
+        header=plain.header,
+        columns=plain.columns,
         lines=numbers,
-        notes=(*notes, *notes_on_units),
+        notes=(*notes_on_lines, *notes, *notes_on_units, *plain.notes),
     )
 
 
 def _split(rows: list[Any], delimiter: str, *, plain: bool) -> None:
     """Replace each line of a list by its table cells. Lines of `plain` text have no quotes and are split faster."""
-    mark = None if delimiter == _BLANK else delimiter
+    mark = None if delimiter == BLANK else delimiter
     for i, line in enumerate(rows):
         if plain and not (mark is None and _NO_OBJECT.search(line)):
             rows[i] = tuple(map(str.strip, line.split(mark)))
         else:
-            rows[i] = _cells(line, delimiter)
+            rows[i] = cells_of(line, delimiter)
 
 
 def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimiter: str) -> tuple[tuple[str, ...], int]:
@@ -109,9 +120,11 @@ def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimit
     width = max(widths, key=lambda cells: (widths[cells], cells)) if widths else None
     header = tuple(f"column {i + 1}" for i in range(width or 1))
     if line is not None:
-        header = _header_cells(line, delimiter, width)
-    units = [cell.strip("[]()") for cell in rows[0]] if rows else []
-    if len(units) != len(header) or not any(map(is_length, units)) or any(map(is_number, units)):
+        header = _without_remark(_header_cells(line, delimiter, width), width)
+    units = [cell.strip("[]() ") for cell in rows[0]] if rows else []
+    if len(units) != len(header) or any(map(is_number, units)):
+        return header, 0
+    if not any(map(is_length, units)) and not (any(units) and all(is_unit(unit) for unit in units if unit)):
         return header, 0
     return tuple(f"{title} [{unit}]" if unit else title for title, unit in zip(header, units, strict=True)), 1
 
@@ -124,6 +137,35 @@ def _without_empty_end(header: tuple[str, ...], rows: list[Any]) -> tuple[str, .
     for i, row in enumerate(rows) if width < whole else ():
         rows[i] = row[:width] if len(row) <= whole else row
     return header[:width]
+
+
+def _without_empty_columns(header: tuple[str, ...], rows: list[Any]) -> tuple[str, ...]:
+    """Remove the columns of a table without a header and without any cell, as between two blocks of a spreadsheet."""
+    empty = (
+        {i for i, title in enumerate(header) if not title} if all(len(row) == len(header) for row in rows) else set()
+    )
+    empty = {i for i in empty if not any(row[i] for row in rows)} if rows else set()
+    if not empty:
+        return header
+    for k, row in enumerate(rows):
+        rows[k] = tuple(cell for i, cell in enumerate(row) if i not in empty)
+    return tuple(title for i, title in enumerate(header) if i not in empty)
+
+
+def _whole_rows(
+    header: tuple[str, ...], rows: list[Any], numbers: Sequence[int], notes: tuple[str, ...]
+) -> tuple[list[Any], Sequence[int], tuple[str, ...]]:
+    """Leave out the rows of a recording that have another number of cells than the header, and note their number."""
+    short = [i for i, row in zip(numbers, rows, strict=True) if len(row) != len(header)]
+    if not short:
+        return rows, numbers, notes
+    kept = [(i, row) for i, row in zip(numbers, rows, strict=True) if len(row) == len(header)]
+    note = f"Left out rows with another number of cells than the header: {len(short):,}. The first is line {short[0]}."
+    return (
+        [row for _, row in kept],
+        [i for i, _ in kept],
+        (*notes, note),
+    )
 
 
 def _refuse_other_widths(
@@ -197,11 +239,12 @@ def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -
         return 0, [*remark, *lines], (f"The header is the comment in line {remark[0][0]}.",)
     if not index:
         return (*_uncertain_header(file, lines, options), ()) if index is None else (0, lines, ())
-    header, delimiter = lines[index], _delimiter(lines[index][1])
-    width = len(_cells(lines[index + 1][1], delimiter))
+    header, delimiter = lines[index], delimiter_of_header(lines[index][1])
+    width = len(cells_of(lines[index + 1][1], delimiter))
     for i, line in lines[:index]:
-        cells = _cells(line, delimiter)
-        if len(cells) == width and sum(is_number(cell) for cell in cells) > 1:
+        cells = cells_of(line, delimiter)
+        names_itself = cells[0][:1].isalpha() and not is_missing(cells[0])  # such as the setting "Samples 100 100"
+        if len(cells) == width and sum(is_number(cell) for cell in cells) > 1 and not names_itself:
             raise CalibrationDataError(
                 f"{file}, line {i}: found the numbers {quoted(line)} above the header in line "
                 f"{header[0]}. Put # before every line that is not part of the table",
@@ -223,17 +266,28 @@ def _certain_header(lines: Lines, options: ColumnOptions) -> int | None:
     width: int | None = None
     wanted: list[int] = []
     for i in range(min(len(lines), _SEARCHED)):
-        delimiter = _delimiter(lines[i][1])
-        below = _cells(lines[i + 1][1], delimiter) if i + 1 < len(lines) else ()
+        delimiter = delimiter_of_header(lines[i][1])
+        below = cells_of(lines[i + 1][1], delimiter) if i + 1 < len(lines) else ()
         if _is_header(lines[i][1], len(below), options) and is_row(below):
-            return i
-        row = _cells(lines[i][1], _any_delimiter(lines[i][1]))
+            return i - 1 if i and _has_units_of(lines[i - 1][1], lines[i][1], options) else i
+        row = cells_of(lines[i][1], delimiter_of_row(lines[i][1]))
         if width is None and is_row(row):
             width = len(row)
             # the line below the header may have no reading: its output is missing, or it has units or a mistake
             wanted = [j for j in range(i) if _is_header(lines[j][1], width, options)]
-            wanted = [j for j in wanted if _delimiter(lines[j][1]) == _any_delimiter(lines[i][1])]
+            wanted = [j for j in wanted if delimiter_of_header(lines[j][1]) == delimiter_of_row(lines[i][1])]
     return wanted[-1] if wanted else None
+
+
+def _has_units_of(header: str, line: str, options: ColumnOptions) -> bool:
+    """Return True if a line has the units of the header line above it, such as `mm;mV` below `Distance;Voltage`."""
+    delimiter = delimiter_of_header(line)
+    units = _header_cells(line, delimiter, None)
+    if not all(is_unit(cell) for cell in units if cell) or delimiter_of_header(header) != delimiter:
+        return False
+    names = _header_cells(header, delimiter, len(units))
+    known = any(is_named(name, kind) for name in names for kind in ("distance", "output", "time") if name)
+    return len(names) == len(units) and (known or options.names_one_of(names))
 
 
 def _is_header(line: str, width: int, options: ColumnOptions) -> bool:
@@ -241,64 +295,45 @@ def _is_header(line: str, width: int, options: ColumnOptions) -> bool:
 
     A header has `width` cells, and names a distance or a selected column.
     """
-    delimiter = _delimiter(line)
+    delimiter = delimiter_of_header(line)
     header = _header_cells(line, delimiter, width)
+    header = _without_remark(header, width)
     if len(header) != width or width < 2:
         return False
+    if options.is_recording and any(is_named(title, "time") for title in header):
+        return not any(is_number(cell) for cell in header)
     named = options.names_one_of(header) and not is_row(header)
-    return named or names_a_distance(header, declared=options.declares_distances, in_words=delimiter == _BLANK)
+    return named or names_a_distance(header, declared=options.declares_distances, in_words=delimiter == BLANK)
 
 
 def _uncertain_header(file: str, lines: Lines, options: ColumnOptions) -> tuple[int, Lines]:
     """Find a table header without known column names. Raise an error if the header is doubtful."""
-    data = next((i for i, (_, t) in enumerate(lines[:_SEARCHED]) if is_row(_cells(t, _any_delimiter(t)))), None)
+    data = next((i for i, (_, t) in enumerate(lines[:_SEARCHED]) if is_row(cells_of(t, delimiter_of_row(t)))), None)
     if data is None:
         return 0, lines
-    delimiter = _any_delimiter(lines[data][1])
-    cells = [_header_cells(line, delimiter, None) for _, line in lines[:data]] + [_cells(lines[data][1], delimiter)]
+    delimiter = delimiter_of_row(lines[data][1])
+    cells = [_header_cells(line, delimiter, None) for _, line in lines[:data]] + [cells_of(lines[data][1], delimiter)]
     if options.has_a_number:
-        named = data > 0 and _delimiter(lines[data - 1][1]) == delimiter and len(cells[data - 1]) == len(cells[data])
+        named = (
+            data > 0
+            and delimiter_of_header(lines[data - 1][1]) == delimiter
+            and len(cells[data - 1]) == len(cells[data])
+        )
         return (data - 1, lines) if named else (-1, lines[data:])
-    if data < 2 or (delimiter != _BLANK and len({len(row) for row in cells}) == 1):
+    if data < 2 or (delimiter != BLANK and len({len(row) for row in cells}) == 1):
         return 0, lines
     raise CalibrationDataError(
         f'{file}, line {lines[0][0]}: found {quoted(lines[0][1])}, but a header such as "distance [mm],output '
         f'[V]" is expected here. The first row of numbers is in line {lines[data][0]}. Put # before every line '
-        f"above the header, or name the columns with {columns_hint('distance=1 [mm],output=2')}",
+        f"above the header, or name the columns with {columns_hint('distance=1 [UNIT],output=2')}",
         problem=f"{file}, line {lines[0][0]}: found no header of a calibration",
     )
 
 
-def _delimiter(line: str) -> str:
-    """Find the column delimiter in a header line. Text in brackets and quotes is ignored."""
-    bare = re.sub(rf'"[^"]*"|{_BRACKETED}', "", line)
-    return next((mark for mark in ("\t", ";", ",") if mark in bare.strip()), _BLANK)
-
-
-def _any_delimiter(line: str) -> str:
-    """Find the column delimiter in a row of numbers. The numbers may have decimal commas."""
-    delimiter = _delimiter(line)
-    if delimiter != ",":
-        return delimiter
-    by_comma, by_blank = _cells(line, ","), _cells(line, _BLANK)
-    marks = len(by_blank) > 1 and all(map(is_number, by_blank)) and not all(map(is_number, by_comma))
-    return _BLANK if marks or not is_row(by_comma) else ","
-
-
-def _cells(line: str, delimiter: str) -> tuple[str, ...]:
-    """Split a table row into cells."""
-    if delimiter == _BLANK:
-        return tuple(word.strip('"').strip() for word in _ROW_WORD.findall(line))
-    try:
-        return tuple(cell.strip() for cell in next(csv.reader([line.strip("\r\n")], delimiter=delimiter)))
-    except csv.Error:  # a cell of more than a hundred thousand characters
-        return tuple(cell.strip() for cell in line.split(delimiter))
-
-
 def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str, ...]:
     """Split a header line into column headers. Units in brackets stay together with their names."""
-    if delimiter != _BLANK:
-        return _cells(line, delimiter)
+    if delimiter != BLANK:
+        return cells_of(line, delimiter)
     words: list[str] = []
     for word in _HEADER_WORD.findall(line):
         if words and word[0] in "[(":
@@ -306,10 +341,28 @@ def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str,
         else:
             words.append(word.strip('"'))
     wide_gaps = re.split(r"[ \t]{2,}", line.strip())
-    for cells in (words, wide_gaps, _UP_TO_UNIT.findall(line)):
+    for cells in (words, wide_gaps, _UP_TO_UNIT.findall(line), _phrases(line)):
         if len(cells) == expected:
             return tuple(cell.strip() for cell in cells)
     return tuple(words)
+
+
+def _without_remark(header: tuple[str, ...], width: int | None) -> tuple[str, ...]:
+    """Remove the last header, if it announces remarks that no row has."""
+    is_longer = width is not None and len(header) == width + 1
+    return header[:-1] if is_longer and header[-1].casefold() in _REMARKS else header
+
+
+def _phrases(line: str) -> list[str]:
+    """Split a header such as `distance in cm volts in V` behind the units."""
+    cells: list[str] = []
+    words = line.split()
+    start = 0
+    for i in range(1, len(words)):
+        if words[i - 1].casefold() == "in" and i - 1 > start:
+            cells.append(" ".join(words[start : i + 1]))
+            start = i + 1
+    return cells + words[start:]
 
 
 def _cells_in_words(cells: Sequence[str]) -> str:
@@ -326,4 +379,4 @@ def _hint(row: Sequence[str], delimiter: str) -> str:
         return "; put # before a line that holds no reading"
     if delimiter == ",":
         return "; with decimal commas separate the columns by semicolons"
-    return '; if blanks separate the columns, write "nan" for missing values' if delimiter == _BLANK else ""
+    return '; if blanks separate the columns, write "nan" for missing values' if delimiter == BLANK else ""

@@ -1,21 +1,24 @@
 """Parse sensor readings from lines of text.
 
-Each line has one number, columns of a table, or a JSON object.
+Each line has one number, columns of a table, a JSON object or values with labels, such as `prox:5087,als:12`.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from pretouch._core.errors import InvalidInputError, SourceError
 from pretouch._core.units import parse_unit
 from pretouch._core.values import Value
-from pretouch.tables.headers import is_no_object
+from pretouch.tables.cells import is_no_object, is_number, is_quantity
+from pretouch.tables.dialect import BLANK, cells_of, delimiter_of_header, delimiter_of_row
+from pretouch.tables.line_forms import labeled_cells, without_stamp
+from pretouch.tables.names import is_length, split_title
+from pretouch.tables.unit_words import unit_in_words
 
 from .source import SourceReading
 
@@ -24,7 +27,8 @@ _SHOWN: Final = 40  # characters of a skipped line that a message shows
 _NO_TEXT: Final = 0.2  # share of bytes that are no text, from which the baud rate is doubted
 _FEW: Final = 16  # bytes from which this share is judged
 _TEXT: Final = frozenset([9, 10, 13, *range(32, 127)])
-_NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_TWO_WHOLE: Final = re.compile(r"([-+]?\d+),(\d+)")
+_THOUSANDS: Final = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,18 +39,22 @@ class LineFormat(Value):
         column: number of the column from 1, its name in a header line, or a key of JSON objects; empty if each line
             has one number.
         distance_column: the same for the distance; empty if the lines have no distances.
-        distance_unit: unit of these distances.
+        distance_unit: unit of these distances; empty for the unit that the lines state, or mm.
+        decimal_mark: `.` or `,`, if the commas in the lines can be read in two ways; empty otherwise.
     """
 
     column: str = ""
     distance_column: str = ""
-    distance_unit: str = "mm"
+    distance_unit: str = ""
+    decimal_mark: str = ""
 
     def __post_init__(self) -> None:
-        if parse_unit(self.distance_unit).exponents != parse_unit("m").exponents:
+        if self.distance_unit and not is_length(self.distance_unit):
             raise InvalidInputError(
                 f"distance unit: found {self.distance_unit!r}, expected a unit of length such as mm"
             )
+        if self.decimal_mark not in {"", ".", ","}:
+            raise InvalidInputError(f'decimal: found {self.decimal_mark!r}, expected "." or ","')
 
 
 class LineParser:
@@ -61,7 +69,8 @@ class LineParser:
     """
 
     def __init__(self, name: str, layout: LineFormat, *, from_middle: bool) -> None:
-        self._name, self._format, self._factor = name, layout, parse_unit(layout.distance_unit).factor
+        self._name, self._format = name, layout
+        self._factor = parse_unit(unit_in_words(layout.distance_unit or "mm") or "mm").factor
         self._rest, self._skip_first, self._header = b"", from_middle, dict[str, int]()
         self._bytes = self._no_text = self._skipped = self._half = 0
         self._example = b""
@@ -133,52 +142,97 @@ class LineParser:
 
     def _parse(self, line: bytes) -> SourceReading | None:
         """Return the reading in a line of text, or None."""
-        text = line.strip().decode("utf-8", "replace")
+        text = without_stamp(line.strip().decode("utf-8", "replace"))[1].strip()
         if not text or text.startswith("#"):
             return None
-        reading = self._of_json(text) if text.startswith("{") else self._of_columns(text)
+        labeled = labeled_cells(text)
+        reading = self._of_columns(text) if labeled is None else self._of_labels(labeled)
         if reading is None:
             self._skip(line)
-        return reading
+            return None
+        return reading._replace(line=line)
 
-    def _of_json(self, text: str) -> SourceReading | None:
-        try:
-            content = json.loads(text)
-        except ValueError:
-            return None
-        if not isinstance(content, dict):
-            return None
-        cells = {str(key): _cell(value) for key, value in content.items()}
-        return self._of_cells(cells, "keys")
+    def _of_labels(self, labeled: Mapping[str, str]) -> SourceReading | None:
+        """Return the reading in a line whose values have labels, with or without a unit."""
+        cells: dict[str, str] = {}
+        for label, cell in labeled.items():
+            name, unit = split_title(label)
+            cells[label] = cells[name] = cell
+            if unit and self._format.distance_column in {label, name}:
+                self._take_unit(unit)
+        plain = {split_title(label)[0] for label in labeled}
+        return self._of_cells(cells, "keys", [name for name in cells if name in plain])
 
     def _of_columns(self, text: str) -> SourceReading | None:
-        parts = re.split(r"[,;\t]", text)
-        cells = [cell.strip().strip('"') for cell in (parts if len(parts) > 1 else text.split())]
-        if not any(_number(cell) is not None for cell in cells):
-            self._header = {cell: i + 1 for i, cell in enumerate(cells)}
+        delimiter = self._delimiter(text)
+        cells = cells_of(text, delimiter)
+        if not any(self._number(cell) is not None for cell in cells):
+            header = cells_of(text, delimiter_of_header(text))
+            self._header = {name: i for i, cell in enumerate(header, start=1) for name in (cell, split_title(cell)[0])}
+            unit = next((split_title(cell)[1] for cell in header if self._names_distance(cell)), None)
+            if unit:
+                self._take_unit(unit)
             return None
         named = {str(i): cell for i, cell in enumerate(cells, start=1)}
+        numbers = list(named)
         named |= {name: named[str(i)] for name, i in self._header.items() if str(i) in named and name not in named}
-        return self._of_cells(named, "columns")
+        return self._of_cells(named, "columns", numbers)
 
-    def _of_cells(self, cells: Mapping[str, str], kind: str) -> SourceReading | None:
+    def _delimiter(self, text: str) -> str:
+        """Return the delimiter of a line. A comma that may also be a decimal sign ends the recording."""
+        delimiter = delimiter_of_row(text)
+        if self._format.decimal_mark == "," and delimiter == ",":
+            return BLANK
+        whole = _TWO_WHOLE.fullmatch(text)
+        is_open = not self._format.decimal_mark and not self._header
+        if whole and is_open and not self._format.column and not self._format.distance_column:
+            raise SourceError(
+                f"{self._name}: the line {text!r} is one number, {whole[1]}.{whole[2]}, or two numbers, {whole[1]} and "
+                f'{whole[2]}. Nothing was kept. Choose --decimal "," for one number, or --column 1 or 2 for two numbers'
+            )
+        if is_open and delimiter != "," and "," in text:
+            cells = [cell for cell in cells_of(text, delimiter) if "," in cell]
+            if cells and all(_THOUSANDS.fullmatch(cell) for cell in cells):
+                cell = cells[0]
+                raise SourceError(
+                    f"{self._name}: the number {cell} in the line {text!r} is {cell.replace(',', '.')} or "
+                    f'{cell.replace(",", "")}. Nothing was kept. Choose --decimal "," for the first, or --decimal "." '
+                    "for the second"
+                )
+        return delimiter
+
+    def _names_distance(self, cell: str) -> bool:
+        return bool(self._format.distance_column) and self._format.distance_column in {cell, split_title(cell)[0]}
+
+    def _take_unit(self, unit: str) -> None:
+        """Use the unit of the distances that the lines state, and refuse another one in the options."""
+        if not is_length(unit):
+            return
+        if self._format.distance_unit and unit_in_words(self._format.distance_unit) != unit:
+            raise SourceError(
+                f"{self._name}: the lines give the distance in {unit}, but --distance-unit is "
+                f"{self._format.distance_unit}. Omit --distance-unit, or correct the unit in the lines"
+            )
+        self._factor = parse_unit(unit).factor
+
+    def _of_cells(self, cells: Mapping[str, str], kind: str, choice: Sequence[str]) -> SourceReading | None:
         """Return the reading from the cells of a line, or None."""
         distance = None
         if self._format.distance_column:
             cell = cells.get(self._format.distance_column)
             if cell is None:
                 return None
-            value = math.inf if is_no_object(cell) else _number(cell)
+            value = math.inf if is_no_object(cell) else self._number(cell)
             if value is None or value < 0:
                 return None
             distance = value if math.isinf(value) else value * self._factor
-        output = _number(cells.get(self._format.column or self._only(cells, kind), ""))
+        output = self._number(cells.get(self._format.column or self._only(cells, kind, choice), ""))
         return None if output is None else SourceReading(output, distance)
 
-    def _only(self, cells: Mapping[str, str], kind: str) -> str:
+    def _only(self, cells: Mapping[str, str], kind: str, choice: Sequence[str]) -> str:
         """Return the name of the only numeric column besides the distance."""
-        numbers = [name for name, cell in cells.items() if _number(cell) is not None and name not in self._header]
-        numbers = [name for name in numbers if name != self._distance_number]
+        numbers = [name for name in choice if self._number(cells[name]) is not None]
+        numbers = [name for name in numbers if name not in {self._distance_number, self._format.distance_column}]
         if len(numbers) > 1:
             raise SourceError(
                 f"{self._name}: found {len(numbers)} numbers in each line, expected one number. Choose the number with "
@@ -186,17 +240,19 @@ class LineParser:
             )
         return numbers[0] if numbers else ""
 
+    def _number(self, cell: str) -> float | None:
+        """Return the finite number in a table cell, with or without a unit, or None."""
+        text = cell.strip()
+        if is_quantity(text):
+            text = text.rstrip("".join(set(text) - set("0123456789.,")))
+        if not is_number(text):
+            return None
+        if self._format.decimal_mark == ".":
+            text = text.replace(",", "") if _THOUSANDS.fullmatch(text) else text
+        value = float(text.replace(",", "."))
+        return value if math.isfinite(value) else None
+
     @property
     def _distance_number(self) -> str:
         name = self._format.distance_column
         return str(self._header.get(name, name))
-
-
-def _cell(value: Any) -> str:
-    """Return a JSON value as the text of a table cell."""
-    return "" if value is None else str(value)
-
-
-def _number(cell: str) -> float | None:
-    """Return the finite number in a table cell, or None."""
-    return float(cell) if _NUMBER.fullmatch(cell) and math.isfinite(float(cell)) else None

@@ -8,11 +8,13 @@ from typing import NamedTuple, Protocol
 class SourceReading(NamedTuple):
     """One sensor reading and the distance of the object.
 
-    `distance` is in m, infinite without an object, and None if the source reports no distance.
+    `distance` is in m, infinite without an object, and None if the source reports no distance. `line` is the line of
+    text as it came, without its end; None if the source sends no text.
     """
 
     output: float
     distance: float | None = None
+    line: bytes | None = None
 
 
 class ReadingSource(Protocol):

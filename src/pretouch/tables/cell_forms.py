@@ -1,0 +1,147 @@
+"""Bring the numbers in table cells into one form, such as `2.5` for `2,5`, `2.5 mm`, `2.5 ± 0.1` and `1'250`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from pretouch._core.errors import CalibrationDataError
+
+from .cells import is_missing, is_no_object, is_number, quoted
+from .names import split_title
+from .unit_words import unit_in_words
+
+_FIRST: Final = 50  # cells that are tried first
+_SPREAD: Final = re.compile(r"(.*?\S)\s*(?:±|\+/-|\+-)\s*[\d.,]+(.*)")
+_WITH_UNIT: Final = re.compile(
+    r"([-+\N{MINUS SIGN}]?[\d.,' \u00a0\u202f\N{RIGHT SINGLE QUOTATION MARK}]*\d\.?)\s*([^\d\s.,].*|\")"
+)
+_HEXADECIMAL: Final = re.compile(r"0[xX][0-9a-fA-F]{1,8}")
+_SPACED: Final = re.compile(r"[-+]?\d{1,3}(?:[' \u00a0\u202f\N{RIGHT SINGLE QUOTATION MARK}]\d{3})+(?:[.,]\d+)?")
+_GROUPS: Final = {
+    mark: re.compile(rf"[-+]?\d{{1,3}}(?:\{mark}\d{{3}}){{2,}}(?:\{other}\d+)?|[-+]?\d{{1,3}}\{mark}\d{{3}}\{other}\d+")
+    for mark, other in ((",", "."), (".", ","))
+}
+"""Numbers whose mark certainly separates thousands, as in `1.234,5` and `1,234,567`."""
+_ONE_COMMA: Final = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+_AMBIGUOUS: Final = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
+
+
+class PlainColumns(NamedTuple):
+    """The columns of a table after all numbers were brought into one form.
+
+    `decimal_mark` is that of the file; the cells have it only where it is a comma that no other form hides.
+    """
+
+    header: tuple[str, ...]
+    columns: tuple[Sequence[str], ...]
+    decimal_mark: str
+    notes: tuple[str, ...]
+
+
+def plain_columns(
+    place: str, header: tuple[str, ...], columns: tuple[Sequence[str], ...], delimiter: str
+) -> PlainColumns:
+    """Bring the numbers of a table into one form.
+
+    Units in the cells move to the header. Thousands separators, uncertainties behind ± and hexadecimal digits are read.
+
+    Returns:
+        The columns. A column with anything else stays as it is.
+    """
+    titles, changed, notes, comma = list(header), list(columns), [], False
+    for i, cells in enumerate(columns):
+        if _are_floats(cells):
+            continue
+        distinct = {cell: cell for cell in set(cells)}
+        if all(map(_is_plain, distinct)):
+            continue
+        forms, unit = _without_units(_without_spreads(distinct))
+        forms = _without_groups(forms)
+        if not all(_is_plain(form) for form in forms.values()):
+            continue
+        own = split_title(titles[i])[1]
+        if unit is not None and own not in {None, unit}:
+            continue  # the cells and the header contradict each other
+        comma |= any("," in cell for cell in forms.values())
+        if unit is not None and own is None:
+            titles[i] = f"{titles[i]} [{unit}]".strip()
+            notes.append(f"The unit of the column {titles[i]!r} is in its cells.")
+        if any("±" in cell or "+-" in cell or "+/-" in cell for cell in distinct):
+            notes.append(f"The uncertainties in the column {titles[i]!r} are not used.")
+        changed[i] = tuple(forms[cell] for cell in cells)
+    commas = [cells for cells in changed if not _are_floats(cells) and any("," in cell for cell in set(cells))]
+    if commas:
+        comma |= any(map(_has_decimal_comma, commas))
+        _refuse_two_readings(place, commas, delimiter)
+    return PlainColumns(tuple(titles), tuple(changed), "," if comma else ".", tuple(notes))
+
+
+def _are_floats(cells: Sequence[str]) -> bool:
+    """Return True if all cells are numbers with a decimal point; this is quick."""
+    try:
+        np.array(cells[:_FIRST]).astype(np.float64)
+        np.array(cells).astype(np.float64)
+    except ValueError:
+        return False
+    return not any(cell.isidentifier() or "_" in cell for cell in set(cells))
+
+
+def _is_plain(cell: str) -> bool:
+    return is_number(cell) or is_missing(cell) or is_no_object(cell)
+
+
+def _has_decimal_comma(cells: Sequence[str]) -> bool:
+    return any(_ONE_COMMA.fullmatch(cell) for cell in set(cells))
+
+
+def _without_spreads(forms: dict[str, str]) -> dict[str, str]:
+    return {cell: "".join(m.groups()) if (m := _SPREAD.fullmatch(form)) else form for cell, form in forms.items()}
+
+
+def _without_units(forms: dict[str, str]) -> tuple[dict[str, str], str | None]:
+    """Remove the unit from every cell, if all cells with a unit have the same one. The second result is the unit."""
+    found, units = dict(forms), set()
+    for cell, form in forms.items():
+        match = None if _is_plain(form) or _HEXADECIMAL.fullmatch(form) else _WITH_UNIT.fullmatch(form)
+        unit = unit_in_words(match[2].strip()) if match else None
+        if match and unit:
+            found[cell] = match[1]
+            units.add(unit)
+    return (found, units.pop()) if len(units) == 1 else (forms, None)
+
+
+def _without_groups(forms: dict[str, str]) -> dict[str, str]:
+    """Remove separators of thousands, and read hexadecimal numbers."""
+    texts = list(forms.values())
+    grouped = next((mark for mark, pattern in _GROUPS.items() if any(map(pattern.fullmatch, texts))), "")
+    found = {}
+    for cell, form in forms.items():
+        if _HEXADECIMAL.fullmatch(form):
+            found[cell] = str(int(form, 16))
+        elif _SPACED.fullmatch(form):
+            found[cell] = re.sub(r"[^\d.,+-]", "", form)
+        elif grouped and (_GROUPS[grouped].fullmatch(form) or re.fullmatch(r"[-+]?[\d.,]+", form)):
+            found[cell] = form.replace(grouped, "").replace("," if grouped == "." else ".", ".")
+        else:
+            found[cell] = form
+    return found
+
+
+def _refuse_two_readings(place: str, columns: Sequence[Sequence[str]], delimiter: str) -> None:
+    """Raise an error if the comma in `1,234` may separate thousands or decimals, and no other cell tells which."""
+    for cells in columns:
+        distinct = set(cells)
+        commas = [cell for cell in distinct if "," in cell]
+        unclear = [cell for cell in commas if _AMBIGUOUS.fullmatch(cell)]
+        whole = any(is_number(cell) and not re.search(r"[.,]", cell) for cell in distinct)
+        if unclear and len(unclear) == len(commas) and (whole or delimiter == ","):
+            cell = min(unclear)
+            raise CalibrationDataError(
+                f"{place}: {quoted(cell)} may be the number {cell.replace(',', '')} or {cell.replace(',', '.')}. Write "
+                "the numbers without a separator of thousands, and with a decimal point",
+                problem=f"{place}: found numbers that can be read in two ways",
+            )

@@ -1,0 +1,230 @@
+"""Read the times of a table: with units, as date and time of day, or counted since 1970."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import date
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from pretouch._core.errors import CalibrationDataError
+from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.units import format_quantity, parse_unit
+
+from .cells import TextTable, is_number, quoted
+from .line_forms import TIME_OF_LINE
+from .names import is_named, split_title
+from .unit_words import TIME, dimension
+
+_CLOCK: Final = re.compile(
+    r"(?:(\d{4})-(\d\d?)-(\d\d?)[T ]+|(\d{1,2}[./]\d{1,2}[./]\d{2,4})[T ,]+)?"
+    r"(?:(\d{1,2}):)?(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)\s*(AM|PM)?\s*(?:Z|UTC|[+-]\d\d:?\d\d)?",
+    re.IGNORECASE,
+)
+_NANOSECONDS: Final = re.compile(r"(.*?)(?:nanosec|nanosecs|nsec|nsecs|nanoseconds|nanos)", re.IGNORECASE)
+_SECONDS: Final = re.compile(r"(.*?)(?:sec|secs|seconds|s)", re.IGNORECASE)
+_EPOCHS: Final = (("s", 1e9, 1e11), ("ms", 1e11, 1e14), ("us", 1e14, 1e17), ("ns", 1e17, 1e20))
+"""Ranges of times since 1970, from 2001 on, in each unit."""
+_PLAUSIBLE: Final = {"s": (5e-5, 2.0), "ms": (0.5, 2e3), "us": (50.0, 2e6), "ns": (5e4, 2e9)}
+"""Time steps of sensors in each unit: from half a hertz to 2 kHz, or 20 kHz in seconds."""
+_SLOW: Final = 2.0
+_QUICK: Final = 2e-5
+"""Time steps [s] beyond which the unit is doubted."""
+_EPOCH: Final = date(1970, 1, 1).toordinal()
+_DAY: Final = 86400 * 10**9
+
+
+class Times(NamedTuple):
+    """Times of the rows of a table.
+
+    `stamps` are in nanoseconds; `usable` tells in which rows there is a time. `columns` are the indices of the columns
+    with times. `notes` say which column was read, in which unit, and what was doubted.
+    """
+
+    stamps: IntArray
+    usable: np.ndarray
+    columns: tuple[int, ...]
+    notes: tuple[str, ...]
+
+
+def read_times(table: TextTable) -> Times:
+    """Read the times of a table.
+
+    The time column has a usual name, such as `time`, or a unit of time. Its unit is that of the header; without one,
+    times since 1970 are told by their size, and other times by the only unit that gives a plausible rate.
+
+    Returns:
+        The times.
+
+    Raises:
+        CalibrationDataError: there is no time column, its unit is unknown, or it has no valid time.
+    """
+    candidates = _candidates(table)
+    if all(map(is_number, table.header)):
+        raise CalibrationDataError(
+            f"{table.place}: the first row contains numbers, but a header is expected; write a header above it, such "
+            'as "time [UNIT],reading" with the unit of the times in place of UNIT, such as s, ms or us'
+        )
+    if not candidates:
+        titles = ", ".join(quoted(title) for title in table.header)
+        raise CalibrationDataError(
+            f"{table.place}: found no time column among the columns {titles}; rename the column with the times to "
+            '"time [UNIT]", with the unit of the times in place of UNIT, such as s, ms or us'
+        )
+    pair = _pair(table)
+    if pair is not None:
+        whole, part = (_numbers(table.columns[i]) for i in pair)
+        usable = np.isfinite(whole) & np.isfinite(part)
+        stamps = np.where(usable, whole, 0).astype(np.int64) * 10**9 + np.where(usable, part, 0).astype(np.int64)
+        titles = " and ".join(table.title(i) for i in pair)
+        return _checked(table, Times(stamps, usable, tuple(candidates), ()), f"the columns {titles}", "s and ns")
+    read = [_read(table, i) for i in candidates]
+    best = max(range(len(read)), key=lambda k: (_is_rising(read[k]), table.header[candidates[k]] != TIME_OF_LINE, -k))
+    stamps, usable, unit = read[best]
+    times = Times(stamps, usable, tuple(candidates), ())
+    return _checked(table, times, f"the column {table.title(candidates[best])}", unit)
+
+
+def _candidates(table: TextTable) -> list[int]:
+    """Return the columns with times: those with such a name; if there is none, those with a unit of time."""
+    named = [i for i, title in enumerate(table.header) if is_named(title, "time") or _of_stamp(title)]
+    with_unit = [i for i, title in enumerate(table.header) if dimension(split_title(title)[1]) == TIME]
+    return named or with_unit
+
+
+def _of_stamp(title: str) -> bool:
+    return bool(re.fullmatch(r".*stamp[./ _](?:sec|secs|nsec|nsecs|nanosec)", title, re.IGNORECASE))
+
+
+def _pair(table: TextTable) -> tuple[int, int] | None:
+    """Return the columns of seconds and nanoseconds of one stamp, or None."""
+    for i, title in enumerate(table.header):
+        match = _NANOSECONDS.fullmatch(title)
+        if match is None:
+            continue
+        for k, other in enumerate(table.header):
+            seconds = _SECONDS.fullmatch(other)
+            if k != i and seconds is not None and seconds[1] == match[1]:
+                return k, i
+    return None
+
+
+def _read(table: TextTable, index: int) -> tuple[IntArray, np.ndarray, str]:
+    """Return stamps [ns], in which rows they are valid, and the unit in words."""
+    title, cells = table.header[index], table.columns[index]
+    numbers = _numbers(cells)
+    if np.isfinite(numbers).sum() < np.count_nonzero([bool(cell) for cell in cells[:1000]]) / 2:
+        return (*_of_clock(cells), "hours, minutes and seconds")
+    unit = split_title(title)[1]
+    if unit is not None and dimension(unit) != TIME:
+        raise CalibrationDataError(
+            f"{table.place}: the time column {quoted(title)} has the unit {unit!r}, which is no unit of time; "
+            "write the unit of the times into its header, such as time [ms]"
+        )
+    unit = unit or _unit_of(table, title, numbers)
+    return (*_in_nanoseconds(cells, numbers, unit), unit)
+
+
+def _numbers(cells: Sequence[str]) -> FloatArray:
+    try:
+        return np.array(cells).astype(np.float64)
+    except ValueError:
+        return np.array([_number(cell) for cell in cells])
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell.replace(",", "."))
+    except ValueError:
+        return float("nan")
+
+
+def _in_nanoseconds(cells: Sequence[str], numbers: FloatArray, unit: str) -> tuple[IntArray, np.ndarray]:
+    """Convert times to integers in nanoseconds; integers are converted exactly."""
+    size = parse_unit(unit).factor * 1e9
+    usable = np.isfinite(numbers) & (np.abs(numbers) < 2.0**62 / size)
+    whole = np.where(usable, np.floor(numbers), 0)
+    exact = whole.astype(np.int64)
+    if size >= 1 and np.any(np.abs(numbers[usable]) > 2.0**53):  # epochs in nanoseconds are no exact floats
+        rows = zip(cells, whole, strict=True)
+        exact = np.array([int(cell) if cell.isdigit() else int(number) for cell, number in rows])
+    rest = np.where(usable, numbers - whole, 0)
+    return exact * round(size) + np.round(rest * size).astype(np.int64), usable
+
+
+def _of_clock(cells: Sequence[str]) -> tuple[IntArray, np.ndarray]:
+    """Return stamps [ns] from dates and times of day; a time of day before the one above it is of the next day."""
+    stamps, usable = np.zeros(len(cells), dtype=np.int64), np.zeros(len(cells), dtype=bool)
+    days, last, first = 0, -1, ""
+    for i, cell in enumerate(cells):
+        match = _CLOCK.fullmatch(cell.strip())
+        if match is None:
+            continue
+        year, month, day, other, hours, minutes, seconds, half = match.groups()
+        whole, _, fraction = seconds.replace(",", ".").partition(".")
+        hour = int(hours or 0) % 12 + 12 * (half.upper() == "PM") if half else int(hours or 0)
+        of_day = (3600 * hour + 60 * int(minutes) + int(whole)) * 10**9 + int(f"{fraction:0<9}"[:9])
+        if year:
+            try:
+                days = date(int(year), int(month), int(day)).toordinal() - _EPOCH
+            except ValueError:
+                continue
+        elif of_day < last - _DAY // 2 or (other and first and other != first and of_day < last):
+            days += 1
+        first, last = other or first, of_day
+        stamps[i], usable[i] = days * _DAY + of_day, True
+    return stamps, usable
+
+
+def _unit_of(table: TextTable, title: str, numbers: FloatArray) -> str:
+    """Return the unit of times that have none, from their size or their steps."""
+    found = numbers[np.isfinite(numbers)]
+    largest = float(np.max(np.abs(found), initial=0.0))
+    epoch = next((unit for unit, low, high in _EPOCHS if low <= largest < high), None)
+    steps = np.diff(found)
+    steps = steps[steps > 0]
+    if epoch is not None or not len(steps):
+        return epoch or "s"
+    step, whole = float(np.median(steps)), bool(np.all(found == np.floor(found)))
+    plausible = [unit for unit, (low, high) in _PLAUSIBLE.items() if low <= step <= high]
+    if not whole and "s" in plausible:
+        return "s"
+    if len(plausible) == 1:
+        return plausible[0]
+    rates = ", ".join(
+        f"{format_quantity(1 / (step * parse_unit(u).factor), 'Hz')} if they are in {u}" for u in ("s", "ms", "us")
+    )
+    raise CalibrationDataError(
+        f"{table.place}: the times in the column {quoted(title)} have no unit. The rate of the readings is {rates}. "
+        f'Write the unit into the header: rename the column to "{title} [UNIT]", with s, ms or us in place of UNIT'
+    )
+
+
+def _is_rising(read: tuple[IntArray, np.ndarray, str]) -> bool:
+    stamps = read[0][read[1]]
+    return len(stamps) > 1 and bool(np.mean(np.diff(stamps) >= 0) > 0.9) and stamps[-1] > stamps[0]
+
+
+def _checked(table: TextTable, times: Times, where: str, unit: str) -> Times:
+    """Add notes on the source, the unit and the rate of times."""
+    stamps = times.stamps[times.usable]
+    if not len(stamps):
+        raise CalibrationDataError(f"{table.place}: no row has a valid time in {where}")
+    steps = np.diff(stamps)
+    steps = steps[steps > 0]
+    if not len(steps):
+        return times._replace(notes=(f"The times are from {where} ({unit}).",))
+    step = float(np.median(steps)) / 1e9
+    rate = format_quantity(1 / step, "Hz", 3)
+    notes = [f"The times are from {where}, in {unit}: {rate}."]
+    if not _QUICK <= step <= _SLOW:
+        notes.append(
+            f"A rate of {rate} is unusual for a sensor. Check the unit of the times, here {unit}. If it is "
+            "another one, write it into the header, such as time [ms]."
+        )
+    missing = int((~times.usable).sum())
+    if missing:
+        notes.append(f"Rows without a time, which are not read: {missing:,}.")
+    return times._replace(notes=tuple(notes))

@@ -1,0 +1,179 @@
+"""Tables as people have them are read right, or refused with a remedy that leads to the right result."""
+
+import re
+import shlex
+
+import numpy as np
+import pytest
+
+from pretouch._core.errors import CalibrationDataError, InvalidInputError, SourceError
+from pretouch.calibration import read_calibrations
+from pretouch.recording import read_recording
+from pretouch.recording.sources.lines import LineFormat, LineParser
+from table_kinds import KINDS, TIMES, Kind, Readings, readings
+
+SEEDS = (1, 2, 3)
+
+
+def remedied(text: str, message: str, kind: Kind) -> tuple[str, dict[str, str]]:
+    """Follow the remedy of a message literally, with the true unit in place of UNIT."""
+    chosen = re.search(r'--columns "([^"]*)"', message)
+    if chosen:
+        option = chosen[1].replace("UNIT", kind.distance_unit)
+        return text, dict(part.split("=") for part in option.split(","))
+    assert "without a separator of thousands" in message
+    return re.sub(r'"(\d+),(\d+)"', r"\1\2", text), {}
+
+
+def curves(path, text: str, kind: Kind):
+    """Read all curves of a table, following remedies as long as it is refused."""
+    columns: dict[str, str] = {}
+    for _ in range(3):
+        path.write_text(text, encoding="utf-8")
+        try:
+            return read_calibrations(path, columns=columns)
+        except CalibrationDataError as error:
+            if not kind.refused:
+                raise
+            text, more = remedied(text, str(error), kind)
+            columns |= more
+    raise AssertionError("the remedies do not help")
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_a_table_is_read_right_or_refused_with_a_remedy_that_works(tmp_path, kind: Kind, seed: int) -> None:
+    made = readings(seed)
+    text = kind.write(made).replace("\n", ("\n", "\r\n", "\n")[seed - 1])
+    found = curves(tmp_path / "table.txt", text, kind)
+    assert len(found) == kind.sensors
+    for curve in found:
+        assert curve.distances == pytest.approx(np.repeat(made.distances, kind.per_distance) / 1000, rel=kind.tolerance)
+        assert curve.outputs == pytest.approx(np.repeat(kind.output(made), kind.per_distance), rel=1e-12)
+        assert curve.unit == kind.unit
+    assert len(found[0].no_object) == 3 * (kind.name == "no target")
+
+
+def test_the_kinds_are_as_many_as_documented() -> None:
+    assert len(KINDS) * len(SEEDS) + len(TIMES) >= 120
+
+
+VALUES = [500 + i % 7 for i in range(400)]
+
+
+@pytest.mark.parametrize("title", TIMES)
+def test_times_of_a_recording_are_read_with_their_unit_and_rate(tmp_path, title: str) -> None:
+    rows = [f"{TIMES[title](i, 0.005 * i)};{value}" for i, value in enumerate(VALUES)]
+    (tmp_path / "table.csv").write_text("\n".join([f"{title};prox", *rows]) + "\n", encoding="utf-8")
+    recording = read_recording(tmp_path / "table.csv")
+    assert np.diff(recording.stamps) == pytest.approx(
+        np.full(len(VALUES) - 1, 5e6), abs=1100
+    )  # clocks have milliseconds
+    assert recording.values.tolist() == VALUES
+    assert any("200 Hz" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    "form", ["10:12:{s:06.3f} -> {c}", "[10:12:{s:06.3f}] {c}", '{{"t": {s:.3f}, "prox": {c}}}', "t={s:.3f} prox={c}"]
+)
+def test_lines_of_a_monitor_are_a_recording(tmp_path, form: str) -> None:
+    lines = [form.format(s=33 + 0.005 * i, c=value) for i, value in enumerate(VALUES)]
+    (tmp_path / "monitor.log").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    recording = read_recording(tmp_path / "monitor.log")
+    assert np.diff(recording.stamps) == pytest.approx(np.full(len(VALUES) - 1, 5e6), abs=1)
+    assert recording.values.tolist() == VALUES
+
+
+def test_seconds_and_nanoseconds_in_two_columns_are_one_time(tmp_path) -> None:
+    rows = [f"17,{5_000_000 * i},{value / 1000}" for i, value in enumerate(VALUES[:150])]
+    header = "header.stamp.sec,header.stamp.nanosec,range"
+    (tmp_path / "x.csv").write_text("\n".join([header, *rows]) + "\n")
+    recording = read_recording(tmp_path / "x.csv", "range [m]")
+    assert (np.diff(recording.stamps) == 5_000_000).all()
+    assert recording.kind == "distance"
+
+
+def test_integer_times_whose_unit_no_rate_tells_are_refused_with_a_remedy_that_works(tmp_path) -> None:
+    rows = "".join(f"{i},{value}\n" for i, value in enumerate(VALUES))
+    (tmp_path / "x.csv").write_text(f"time,prox\n{rows}")
+    with pytest.raises(CalibrationDataError) as error:
+        read_recording(tmp_path / "x.csv")
+    found = re.search(r'rename the column to "([^"]*)"', str(error.value))
+    assert found
+    (tmp_path / "x.csv").write_text(f"{found[1].replace('UNIT', 'ms')},prox\n{rows}")
+    assert (np.diff(read_recording(tmp_path / "x.csv").stamps) == 1_000_000).all()
+
+
+def test_an_implausible_rate_is_said(tmp_path) -> None:
+    (tmp_path / "x.csv").write_text("time [s],prox\n" + "".join(f"{37 * i},{v}\n" for i, v in enumerate(VALUES)))
+    assert any("Check the unit of the times" in note for note in read_recording(tmp_path / "x.csv").notes)
+
+
+def test_damaged_rows_of_a_recording_are_left_out_and_counted(tmp_path) -> None:
+    rows = [f"{0.005 * i:.3f},{value}" for i, value in enumerate(VALUES)]
+    rows[50:50] = ["boot ok"]
+    rows[99] = f"{rows[99]},7"
+    (tmp_path / "x.csv").write_text("\n".join(["time [s],prox", *rows, "2.0"]) + "\n")
+    recording = read_recording(tmp_path / "x.csv")
+    assert len(recording.values) == len(VALUES) - 1
+    assert any("rows with another number of cells than the header: 3." in note for note in recording.notes)
+
+
+def test_outputs_in_millivolts_are_volts_as_in_a_calibration(tmp_path) -> None:
+    (tmp_path / "x.csv").write_text(
+        "time [s],prox [mV]\n" + "".join(f"{0.01 * i:.2f},{v}\n" for i, v in enumerate(VALUES))
+    )
+    assert read_recording(tmp_path / "x.csv").values[0] == pytest.approx(0.5, rel=1e-12)
+
+
+# --- the lines of a recording at the bench
+
+
+def parsed(lines: str, **layout: str) -> list[tuple[float, float | None]]:
+    """Return outputs and distances of lines."""
+    parser = LineParser("a sensor", LineFormat(**layout), from_middle=False)
+    return [(reading.output, reading.distance) for reading in parser.feed(lines.encode())]
+
+
+@pytest.mark.parametrize(
+    ("line", "layout"),
+    [
+        ("2,5;3,392", {"distance_column": "1", "column": "2"}),
+        ("2,5 3,392", {"distance_column": "1", "column": "2"}),
+        ("2.5,3.392", {"distance_column": "1", "column": "2"}),
+        ("2.5 mm\t3.392 V", {"distance_column": "1", "column": "2"}),
+        ("d:2.5,v:3.392", {"distance_column": "d", "column": "v"}),
+        ("d=0.25cm v=3.392", {"distance_column": "d", "column": "v"}),
+        ('{"d": 2.5, "v": 3.392}', {"distance_column": "d", "column": "v"}),
+        ("10:12:33.000 -> 2.5,3.392", {"distance_column": "1", "column": "2"}),
+        ("distance_cm,v\n0.25,3.392", {"distance_column": "distance_cm", "column": "v"}),
+    ],
+)
+def test_lines_are_read_by_the_rules_of_files(line: str, layout: dict[str, str]) -> None:
+    ((output, distance),) = parsed(f"{line}\n", **layout)
+    assert (output, distance) == (pytest.approx(3.392, rel=1e-12), pytest.approx(0.0025, rel=1e-12))
+
+
+@pytest.mark.parametrize("line", ["2,5", "1,250;3,392"])
+def test_a_line_that_can_be_read_in_two_ways_ends_the_recording_with_both(line: str) -> None:
+    layout = {} if line == "2,5" else {"distance_column": "1", "column": "2"}
+    with pytest.raises(SourceError) as error:
+        parsed(f"{line}\n", **layout)
+    one, other = ("2.5", "2 and 5") if line == "2,5" else ("1.250", "1250")
+    assert one in str(error.value)
+    assert other in str(error.value)
+    options = [shlex.split(found)[1] for found in re.findall(r"--decimal \"[.,]\"", str(error.value))]
+    for mark in options:
+        assert parsed(f"{line}\n", **layout, decimal_mark=mark)
+
+
+def test_a_unit_of_the_lines_that_contradicts_the_option_is_refused() -> None:
+    with pytest.raises(SourceError, match="cm"):
+        parsed("d:2.5cm,v:3\n", distance_column="d", column="v", distance_unit="mm")
+    with pytest.raises(InvalidInputError):
+        LineFormat(decimal_mark=";")
+
+
+def test_the_readings_differ_between_seeds() -> None:
+    assert len({readings(seed) for seed in SEEDS}) == len(SEEDS)
+    assert isinstance(readings(1), Readings)

@@ -11,14 +11,14 @@ import re
 import sqlite3
 import struct
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
 
 from pretouch._core.errors import InvalidInputError, MissingExtraError, require
 
-from .messages import Contents, Messages, Topic, split_name
+from .messages import Contents, Topic, split_name
 
 EXTRA: Final = "ros"
 """The extra of pretouch that installs the libraries for bags."""
@@ -30,7 +30,8 @@ _SQLITE: Final = b"SQLite format 3\0"
 _ROS1: Final = b"#ROSBAG V"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS = 2, 3, 4, 5, 6, 11  # opcodes of MCAP records
 _RECORD: Final = struct.Struct("<BQ")
-_HEAD: Final = struct.Struct("<HIQQ")  # channel, sequence, receive time, publish time
+_MESSAGE_HEAD: Final = struct.Struct("<xQH4xQ8x")  # opcode, length, channel, sequence, receive time, publish time
+_LEAST: Final = _MESSAGE_HEAD.size - _RECORD.size  # length of a message without content
 _YAML_COUNT: Final = re.compile(r"^  message_count:\s*(\d+)", re.MULTILINE)  # of all topics
 _YAML_FILES: Final = re.compile(r"relative_file_paths:\s*\n((?:\s*-\s*.+\n?)*)")
 
@@ -193,7 +194,7 @@ class _Channels:
         self.wanted, self.contents = wanted, contents
         self.schemas: dict[int, Any] = {}
         self.topics: dict[int, Topic] = {}
-        self.kept: dict[int, Messages] = {}
+        self.kept: dict[int, tuple[Callable[[int], None], Callable[[bytes], None]]] = {}
 
     def add(self, channel: Any) -> None:
         """Add an MCAP channel; ignore repeated records of the same channel."""
@@ -205,7 +206,8 @@ class _Channels:
         self.topics[channel.id] = topic
         self.contents.counts.setdefault(topic, 0)
         if is_wanted(topic.name, self.wanted):
-            self.kept[channel.id] = self.contents.messages_of(topic)
+            messages = self.contents.messages_of(topic)
+            self.kept[channel.id] = messages.received.append, messages.data.append
 
 
 def _read_records(data: bytes, state: _Channels) -> None:
@@ -215,18 +217,22 @@ def _read_records(data: bytes, state: _Channels) -> None:
     """
     records = require("mcap.records", extra=EXTRA)
     counts: dict[int, int] = {}
-    place, end, head = 0, len(data), _RECORD.size + _HEAD.size
+    place, end, unpack = 0, len(data), _MESSAGE_HEAD.unpack_from
     while place + _RECORD.size <= end:
+        if data[place] == _MESSAGE and place + _MESSAGE_HEAD.size <= end:
+            length, channel, received = unpack(data, place)
+            following = place + _RECORD.size + length
+            if length >= _LEAST:  # otherwise, the message is damaged
+                counts[channel] = counts.get(channel, 0) + 1
+                if channel in state.kept:
+                    add_time, add_data = state.kept[channel]
+                    add_time(received)
+                    add_data(data[place + _MESSAGE_HEAD.size : following])
+            place = following
+            continue
         opcode, length = _RECORD.unpack_from(data, place)
         following = place + _RECORD.size + length
-        if opcode == _MESSAGE and length >= _HEAD.size:
-            channel, _, received, _ = _HEAD.unpack_from(data, place + _RECORD.size)
-            counts[channel] = counts.get(channel, 0) + 1
-            kept = state.kept.get(channel)
-            if kept is not None:
-                kept.received.append(received)
-                kept.data.append(data[place + head : following])
-        elif opcode == _SCHEMA:
+        if opcode == _SCHEMA:
             schema = records.Schema.read(_fields(data[place + _RECORD.size : following]))
             state.schemas[schema.id] = schema
         elif opcode == _CHANNEL:

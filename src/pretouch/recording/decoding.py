@@ -97,7 +97,6 @@ def decode(messages: Messages, field: str) -> Decoded:
     """
     topic, data = messages.topic, _contents(messages)
     received, usable = _receive_times(messages.received)
-    usable &= np.fromiter((message is not None for message in data), dtype=bool, count=len(data))
     columns = _Columns(values=np.full(len(data), np.nan), stamps=np.zeros(len(data), dtype=np.int64), usable=usable)
     rows, bounds = np.flatnonzero(usable), (float("nan"), float("nan"))
     if len(rows):
@@ -109,11 +108,12 @@ def decode(messages: Messages, field: str) -> Decoded:
             f"{topic.message_type or topic.encoding}; the file is damaged, or the recording has another version of "
             "this type. Record again in the format MCAP, which stores the definitions of the types"
         )
+    kept = slice(None) if usable.all() else usable
     return Decoded(
         field=field,
-        values=columns.values[usable],
-        stamps=columns.stamps[usable],
-        received=received[usable],
+        values=columns.values[kept],
+        stamps=columns.stamps[kept],
+        received=received[kept],
         damaged=int((~usable).sum()) + messages.damaged,
         bounds=bounds,
     )
@@ -128,8 +128,8 @@ def _receive_times(received: list[int]) -> tuple[IntArray, BoolArray]:
     return times, (times >= 0) & (times < _LATEST)
 
 
-def _contents(messages: Messages) -> list[Any]:
-    """Return the uncompressed content of each message; None for a message that cannot be decompressed."""
+def _contents(messages: Messages) -> list[bytes]:
+    """Return the uncompressed content of each message; none for a message that cannot be decompressed."""
     topic, data = messages.topic, messages.data
     if topic.encoding not in {"cdr", "json"}:
         raise InvalidInputError(
@@ -145,7 +145,7 @@ def _contents(messages: Messages) -> list[Any]:
         try:
             plain.append(unpack(message))
         except library.ZstdError:
-            plain.append(None)
+            plain.append(b"")
     return plain
 
 
@@ -161,11 +161,11 @@ def decode_names(messages: Messages) -> tuple[str, ...]:
     Raises:
         InvalidInputError: the messages have no names, or not all the same.
     """
-    topic, data = messages.topic, [message for message in _contents(messages) if message is not None]
+    topic, data = messages.topic, _contents(messages)
     if topic.encoding == "json":
         decoded = (_parse(text) for text in data)
     else:
-        typical = _typical(data)
+        typical = data[max(group_by_size(data).values(), key=len)[0]]
         store = _type_store(topic, typical)
         fields = layout_of(typical, topic.message_type, store.fielddefs).fields
         end = fields["position[0]"].offset if "position[0]" in fields else None
@@ -182,12 +182,6 @@ def decode_names(messages: Messages) -> tuple[str, ...]:
     return names
 
 
-def _typical(data: list[bytes]) -> bytes:
-    """Return a message of the most frequent size, which is probably not damaged."""
-    rows = max(group_by_size(data).values(), key=len)
-    return bytes(data[rows[0]])
-
-
 def _decode_cdr(
     data: list[bytes], rows: IntArray, topic: Topic, field: str, columns: _Columns
 ) -> tuple[str, tuple[float, float]]:
@@ -197,10 +191,11 @@ def _decode_cdr(
         The field, and the smallest and largest valid value.
     """
     chosen = data if len(rows) == len(data) else [data[i] for i in rows]
-    store = _type_store(topic, _typical(chosen))
+    # the most frequent size first: a damaged message must choose neither the definition nor the field
+    groups = sorted(group_by_size(chosen).values(), key=len, reverse=True)
+    store = _type_store(topic, chosen[groups[0][0]])
     name, bounds, is_known = field, (float("nan"), float("nan")), False
-    # the most frequent size first: a damaged message must not choose the field
-    for group in sorted(group_by_size(chosen).values(), key=len, reverse=True):
+    for group in groups:
         rest, table = rows[group], table_of(chosen, group, len(chosen[group[0]]))
         for attempt in range(_MOST_LAYOUTS):
             try:

@@ -153,7 +153,8 @@ def with_layout(table: Any, layout: MessageLayout) -> BoolArray:
         table: bytes of the messages, shape (n, size).
         layout: layout of the first message.
     """
-    same: BoolArray = (table[:, :2] == table[0, :2]).all(axis=1)
+    encoding = Place(0, np.dtype("u2"))
+    same: BoolArray = column(table, encoding) == column(table[:1], encoding)
     for place in layout.lengths:
         lengths = column(table, place)
         same &= lengths == lengths[0]
@@ -168,6 +169,8 @@ def stamps_of(seconds: Any, nanoseconds: Any) -> IntArray:
 def group_by_size(data: Sequence[bytes]) -> dict[int, IntArray]:
     """Group message indices by message size in bytes."""
     sizes = np.fromiter(map(len, data), dtype=np.int64, count=len(data))
+    if len(data) and (sizes == sizes[0]).all():
+        return {int(sizes[0]): np.arange(len(data))}
     return {int(size): np.flatnonzero(sizes == size) for size in np.unique(sizes)}
 
 

@@ -93,18 +93,18 @@ def classify_distances(values: FloatArray, bounds: tuple[float, float]) -> Dista
         taken.append(NoObject(value=np.inf, count=int(infinite.sum()), reason="infinite"))
     failures = _any_of(changed, _codes("failed"))
     changed[failures] = np.nan
-    for idle in _idle_distances(changed):
-        chosen = changed == idle.value
-        changed[chosen] = np.inf
-        taken.append(idle)
+    frozen = frozen_values(changed)
+    if idle := list(_idle_distances(changed, frozen)):
+        changed[np.isin(changed, [each.value for each in idle])] = np.inf
+        frozen = frozen_values(changed)
     impossible = _outside_jumps(changed)
     changed[impossible] = np.nan
-    unclear = _unclear_value(changed)
+    unclear = _unclear_value(changed, frozen)
     near = np.isfinite(changed) & (changed < low) if low < high else np.zeros(len(values), dtype=bool)
     changed[near] = -np.inf
     return Distances(
         values=changed,
-        no_object=tuple(taken),
+        no_object=(*taken, *idle),
         failed=int(failures.sum()),
         impossible=int(impossible.sum()),
         too_near=int(near.sum()),
@@ -155,7 +155,7 @@ def frozen_values(values: FloatArray) -> tuple[float, ...]:
     return ()
 
 
-def _idle_distances(values: FloatArray) -> Iterator[NoObject]:
+def _idle_distances(values: FloatArray, frozen: tuple[float, ...]) -> Iterator[NoObject]:
     """Yield the values that a sensor reports without an object."""
     taken: list[float] = []
     for reason, candidates in _suspects(values):
@@ -165,7 +165,7 @@ def _idle_distances(values: FloatArray) -> Iterator[NoObject]:
                 taken.append(value)
                 yield NoObject(value=value, count=int((values == value).sum()), reason=reason)
     rest = np.where(np.isin(values, taken), np.nan, values) if taken else values
-    frozen = frozen_values(rest)
+    frozen = frozen_values(rest) if taken else frozen
     known = rest[np.isfinite(rest)]
     ends = (known.min(), known.max()) if frozen else ()
     yield from _repeated(rest, [value for value in frozen if value in ends])
@@ -184,9 +184,9 @@ def _codes(name: str) -> tuple[float, ...]:
     return tuple({value for part in PARTS.values() for value in getattr(part, name)})
 
 
-def _unclear_value(values: FloatArray) -> float:
+def _unclear_value(values: FloatArray, frozen: tuple[float, ...]) -> float:
     """Return a smallest distance to or from which the readings jump in some runs; NaN if there is none."""
-    for value in frozen_values(values):
+    for value in frozen:
         jumps, _ = _jumps(values, values == value)
         if value == values[np.isfinite(values)].min() and jumps.any():
             return value
@@ -257,7 +257,7 @@ def _runs(flags: BoolArray) -> tuple[IntArray, IntArray]:
 
 def _any_of(values: FloatArray, codes: tuple[float, ...]) -> BoolArray:
     """Return the values that equal one of the codes, except for the rounding of a number in single precision."""
-    equal = np.zeros(len(values), dtype=bool)
-    for code in codes:
-        equal |= np.abs(values - code) <= _ROUNDING * code
+    equal = values >= min(codes) * (1 - _ROUNDING)
+    large = values[equal]
+    equal[equal] = np.any([np.abs(large - code) <= _ROUNDING * code for code in codes], axis=0)
     return equal

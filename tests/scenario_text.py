@@ -74,6 +74,16 @@ def writer(folder, monkeypatch):
 
 def refusal(file):
     """Return the message with which a file is refused."""
+    return str(error_of(file))
+
+
+def error_of(file):
+    """Return the error with which a file is refused."""
     with pytest.raises(ScenarioFileError) as refused:
         load_scenario(file)
-    return str(refused.value)
+    return refused.value
+
+
+def places(file):
+    """Return line and key of each mistake of a refused file; the sentences are in snapshots/scenario-file.md."""
+    return [(mistake.line, mistake.key) for mistake in error_of(file).mistakes]

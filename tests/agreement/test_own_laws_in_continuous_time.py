@@ -17,7 +17,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from encounters import CURVES, random_encounters
-from pretouch._core.errors import InvalidInputError, OutOfRangeError
+from pretouch._core.errors import OutOfRangeError
 from pretouch.motion import (
     DRAG,
     Admittance,
@@ -35,6 +35,7 @@ from pretouch.motion import (
 from pretouch.motion.custom_force import ForceLaw
 from pretouch.motion.scenario import map_fields
 from pretouch.sensors import InversePower, SensorModel
+from refusals import refused
 
 TIGHT = 1e-8
 GAIN = LawNumber("gain", "D_p", "N*s", -1)
@@ -192,7 +193,7 @@ def test_a_vectorized_force_gives_the_same_bits_as_single_numbers(suspends: bool
 
 @pytest.mark.parametrize("wrong", [0.0, np.zeros(3), "1", np.zeros(1, dtype=complex)])
 def test_a_vectorized_force_must_return_one_number_for_each_state(wrong: Any) -> None:
-    with pytest.raises(InvalidInputError, match="vectorized"):
+    with refused("force"):
         find_contact(APPROACH, POWER, np.array([1.0, 2.0]), law=own(lambda *_: wrong, vectorized=True))
 
 
@@ -270,9 +271,9 @@ def test_the_ends_of_a_curve() -> None:
     assert result.closest_distance == 0.04
     assert ended(replace(POWER, minimum_distance=0.04), velocity=-0.3).end.time == 0.0
     assert ended(replace(POWER, maximum_distance=0.04), velocity=0.3).status is ContactStatus.LEFT_RANGE
-    with pytest.raises(OutOfRangeError, match="obstacle position"):
+    with refused("obstacle position", error=OutOfRangeError, value=0.04, limit=(0.0, 0.03)):
         ended(replace(POWER, maximum_distance=0.03), velocity=-0.3)
-    with pytest.raises(InvalidInputError, match="must be positive"):  # in contact already
+    with refused("obstacle position"):  # in contact already
         replace(APPROACH, obstacle=Obstacle(position=0.0))
 
 
@@ -335,11 +336,7 @@ def test_a_plant_that_is_held_off_goes_along_until_the_admittance_lets_go() -> N
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, 1j, np.array([1.0, 2.0]), np.array([1.0]), "1", None, True])
 def test_a_force_that_is_no_number_is_refused_in_one_sentence(wrong: Any) -> None:
-    with pytest.raises(
-        InvalidInputError,
-        match=r"force: the custom law own returned .*, expected .*\. Its inputs were a distance of .* m and a rate "
-        r"d ln xi/dt of",
-    ) as told:
+    with refused("force") as told:
         find_contact(APPROACH, POWER, 1.0, law=own(lambda *_: wrong))
     assert "\n" not in str(told.value)
 
@@ -380,11 +377,11 @@ def test_a_motion_that_would_stay_at_a_jump_of_the_force_is_unresolved() -> None
 
 
 def test_requests_that_make_no_sense() -> None:
-    with pytest.raises(InvalidInputError, match="method: found 'closed-form'"):
+    with refused("method", value="closed-form"):
         find_contact(APPROACH, POWER, -0.7, law=DAMPER_AGAIN, method="closed-form")
-    with pytest.raises(InvalidInputError, match=r"gain: found nan N\*s"):
+    with refused("gain"):
         find_contact(APPROACH, POWER, math.nan, law=DAMPER_AGAIN)
-    with pytest.raises(InvalidInputError, match="force: found 3"):
+    with refused("force", value=3):
         own(3)
 
 

@@ -16,11 +16,17 @@ from pathlib import Path
 
 from command_text import as_in_a_terminal, in_this_process
 
+from loop_text import LOOPED
+from scenario_text import ADMITTANCE, SENSOR, STILL, WHOLE
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 SNAPSHOTS = Path(__file__).with_name("snapshots")
 NOT_RERUN = ("how-to/record-a-calibration.md", "how-to/what-did-my-sensor-see.md")
 """Pages whose sessions need a sensor, or recordings that their own test makes."""
+
+SCENARIOS = {"whole.toml": WHOLE, "looped.toml": LOOPED, "alone.toml": SENSOR + ADMITTANCE + STILL}
+"""Scenario files that are written next to the examples for a snapshot: complete, with a loop, and without a design."""
 
 _FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 _STEP = re.compile(r"^\$ (.+)\n((?:(?!\$ |```).*\n)*)", re.MULTILINE)
@@ -93,6 +99,8 @@ def run_snapshot(snapshot: Path, folder: Path) -> Iterator[tuple[Step, str]]:
         Each command, and what a terminal shows: standard output and standard error, then an exit status other than 0.
     """
     shutil.copytree(ROOT / "examples", folder, dirs_exist_ok=True)
+    for name, text in SCENARIOS.items():
+        (folder / name).write_text(text, encoding="utf-8")
     for step in steps_of(snapshot.read_text(encoding="utf-8")):
         edit, pretouch, words = step.command.rpartition("pretouch ")
         if not pretouch:

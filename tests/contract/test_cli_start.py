@@ -19,11 +19,11 @@ from command_text import in_this_process as run
 import pretouch as pt
 from pretouch.cli import doctor
 from pretouch.config.parts import load_with_parts, tasks_of_parts
-from pretouch.errors import InvalidInputError
 from pretouch.simulation import PARTS
 from pretouch.simulation.detection import detection_distance
 from pretouch.studio import page_file
 from pretouch.verification import VerdictStatus, compare
+from refusals import refused
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -453,7 +453,7 @@ def test_a_mistake_of_compare_is_one_sentence(words: list[object], told: str, tm
 
 
 def test_a_candidate_alone_is_refused() -> None:
-    with pytest.raises(InvalidInputError, match="two"):
+    with refused("tasks"):
         compare({"one": pt.load_scenario(EXAMPLES / "loop.toml")})
 
 

@@ -15,11 +15,11 @@ from command_text import SCENARIO, command, lay_out, strict
 import pretouch as pt
 from figure_checks import assert_legible
 from pretouch import load_scenario, sweep
-from pretouch._core.errors import InvalidInputError
 from pretouch.designs import Task
 from pretouch.report import plots
 from pretouch.sweeps import results
 from pretouch.sweeps.axes import read_axis
+from refusals import refused
 from sweep_samples import CURVED
 from sweep_samples import SCENARIO as ENCOUNTER
 
@@ -257,12 +257,12 @@ def test_the_picture_of_a_sweep_is_legible(kind: str, results: tuple[str, ...]) 
 
 def test_what_cannot_be_drawn_is_refused() -> None:
     axes = {"obstacle.velocity": [-0.3, -0.2], "gain": [-0.5, -0.4], "admittance.mass": [1.0, 2.0]}
-    with pytest.raises(InvalidInputError, match="found 3 axes with several values, but a figure can"):
+    with refused("dataset"):
         plots.sweep(sweep(Task(ENCOUNTER, CURVED), axes))
     flat = sweep(Task(ENCOUNTER, CURVED, gain=-0.5, horizon=5.0), {"obstacle.velocity": [0.3, 0.2]})
-    with pytest.raises(InvalidInputError, match="time: found no finite value of this result in the sweep"):
+    with refused("time"):
         plots.sweep(flat, ["time"])
-    with pytest.raises(InvalidInputError, match="results: found nonsense, expected some of"):
+    with refused("results"):
         plots.sweep(flat, ["nonsense"])
 
 

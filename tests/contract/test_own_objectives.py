@@ -21,6 +21,7 @@ from pretouch._core.vocabulary import words_for
 from pretouch.designs import ImpactModel
 from pretouch.motion import ContactState
 from pretouch.report import write_report
+from refusals import refused
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, verdict
 
 WEIGHTS = (40.0, 11.0)
@@ -183,9 +184,9 @@ def test_terms_without_a_weight_count_nothing_and_are_shown_as_that(tmp_path: Pa
     assert design.objective_parts["time"] == 0
     assert sum(design.objective_parts.values()) == pytest.approx(design.objective, rel=1e-9)
     page(write_report, design, tmp_path)
-    with pytest.raises(InvalidInputError, match="none with a positive weight"):
+    with refused("terms"):
         pt.Objective(terms=(pt.Term(quantity="time", scale=1.0, weight=0.0),))
-    with pytest.raises(InvalidInputError, match="none with a positive weight"):
+    with refused("terms"):
         pt.Objective()
 
 

@@ -14,6 +14,7 @@ from pretouch.cli.terminal import Presentation
 from pretouch.designs.impact import impact_rows
 from pretouch.motion.page_sections import scenario_rows
 from pretouch.uncertainty.correlated import CorrelatedNormal
+from refusals import refused
 from verification_samples import SCENARIO, SENSOR
 
 OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
@@ -64,7 +65,7 @@ def test_arrays_give_the_distribution_that_tuples_give() -> None:
 
 @pytest.mark.parametrize("wrong", ["x", (1.0,), (1.0, 2.0, 3.0), ("a", "b"), 3.0])
 def test_bounds_are_two_numbers(wrong: object) -> None:
-    with pytest.raises((TypeError, pt.errors.InvalidInputError), match=r"bounds: .*two numbers"):
+    with refused("bounds", error=(TypeError, pt.errors.InvalidInputError)):
         pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=wrong)  # type: ignore[arg-type]
 
 

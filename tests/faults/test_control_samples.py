@@ -24,6 +24,7 @@ from pretouch.control import (
     VirtualDrag,
 )
 from properties import examples
+from refusals import refused
 
 POSITION, VELOCITY, ACCELERATION, FORCE, LEVEL, STATUS = range(6)
 HARD = {
@@ -310,11 +311,11 @@ def test_a_controller_that_makes_no_sense_is_refused(changed: dict[str, Any], sa
 
 
 def test_an_admittance_of_arrays_is_refused() -> None:
-    with pytest.raises(InvalidInputError, match="array"):
+    with refused("mass"):
         VirtualAdmittance(mass=np.array([1.0, 2.0]), damping=1.0, stiffness=1.0)
-    with pytest.raises(InvalidInputError, match="array"):
+    with refused("gain"):
         VirtualDamper(gain=np.array([1.0, 2.0]))
-    with pytest.raises(InvalidInputError, match="array"):
+    with refused("period"):
         Controller(
             period=np.array([1.0, 2.0]),
             conditioning=Conditioning(floor=1.0),

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from pretouch._core.errors import InvalidInputError, PretouchError
 from pretouch._core.numbers import finite, nonnegative, positive
+from refusals import refused
 
 CHECKS = pytest.mark.parametrize("check", [finite, positive, nonnegative])
 
@@ -46,7 +47,7 @@ def test_the_callers_own_array_stays_his_own() -> None:
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, None, 10**400])
 def test_a_missing_or_infinite_number_is_refused(check: object, value: object) -> None:
     for given_value in (value, [1.0, value], np.array([[1.0], [value]], dtype=object)):
-        with pytest.raises(InvalidInputError, match=r"^mass: found (nan|inf|-inf) kg, which must be finite$"):
+        with refused("mass", limit=(-np.inf, np.inf)):
             check(given_value, "mass", "kg")  # type: ignore[operator]
 
 
@@ -71,7 +72,7 @@ def test_a_missing_or_infinite_number_is_refused(check: object, value: object) -
 )
 def test_what_is_no_number_is_refused(check: object, value: object) -> None:
     """Text, truth values, imaginary parts and masks are all things that NumPy turns into floats without a word."""
-    with pytest.raises(InvalidInputError, match=r"(?s)^mass: found .*, expected a number in kg$"):
+    with refused("mass"):
         check(value, "mass", "kg")  # type: ignore[operator]
 
 
@@ -90,7 +91,7 @@ def test_the_sign_decides(value: float) -> None:
 
 
 def test_the_first_culprit_is_named_and_the_unit_left_out_where_there_is_none() -> None:
-    with pytest.raises(InvalidInputError, match=r"^order: found -2, which must be positive$"):
+    with refused("order", value=-2.0):
         positive([[1.0, -2.0], [-3.0, 4.0]], "order")
 
 
@@ -100,7 +101,7 @@ def test_no_numbers_at_all_are_none_that_are_wrong(check: object) -> None:
 
 
 def test_the_error_is_a_value_error_and_a_pretouch_error() -> None:
-    with pytest.raises(ValueError, match="mass"):
+    with refused("mass", error=ValueError):
         finite(np.nan, "mass")
     with pytest.raises(PretouchError):
         finite(np.nan, "mass")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 
 import pytest
-from loop_text import LOOPED
 
 import pretouch as pt
+from loop_text import LOOPED
 from pretouch.config import load_scenario
 from pretouch.motion import Stretch
-from scenario_text import STILL, refusal, replaced, writer
+from scenario_text import STILL, places, replaced, writer
 
 FIRST = '[[obstacle.course]]\nuntil = "50 ms"\n'
 SECOND = '[[obstacle.course]]\nuntil = "0.2 s"\nacceleration = "3 m/s^2"\n'
@@ -30,42 +30,27 @@ def test_a_course_is_read(write):
     )
 
 
-# (what is replaced, by what, the start of the line that is named, key, what the sentence says)
+# (what is replaced, by what, the start of the line that is named, key)
 MISTAKES = [
-    ('"50 ms"', '"50 mm"', 'until = "50', "obstacle.course[0].until", 'found "50 mm", expected a quantity in s'),
-    ('"50 ms"', '"0 s"', 'until = "0 s"', "obstacle.course[0].until", "expected a positive quantity in s"),
-    ('"50 ms"', '"inf"', 'until = "inf"', "obstacle.course[0].until", "expected a finite quantity in s"),
-    (
-        '"0.2 s"',
-        '"50 ms"',
-        'until = "50 ms"\nacc',
-        "obstacle.course[1].until",
-        "motion ends at 0.05 s",
-    ),
-    ('"0.2 s"', '"20 ms"', 'until = "20 ms"', "obstacle.course[1].until", "but must end after"),
-    ('"3 m/s^2"', '"3 m/s"', 'acceleration = "3 m', "obstacle.course[1].acceleration", "a quantity in m/s²"),
-    (
-        'until = "0.2 s"\n',
-        "",
-        "[[obstacle.course]]\nacc",
-        "obstacle.course[1].until",
-        "missing, expected a quantity in s",
-    ),
-    ('until = "50 ms"', 'untl = "50 ms"', "untl", "obstacle.course[0].untl", 'did you mean "until"?'),
-    (FIRST + SECOND, "course = 3\n", "course", "obstacle.course", "found 3, expected one or more of"),
-    (FIRST + SECOND, "course = []\n", "course", "obstacle.course", "expected one or more of [[obstacle.course]]"),
-    (FIRST + SECOND, '[obstacle.course]\nuntil = "1 s"\n', "[obstacle.course]", "obstacle.course", "found a table"),
-    (FIRST, '[[obstacle.corse]]\nuntil = "50 ms"\n', "[[obstacle.corse]]", "obstacle.corse", "found an unknown key"),
+    ('"50 ms"', '"50 mm"', 'until = "50', "obstacle.course[0].until"),
+    ('"50 ms"', '"0 s"', 'until = "0 s"', "obstacle.course[0].until"),
+    ('"50 ms"', '"inf"', 'until = "inf"', "obstacle.course[0].until"),
+    ('"0.2 s"', '"50 ms"', 'until = "50 ms"\nacc', "obstacle.course[1].until"),
+    ('"0.2 s"', '"20 ms"', 'until = "20 ms"', "obstacle.course[1].until"),
+    ('"3 m/s^2"', '"3 m/s"', 'acceleration = "3 m', "obstacle.course[1].acceleration"),
+    ('until = "0.2 s"\n', "", "[[obstacle.course]]\nacc", "obstacle.course[1].until"),
+    ('until = "50 ms"', 'untl = "50 ms"', "untl", "obstacle.course[0].untl"),
+    (FIRST + SECOND, "course = 3\n", "course", "obstacle.course"),
+    (FIRST + SECOND, "course = []\n", "course", "obstacle.course"),
+    (FIRST + SECOND, '[obstacle.course]\nuntil = "1 s"\n', "[obstacle.course]", "obstacle.course"),
+    (FIRST, '[[obstacle.corse]]\nuntil = "50 ms"\n', "[[obstacle.corse]]", "obstacle.corse"),
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "start", "key", "says"), MISTAKES)
-def test_mistakes_are_told_by_line_and_key(write, old, new, start, key, says):
+@pytest.mark.parametrize(("old", "new", "start", "key"), MISTAKES)
+def test_mistakes_are_told_by_line_and_key(write, old, new, start, key):
     text = replaced(old, new, WITH)
-    line = text[: text.index(start)].count("\n") + 1
-    told = refusal(write(text))
-    assert f"line {line}: {key}: " in told
-    assert says in told
+    assert (text[: text.index(start)].count("\n") + 1, key) in places(write(text))
 
 
 def test_a_loop_from_a_file_runs_a_course(write):

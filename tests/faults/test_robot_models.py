@@ -21,6 +21,7 @@ from pretouch.robots import (
     random_postures,
     simulate_robot,
 )
+from refusals import refused
 
 ARM = Path(__file__).parents[2] / "examples/robots/arm.xml"
 SITE = SensorSite("fingertip", axis=(0.0, 0.0, 1.0))
@@ -53,7 +54,7 @@ def test_a_site_takes_a_unit_vector_and_an_angle_with_its_unit() -> None:
 
 def test_without_mujoco_the_message_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'pretouch\[mujoco\]'"):
+    with refused("mujoco", error=MissingExtraError, remedy="pip install 'pretouch[mujoco]'"):
         load_model(ARM)
 
 
@@ -128,7 +129,7 @@ def test_a_sensor_is_covered_inside_a_shape_only(shape: str, place: float, cover
         <actuator><motor joint="a" ctrlrange="-5 5"/></actuator></mujoco>"""
     )
     if covered:
-        with pytest.raises(InvalidInputError, match="shell"):
+        with refused("site 'tip'", value="shell"):
             project_site(model, make_data(model), SensorSite("tip"))
     else:
         assert project_site(model, make_data(model), SensorSite("tip")).retreat == pytest.approx(1.0)
@@ -140,7 +141,7 @@ def test_drives_that_cannot_hold_the_robot_are_refused() -> None:
             "<worldbody>", '<option gravity="-9.81 0 0"/><worldbody>', 1
         )
     )
-    with pytest.raises(InvalidInputError, match="hold"):
+    with refused("actuators"):
         project_site(model, make_data(model), SensorSite("tip"))
 
 
@@ -159,10 +160,10 @@ def test_an_unknown_posture_is_refused(options, word: str) -> None:
 
 
 def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InvalidInputError, match=r"no\.xml does not exist"):
+    with refused("model", value=str(tmp_path / "no.xml")):
         load_model(tmp_path / "no.xml")
     (tmp_path / "text.xml").write_text("<mujoco><worldbody><nonsense/></worldbody></mujoco>")
-    with pytest.raises(InvalidInputError, match="nonsense") as caught:
+    with refused("model", value=str(tmp_path / "text.xml")) as caught:
         load_model(tmp_path / "text.xml")
     assert "\n" not in str(caught.value)
 
@@ -180,20 +181,20 @@ def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
 )
 @pytest.mark.parametrize("model", ["arm.xml", None, 1.0])
 def test_what_is_no_model_is_named(verb: Callable[[Any], Any], model: Any) -> None:
-    with pytest.raises(InvalidInputError, match=r"^model: found .*, expected a mujoco.MjModel, such as load_model"):
+    with refused("model", value=model):
         verb(model)
 
 
 def test_an_overview_needs_a_site_that_can_be_projected() -> None:
-    with pytest.raises(InvalidInputError, match="fixed"):
+    with refused("site"):
         project(model_of(motor=""))
-    with pytest.raises(InvalidInputError, match="no site"):
+    with refused("site"):
         project(mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>"))
 
 
 def test_a_joint_without_speed_is_refused() -> None:
     model = load_model(ARM)
-    with pytest.raises(InvalidInputError, match="'knee'"):
+    with refused("joint_speeds", value="knee"):
         project_site(model, make_data(model, keyframe="bent"), SensorSite("fingertip"), joint_speeds={"knee": 1.0})
 
 
@@ -203,7 +204,7 @@ def test_a_site_without_a_sensor_makes_no_task() -> None:
     scenario = pt.Scenario(
         admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=pt.Obstacle(position=0.04)
     )
-    with pytest.raises(InvalidInputError, match="no sensor curve"):
+    with refused("site 'fingertip'"):
         projection.task(scenario)
 
 

@@ -16,6 +16,7 @@ from pretouch.cli import sweep as cli_sweep
 from pretouch.sweeps import plan
 from pretouch.sweeps.axes import read_axis
 from pretouch.sweeps.executors import Progress
+from refusals import refused
 from sweep_samples import CONSTANT, CURVED, OBJECTIVE, SCENARIO
 
 DESIGN: dict[str, Any] = {"objective": OBJECTIVE, "bounds": (-10.0, -0.01)}
@@ -112,19 +113,19 @@ def test_a_distance_beyond_the_range_of_some_curve_of_the_sweep_is_found_beforeh
     monkeypatch.setattr(plan.Plan, "evaluate", forbidden)
     short = pt.Recessed(sensor=replace(CURVED, maximum_distance=0.06), recess=0.0)
     axes = {"sensor.recess": [0.0, 0.01, 0.02], "obstacle.position": [0.03, 0.042]}
-    with pytest.raises(InvalidInputError, match=r"starts at a distance of 0\.042 m\. Expected .* 0\.04 m"):
+    with refused("obstacle position"):
         pt.sweep(pt.Task(SCENARIO, short, gain=-0.5), axes)
 
 
 def test_arrays_in_the_scenario_are_sent_to_the_axes() -> None:
     many = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.3, -0.2])))
-    with pytest.raises(InvalidInputError, match=r"found an array of encounters .* pass arrays as axes"):
+    with refused("scenario"):
         pt.sweep(pt.Task(many, CURVED), {"gain": [-0.5]})
 
 
 def test_a_stiffness_of_zero_has_no_damping_ratio_to_hold() -> None:
     free = replace(SCENARIO, admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=0.0))
-    with pytest.raises(InvalidInputError, match=r"also give admittance\.damping_ratio"):
+    with refused("inputs"):
         pt.sweep(pt.Task(free, CONSTANT, gain=-0.5), {"admittance.natural_frequency": [5.0]})
 
 
@@ -163,15 +164,13 @@ def test_a_library_that_is_not_installed_is_named_with_what_installs_it(
 def test_results_beyond_memory_are_refused_before_anything_is_allocated() -> None:
     pytest.importorskip("xarray", reason="needs the extra 'sweep'")
     axes = {"gain": np.linspace(-2.0, -0.1, 100_000), "obstacle.velocity": np.linspace(-1.0, -0.1, 100_000)}
-    with pytest.raises(
-        InvalidInputError, match=r"10,000,000,000 encounters, expected at most .* in memory.*NAME\.zarr"
-    ):
+    with refused("axes", value=10000000000):
         pt.sweep(pt.Task(SCENARIO, CURVED), axes)
 
 
 @pytest.mark.parametrize("count", ["0", "100000000", "9" * 5000, "x"])
 def test_an_axis_has_as_many_values_as_make_sense(count: str) -> None:
-    with pytest.raises(InvalidInputError, match="expected a whole number from 1 to 10,000,000"):
+    with refused("--axis"):
         read_axis(f"gain=-1:-0.1:{count}", {"gain": "N*s"})
 
 

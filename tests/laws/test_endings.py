@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from encounters import CURVES
-from pretouch._core.errors import InvalidInputError
 from pretouch.motion import (
     Admittance,
     ContactResult,
@@ -27,6 +26,7 @@ from pretouch.motion import (
 )
 from pretouch.motion.layout import RESOLUTION
 from pretouch.sensors import CustomSensor, ExponentialFirstOrder, InversePower, MittagLeffler, SensorModel, Table
+from refusals import refused
 
 FAR = {
     "exponential-1": ExponentialFirstOrder(scale=1.0, rate=-60.0),
@@ -343,9 +343,7 @@ def test_a_start_where_a_users_curve_does_not_hold_is_refused_with_the_remedy() 
         scenario = Scenario(
             admittance=admittance((1, 10, 25)), obstacle=Obstacle(position=distance, velocity=-distance)
         )
-        with pytest.raises(
-            InvalidInputError, match=r"nan at .* must be finite; .* maximum_distance|maximum_distance\. .*polynomials"
-        ):
+        with refused("sensor"):
             find_contact(scenario, ENDING[name], -0.5)
 
 

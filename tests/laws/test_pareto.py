@@ -31,6 +31,7 @@ from pretouch.designs.front.dominance import non_dominated, shortfall
 from pretouch.designs.search import Landscape
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact
 from pretouch.sensors import ExponentialFirstOrder
+from refusals import refused
 
 BOUNDS = (-10.0, -0.01)
 F1 = excursion_objective(position_scale=0.5, velocity_scale=0.3)
@@ -361,7 +362,7 @@ def test_forces_are_traded_with_the_physical_mass(letter_encounter: Scenario) ->
     )
     speed = np.abs(front.result.end.relative_velocity)
     assert front.of("impact_force") == pytest.approx(speed * math.sqrt(0.5 * 2e4), rel=1e-12)
-    with pytest.raises(InvalidInputError, match="depends on the physical masses"):
+    with refused("impact_force"):
         pareto(
             Task(
                 letter_encounter,
@@ -446,14 +447,14 @@ def test_options_that_make_no_sense_are_refused(letter_encounter: Scenario, opti
 def test_arrays_and_admittances_without_a_ratio_are_refused(letter_encounter: Scenario) -> None:
     sensor = CURVES["exponential-1"]
     many = replace(letter_encounter, obstacle=Obstacle(position=0.04, velocity=[-0.1, -0.2]))
-    with pytest.raises(InvalidInputError, match="array of encounters of shape"):
+    with refused("scenario"):
         pareto(Task(many, sensor, bounds=BOUNDS))
     free = replace(letter_encounter, admittance=Admittance(mass=1.0, damping=1.0, stiffness=0.0))
     assert pareto(Task(free, sensor, bounds=BOUNDS)).status is FrontStatus.FOUND
-    with pytest.raises(InvalidInputError, match="there is no damping ratio to keep"):
+    with refused("natural_frequency"):
         pareto(Task(free, sensor, bounds=BOUNDS, natural_frequency=(1.0, 2.0)))
-    with pytest.raises(InvalidInputError, match="the damping ratio is undefined; add bounds"):
+    with refused("damping_ratio"):
         pareto(Task(free, sensor, bounds=BOUNDS, damping_ratio=(1.0, 2.0)))
     designs = design_gain(Task(many, sensor, F1, bounds=BOUNDS))
-    with pytest.raises(InvalidInputError, match="array of designs"):
+    with refused("choice"):
         pareto(Task(letter_encounter, sensor, bounds=BOUNDS, pareto=ParetoOptions(choice=designs)))

@@ -22,6 +22,7 @@ from pretouch.motion import DRAG, Admittance, Obstacle, Scenario
 from pretouch.motion.drag import slope_integral, solve_drag
 from pretouch.sensors import InversePower, SensorModel, Table
 from properties import examples
+from refusals import refused
 from sensor_samples import SAMPLES, rescaled
 
 ADMITTANCE = Admittance(mass=1.3, damping=9.0, stiffness=20.0)
@@ -226,9 +227,7 @@ def test_the_limit_on_acceleration_has_three_branches(limit: float) -> None:
     assert roots
     sensor = InversePower(scale=1.0, distance_offset=l_0, exponent=n)
     if l_d / (l_0 * beta) * max(roots) > math.log(1e9):
-        with pytest.raises(
-            InvalidInputError, match=r"even with the strongest drag.* contact speed to approach speed.* ratio of 1e-09"
-        ):
+        with refused("acceleration"):
             drag_by(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
         return
     found = drag_by(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
@@ -270,9 +269,9 @@ def test_drags_of_an_array_are_those_of_one_each(effect: str, values: tuple[floa
 
 
 def test_a_limit_of_an_array_that_no_drag_reaches_is_named() -> None:
-    with pytest.raises(InvalidInputError, match=r"the limit of 1e\+09 m, even with the strongest drag"):
+    with refused("excursion"):
         drag_by(POWER, 0.0422, 1.0, excursion=[0.05, 1e9, 0.06])
-    with pytest.raises(InvalidInputError, match=r"strongest drag .* The limit of .* is 1e\+09 1/m"):
+    with refused("acceleration"):
         drag_by(POWER, 0.0422, 1.0, acceleration=[2.0, 1e9], largest_speed=1.0)
 
 
@@ -294,7 +293,7 @@ def test_a_design_without_a_meaning_is_refused(given: dict[str, float], message:
 
 def test_a_curve_that_does_not_reach_contact_has_no_design() -> None:
     table = Table(distances=(0.01, 0.02, 0.04), outputs=(4.0, 2.0, 1.0))
-    with pytest.raises(InvalidInputError, match=r"valid only above 0.01 m, but .* down to 0 m"):
+    with refused("sensor"):
         drag_by(table, 0.035, 1.0, ratio=0.2)
 
 
@@ -466,9 +465,9 @@ def test_rails_speak_of_two_designs_of_one_encounter() -> None:
     assert rails.peak == pytest.approx(reached.max(), rel=1e-6)
     assert rails.peak >= max(weak.peak, strong.peak) * (1 - 1e-12)
     assert rails.contact_speed_bound(0.3, 1.0) == weak.contact_speed_bound(0.3, 1.0)
-    with pytest.raises(InvalidInputError, match="expected 0 < weak drag <= strong drag"):
+    with refused("rails"):
         DragLimits(weak=strong, strong=weak)
-    with pytest.raises(InvalidInputError, match="differ only in their drag"):
+    with refused("rails"):
         DragLimits(weak=weak, strong=strong.seen_from(0.05))
 
 

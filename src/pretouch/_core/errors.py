@@ -196,5 +196,6 @@ def require(module: str, *, extra: str = "sweep") -> Any:
         name = module.partition(".")[0]
         raise MissingExtraError(
             f"{name}: this Python library is required, but it is not installed; install it with: pip "
-            f"install 'pretouch[{extra}]'"
+            f"install 'pretouch[{extra}]'",
+            remedy=f"pip install 'pretouch[{extra}]'",
         ) from None

@@ -171,7 +171,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
     except OSError as error:
         if not target.parent.is_dir():
             raise InvalidInputError(f"{named}: the folder {named.parent} does not exist; create it first") from None
-        raise OutputError(f"{named}: cannot be written ({error.strerror or error})") from None
+        raise OutputError(f"{named}: cannot be written ({error.strerror or error})", value=error.strerror) from None
     return named
 
 

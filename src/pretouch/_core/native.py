@@ -70,7 +70,8 @@ def _library() -> ctypes.CDLL:
     if requested and library.pretouch_choose_variant(number) != number:
         raise InvalidInputError(
             f"{_SWITCH}: found the processor variant {requested}, which this processor does not support; choose "
-            "another variant"
+            "another variant",
+            value=requested,
         )
     return library
 
@@ -357,7 +358,9 @@ def machine_code(function: Any) -> int | None:
     elif callable(function):
         return None
     else:
-        raise InvalidInputError(f"step: found {function!r}, expected a compiled function or a Python function")
+        raise InvalidInputError(
+            f"step: found {function!r}, expected a compiled function or a Python function", value=function
+        )
     if not pointer:
         raise InvalidInputError("step: found the address 0, expected the address of a function")
     return pointer

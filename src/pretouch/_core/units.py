@@ -366,7 +366,7 @@ def read_quantity(value: float | str, unit: str, *, name: str) -> float:
     """
     number = to_si(value, unit, name=name, bare_text=True)
     if not (math.isinf(number) or has_workable_magnitude(number)):
-        raise UnitError(f"{name}: found {value!r}, expected {_expected('a quantity in', unit)} {WORKABLE}")
+        raise UnitError(f"{name}: found {value!r}, expected {_expected('a quantity in', unit)} {WORKABLE}", value=value)
     return number
 
 

@@ -39,8 +39,9 @@ def _read(path: Path) -> bytes:
         return read_regular_file(path, most=_MOST_BYTES, refuse=ScenarioFileError)
     except FileNotFoundError:
         near = difflib.get_close_matches(path.name, _scenarios_in_folder(path), n=1)
-        hint = f"; did you mean {path.with_name(near[0])}?" if near else ""
-        raise ScenarioFileError(f"{path}: there is no such file{hint}") from None
+        similar = str(path.with_name(near[0])) if near else ""
+        hint = f"; did you mean {similar}?" if near else ""
+        raise ScenarioFileError(f"{path}: there is no such file{hint}", remedy=similar) from None
     except IsADirectoryError:
         raise ScenarioFileError(f"{path}: this path is a folder, but a scenario file (TOML) is needed") from None
     except (OSError, ValueError) as error:
@@ -98,13 +99,21 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
         line_text = lines[number - 1].strip() if number <= len(lines) else ""
         line_text = line_text if len(line_text) <= 60 else f"{line_text[:57]}..."
         hint = printable(_hint(path, what, line_text))
-        raise ScenarioFileError(f"{path}, line {number}: the text {line_text!r} is not valid TOML: {hint}") from None
+        raise ScenarioFileError(
+            f"{path}, line {number}: the text {line_text!r} is not valid TOML: {hint}",
+            value=line_text,
+            remedy="pretouch fit" if _is_table(path) else "",
+        ) from None
+
+
+def _is_table(path: Path) -> bool:
+    return path.suffix.lower() in {".csv", ".tsv", ".txt"}
 
 
 def _hint(path: Path, message: str, line: str) -> str:
     """Suggest a correction of a wrong TOML line. Without a suggestion, the result is the message of the TOML parser."""
     key, _, value = (part.strip() for part in re.sub(r"\s#.*", "", line).partition("="))
-    if path.suffix.lower() in {".csv", ".tsv", ".txt"}:
+    if _is_table(path):
         return "expected a scenario file (TOML); for a calibration run: pretouch fit"
     if _TWICE.search(message):
         return f"this {'section' if line.startswith('[') else 'key'} is given twice, expected once"

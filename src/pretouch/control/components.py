@@ -74,17 +74,21 @@ class Conditioning:
             raise InvalidInputError(
                 f"saturation: found a level of {self.saturation:g}, expected a level above "
                 f"{self.offset + self.floor:g}, the sum of offset and floor. The level must also be at most "
-                f"{_ANY_READING:g}"
+                f"{_ANY_READING:g}",
+                value=self.saturation,
             )
         if not abs(self.offset) + self.floor < _ANY_READING:
             raise InvalidInputError(
                 f"offset, floor: found an offset of {self.offset:g} and a floor of {self.floor:g}, expected "
-                "|offset| + floor below 1e12"
+                "|offset| + floor below 1e12",
+                value=self.offset,
             )
         if not self.floor >= _ANY_FLOOR:
             raise InvalidInputError(
                 f"floor: found a detection threshold of {self.floor:g}, expected at least {_ANY_FLOOR:g}; give the "
-                "readings in a smaller unit"
+                "readings in a smaller unit",
+                value=self.floor,
+                limit=_ANY_FLOOR,
             )
         length: object = self.median_window
         if not isinstance(length, int) or isinstance(length, bool) or not 1 <= length <= LONGEST_WINDOW:
@@ -106,13 +110,17 @@ class Conditioning:
             raise InvalidInputError(
                 f"sensor_period: found {sensor_period:g} s, expected at least the controller period of "
                 f"{period:g} s. Run the controller at the sensor's rate, or use only every second or third "
-                "reading"
+                "reading",
+                value=sensor_period,
+                limit=period,
             )
         timeout = _TIMEOUT_PERIODS * sensor_period if self.timeout is None else self.timeout
         if timeout < sensor_period:
             raise InvalidInputError(
                 f"timeout: found {timeout:g} s, expected at least {sensor_period:g} s, which is the time between "
-                "two readings"
+                "two readings",
+                value=timeout,
+                limit=sensor_period,
             )
         low_pass = design_low_pass(self.low_pass_order, self.cutoff, 1 / sensor_period)
         return SensingNumbers(
@@ -150,7 +158,8 @@ def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[F
     """
     if not isinstance(order, int) or isinstance(order, bool) or not 0 <= order <= HIGHEST_ORDER:
         raise InvalidInputError(
-            f"low_pass_order: found {order!r}, expected a whole number from 0 (no low-pass filter) to {HIGHEST_ORDER}"
+            f"low_pass_order: found {order!r}, expected a whole number from 0 (no low-pass filter) to {HIGHEST_ORDER}",
+            value=order,
         )
     if order == 0:
         return ()
@@ -163,7 +172,8 @@ def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[F
     if not frequency < rate / 2:
         raise InvalidInputError(
             f"cutoff: found {frequency:g} Hz, expected less than {rate / 2:g} Hz, which is half of the sensor's "
-            "sampling rate"
+            "sampling rate",
+            value=frequency,
         )
     warped = math.tan(math.pi * frequency / rate)
     sections = [] if order % 2 == 0 else [_first_order(warped)]
@@ -291,7 +301,9 @@ class Limits:
             if value is not None and value > NO_LIMIT:
                 raise InvalidInputError(
                     f"largest {name}: found a limit of {value!r}, expected at most {NO_LIMIT:g} {unit}; omit the "
-                    "limit if there is none"
+                    "limit if there is none",
+                    value=value,
+                    limit=NO_LIMIT,
                 )
 
 

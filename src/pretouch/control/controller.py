@@ -89,7 +89,10 @@ class Controller:
     def __post_init__(self) -> None:
         check_declared(self, instead=ONE_ROBOT)
         if self.contact_gain > 1:
-            raise InvalidInputError(f"contact_gain: found {self.contact_gain:g}, expected a fraction between 0 and 1")
+            raise InvalidInputError(
+                f"contact_gain: found {self.contact_gain:g}, expected a fraction between 0 and 1",
+                value=self.contact_gain,
+            )
         self.conditioning.numbers(self.period)  # checks the conditioning against the period
 
     @property

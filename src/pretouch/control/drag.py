@@ -91,19 +91,23 @@ class VirtualDrag:
         if self.own_advance > 0:
             raise InvalidInputError(
                 f"own_advance: found {self.own_advance:g} N*s, expected 0 or a negative gain, because a positive "
-                "gain would accelerate the robot"
+                "gain would accelerate the robot",
+                value=self.own_advance,
             )
         if self.known_acceleration > 0:
             raise InvalidInputError(
                 f"known_acceleration: found {self.known_acceleration:g} m/s^2, expected 0 or a negative number "
-                "(toward the robot). A positive number would make the robot follow an object that slows down"
+                "(toward the robot). A positive number would make the robot follow an object that slows down",
+                value=self.known_acceleration,
             )
         largest = dict.fromkeys(("drag", "dead_zone", "still_rate", "own_advance", "known_acceleration"), _LARGEST)
         largest |= dict.fromkeys(("noise", "relative_noise", "resolution"), _LARGEST_NOISE)
         largest["smoothing_time"] = _LONGEST_SMOOTHING
         for name, limit in largest.items():
             if not abs(getattr(self, name)) <= limit:
-                raise InvalidInputError(f"{name}: found {getattr(self, name):g}, which must be within {limit:g}")
+                raise InvalidInputError(
+                    f"{name}: found {getattr(self, name):g}, which must be within {limit:g}", limit=limit
+                )
 
     @property
     def continuous(self) -> str:

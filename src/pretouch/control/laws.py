@@ -158,7 +158,7 @@ class CompiledStep:
         """
         address = entry(self.function) if isinstance(self.function, str) else machine_code(self.function)
         if address is None:
-            raise InvalidInputError(f"step: found {self.function!r}, expected a compiled function")
+            raise InvalidInputError(f"step: found {self.function!r}, expected a compiled function", value=self.function)
         return address
 
     def __call__(self, parameters: Any, state: Any, sample: Sample) -> tuple[Any, Output]:
@@ -341,7 +341,9 @@ class VirtualDamper:
     def __post_init__(self) -> None:
         check_declared(self, instead=ONE_ROBOT)
         if not abs(self.gain) <= 1e6:
-            raise InvalidInputError(f"gain: found {self.gain:g} N*s, expected a gain between -1e6 and 1e6 N*s")
+            raise InvalidInputError(
+                f"gain: found {self.gain:g} N*s, expected a gain between -1e6 and 1e6 N*s", value=self.gain
+            )
 
     @property
     def continuous(self) -> str:

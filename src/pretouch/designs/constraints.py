@@ -43,7 +43,8 @@ class Constraint:
             raise InvalidInputError(**not_one_of("constraint", self.name, names))
         if not finite(self.limit, f"constraint {self.name}", self.unit) > 0:
             raise InvalidInputError(
-                f"constraint {self.name}: found a limit of {self.limit:g} {self.unit}, expected a positive limit"
+                f"constraint {self.name}: found a limit of {self.limit:g} {self.unit}, expected a positive limit",
+                value=self.limit,
             )
 
     @property

@@ -148,7 +148,8 @@ def as_objective(objective: AnyObjective) -> Objective:
     if isinstance(objective, type) or not (callable(getattr(objective, "value", None)) or callable(objective)):
         raise InvalidInputError(
             f"objective: found {objective!r}, expected an Objective. Other valid objectives are functions of the "
-            "contact state, and objects with the method value(state, obstacle_speed, impact)"
+            "contact state, and objects with the method value(state, obstacle_speed, impact)",
+            value=objective,
         )
     return CustomObjective(name=_name_of(objective), wrapped=objective)
 

@@ -96,7 +96,7 @@ class ElasticImpact(ImpactModel):
         ImpactModel.__post_init__(self)
         positive(self.stiffness, "stiffness", "N/m" if self.exponent == 1 else "N/m^n")
         if not positive(self.exponent, "exponent") >= 1:
-            raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1")
+            raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1", value=self.exponent)
 
     @property
     def speed_exponent(self) -> float:

@@ -43,7 +43,9 @@ class Term:
         nonnegative(self.weight, "weight")
         if isinstance(self.scale, str):
             if self.scale != OBSTACLE_SPEED:
-                raise InvalidInputError(f"scale: found {self.scale!r}, expected a number or {OBSTACLE_SPEED!r}")
+                raise InvalidInputError(
+                    f"scale: found {self.scale!r}, expected a number or {OBSTACLE_SPEED!r}", value=self.scale
+                )
             if "velocity" not in self.quantity and "speed" not in self.quantity:
                 raise InvalidInputError(f"scale: {OBSTACLE_SPEED!r} scales velocities, not {self.quantity!r}")
         elif finite(self.scale, "scale") == 0:
@@ -62,7 +64,8 @@ class Term:
         if np.any(np.asarray(obstacle_speed) == 0):
             raise InvalidInputError(
                 f"scale: found {OBSTACLE_SPEED!r}, but the obstacle is at rest and its speed is 0. Set the scale of "
-                f"the {self.quantity} to a number in m/s"
+                f"the {self.quantity} to a number in m/s",
+                value=OBSTACLE_SPEED,
             )
         return np.abs(obstacle_speed)
 

@@ -97,7 +97,9 @@ class ParetoOptions(ExplainsNames, Value):
             check_quantity(name, "quantities")
         if len(names) not in {2, 3} or len(set(names)) < len(names):
             listed = ", ".join(names) or "none"
-            raise InvalidInputError(f"quantities: found {listed}, expected two or three different names of quantities")
+            raise InvalidInputError(
+                f"quantities: found {listed}, expected two or three different names of quantities", value=names
+            )
         object.__setattr__(self, "quantities", names)
 
 
@@ -155,4 +157,4 @@ class VerifyOptions(ExplainsNames, Value):
         check_declared(self)
         checked_probability(self.confidence, "confidence")
         if self.runs < 1:
-            raise InvalidInputError(f"runs: found {self.runs}, expected a positive whole number")
+            raise InvalidInputError(f"runs: found {self.runs}, expected a positive whole number", value=self.runs)

@@ -86,7 +86,8 @@ class ContactQuantity(str):
         if name in _BUILT_IN or not name.isidentifier():
             raise InvalidInputError(
                 f"name: found {name!r}, expected letters, digits and underscores. The names of the built-in "
-                f"quantities are not allowed: {', '.join(_BUILT_IN)}"
+                f"quantities are not allowed: {', '.join(_BUILT_IN)}",
+                value=name,
             )
         parse_unit(unit)
         entry = Entry(

@@ -146,7 +146,8 @@ def law_design(task: Task, *, verify: bool = True, toward_object: bool = False, 
     for text in () if verify or toward_object else chase_in_words(task.law.number, gain):
         raise InvalidInputError(
             f"{task.law.number.name}: {text}. Nothing was exported. Change the sign, or export such a law with the "
-            "option --toward-object (toward_object=True in Python)"
+            "option --toward-object (toward_object=True in Python)",
+            remedy="--toward-object",
         )
     controller = loop.law.with_value(gain)
     source: Any = task.source

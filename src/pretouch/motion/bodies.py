@@ -74,7 +74,8 @@ class Obstacle(_Body):
         if not isinstance(stretches, (tuple, list)) or not all(isinstance(s, Stretch) for s in stretches):
             raise InvalidInputError(
                 f"obstacle course: found {stretches!r}, expected a list or tuple of Stretch objects, one for "
-                "each section of the obstacle's motion"
+                "each section of the obstacle's motion",
+                value=stretches,
             )
         object.__setattr__(self, "course", tuple(stretches))
         for before, after in pairwise(self.course):

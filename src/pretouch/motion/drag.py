@@ -305,7 +305,9 @@ def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
     distances = np.asarray(positive(distance, "distance", "m"))
     flat = distances.reshape(-1)
     if flat.max(initial=0.0) > LARGEST_START:
-        raise InvalidInputError(f"distance: found {flat.max():g} m, expected at most {LARGEST_START:g} m")
+        raise InvalidInputError(
+            f"distance: found {flat.max():g} m, expected at most {LARGEST_START:g} m", limit=LARGEST_START
+        )
     check_curve(sensor, flat)
     low = max(sensor.valid_range[0], 0.0)
     grid = np.linspace(low, flat.max(initial=0.0), _PROBES)

@@ -220,7 +220,9 @@ def make_drag_request(
         raise OutOfRangeError(
             f"obstacle position: the encounter starts at a distance of {start[outside][0]:g} m, outside the sensor "
             f"range. The sensor curve ({sensor.name}) is valid only from {low:g} m to {high:g} m. Start the encounter "
-            "when the object enters this range"
+            "when the object enters this range",
+            value=float(start[outside][0]),
+            limit=(low, high),
         )
     check_curve(sensor, request.farthest)
     _check_plant(request)

@@ -157,6 +157,6 @@ def solve_motion(
         -0.0915
     """
     if samples < 2:
-        raise InvalidInputError(f"samples: found {samples}, which must be at least 2")
+        raise InvalidInputError(f"samples: found {samples}, which must be at least 2", value=samples)
     continuous, value = _law_and_value(gain, law)
     return continuous.motion(scenario, sensor, value, method=method, horizon=horizon, samples=samples)

@@ -345,7 +345,8 @@ def _sampled(request: Request, samples: int) -> Motion:
 def _check_quadrature(method: str) -> None:
     if method not in {"auto", "quadrature"}:
         raise InvalidInputError(
-            f"method: found {method!r}, but a virtual drag supports only the methods 'auto' and 'quadrature'"
+            f"method: found {method!r}, but a virtual drag supports only the methods 'auto' and 'quadrature'",
+            value=method,
         )
 
 
@@ -399,6 +400,7 @@ def continuous_law(law: Any) -> ContinuousLaw:
         raise InvalidInputError(
             f"law: found {name}, expected a law in continuous time. Use one of these laws: "
             f"{', '.join(LAW_KINDS.names())}, or a CustomLaw. A sampled law is also possible if its attribute "
-            "`continuous` names a law"
+            "`continuous` names a law",
+            value=name,
         )
     return continuous_law(sampled)

@@ -78,7 +78,9 @@ class ManyCurves:
             raise OutOfRangeError(
                 f"obstacle position: encounter {i} starts at a distance of {distance[tuple(outside[0])]:g} m, "
                 f"outside the sensor range. Its sensor curve ({self.sensor.name}) is valid only from {low[i]:g} m to "
-                f"{high[i]:g} m. Start the encounter when the object enters this range"
+                f"{high[i]:g} m. Start the encounter when the object enters this range",
+                value=float(distance[tuple(outside[0])]),
+                limit=(float(low[i]), float(high[i])),
             )
 
     def falls(self, scenario: Scenario) -> bool:

@@ -153,7 +153,9 @@ def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
         raise OutOfRangeError(
             f"obstacle position: the encounter starts at a distance of {float(distance[~inside].flat[0]):g} m, "
             f"outside the sensor range. The sensor curve ({sensor.name}) is valid only from {low:g} m to {high:g} m. "
-            "Start the encounter when the object enters this range"
+            "Start the encounter when the object enters this range",
+            value=float(distance[~inside].flat[0]),
+            limit=(low, high),
         )
     check_curve(sensor, distance)
     return method
@@ -171,7 +173,8 @@ def check_integration(method: str, needed_for: str) -> str:
     if method not in {"auto", "integration"}:
         raise InvalidInputError(
             f"method: found {method!r}, expected 'auto' or 'integration', because only these methods support "
-            f"{needed_for}"
+            f"{needed_for}",
+            value=method,
         )
     return "integration"
 

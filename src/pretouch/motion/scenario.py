@@ -209,7 +209,8 @@ def _check_rounding(quantity_and_unit: str, obstacle: Any, plant: Any, reference
         raise InvalidInputError(
             f"reference {name}: found the value {first:g} {unit}, expected a smaller value. For so large a value, "
             "rounding hides the difference between obstacle and robot. Choose another origin for the "
-            f"{name} of obstacle, robot and reference"
+            f"{name} of obstacle, robot and reference",
+            value=first,
         )
 
 

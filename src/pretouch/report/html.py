@@ -107,7 +107,8 @@ def report_html(
     if not isinstance(result, Described):
         raise InvalidInputError(
             f"result: found {result!r}, expected a result that pretouch computed, such as the return value of "
-            "design(task)"
+            "design(task)",
+            value=result,
         )
     page, file = page_of(result), _source(source)
     drawing = _Drawing(_draw)

@@ -137,4 +137,6 @@ def page_of(result: Described) -> Page:
         make = PAGES[folder]().get(kind) if folder in PAGES else None
         if make is not None:
             return make(result)
-    raise InvalidInputError(f"result: found {result!r}, which no report page describes; pass a result of pretouch")
+    raise InvalidInputError(
+        f"result: found {result!r}, which no report page describes; pass a result of pretouch", value=result
+    )

@@ -45,7 +45,9 @@ def as_column(values: ArrayLike, name: str) -> FloatArray:
         ) from None
     if array.ndim != 1 or array.dtype.kind not in "iuf":
         what = f"{array.dtype.name} of shape {array.shape}" if array.ndim else short_repr(values)
-        raise InvalidInputError(f"{name}: found {what}, expected a list of numbers, such as [0.0, 1.5, 3.0]")
+        raise InvalidInputError(
+            f"{name}: found {what}, expected a list of numbers, such as [0.0, 1.5, 3.0]", value=values
+        )
     if not len(array):
         raise InvalidInputError(f"{name}: found no values, expected at least one")
     column = np.array(array, dtype=np.float64)
@@ -81,7 +83,9 @@ def as_limits(limits: Any, name: str) -> tuple[float, float] | None:
         return None
     ends = finite(limits, name)
     if np.shape(ends) != (2,) or not ends[0] < ends[1]:
-        raise InvalidInputError(f"{name}: found {limits!r}, expected two numbers, the smaller number first")
+        raise InvalidInputError(
+            f"{name}: found {limits!r}, expected two numbers, the smaller number first", value=limits
+        )
     return float(ends[0]), float(ends[1])
 
 
@@ -96,10 +100,13 @@ def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
     """
     if isinstance(values, kind):
         raise InvalidInputError(
-            f"{name}: found a single {kind.__name__}, expected a list; write {name}=[{kind.__name__}(...)]"
+            f"{name}: found a single {kind.__name__}, expected a list; write {name}=[{kind.__name__}(...)]",
+            value=values,
         )
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
-        raise InvalidInputError(f"{name}: found {short_repr(values)}, expected a list of {kind.__name__}s")
+        raise InvalidInputError(
+            f"{name}: found {short_repr(values)}, expected a list of {kind.__name__}s", value=values
+        )
     items = tuple(values)
     for value in items:
         if not isinstance(value, kind):
@@ -127,7 +134,9 @@ def check_ends(low: Any, high: Any, subject: str) -> None:
     if low is not None and np.any(low > high):
         index = int(np.flatnonzero(low > high)[0])
         ends = f"low = {low[index]:g} above high = {high[index]:g} at index {index}"
-        raise InvalidInputError(f"{subject}: found {ends}, expected low <= high")
+        raise InvalidInputError(
+            f"{subject}: found {ends}, expected low <= high", value=(float(low[index]), float(high[index]))
+        )
 
 
 def check_style(style: Any, subject: str) -> None:
@@ -135,7 +144,8 @@ def check_style(style: Any, subject: str) -> None:
     if style is not None and (isinstance(style, bool) or style not in range(len(CURVES))):
         raise InvalidInputError(
             f"{subject}: found the style {style!r}, expected an index of the color palette from 0 to "
-            f"{len(CURVES) - 1}, or None"
+            f"{len(CURVES) - 1}, or None",
+            value=style,
         )
 
 

@@ -57,10 +57,10 @@ def panel_figure(*panels: Panel, columns: int = 2, height: float = 3.3) -> Figur
     if not shown:
         raise InvalidInputError("panels: found none, expected at least one Panel")
     if isinstance(columns, bool) or columns not in {1, 2, 3, 4}:
-        raise InvalidInputError(f"columns: found {columns!r}, expected 1, 2, 3 or 4")
+        raise InvalidInputError(f"columns: found {columns!r}, expected 1, 2, 3 or 4", value=columns)
     if not as_number(height, "height") >= 1:
         raise InvalidInputError(
-            f"height: found a row height of {height:g} inch, but each row of plots needs at least 1 inch"
+            f"height: found a row height of {height:g} inch, but each row of plots needs at least 1 inch", value=height
         )
     from .panel_drawing import draw_figure  # noqa: PLC0415 - Matplotlib is imported when something is drawn
 

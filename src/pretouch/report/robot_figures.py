@@ -86,7 +86,8 @@ def workspace(dataset: Any) -> Figure:
     if not {"position_x", "direction_x", "holds"} <= set(getattr(dataset, "data_vars", ())):
         raise InvalidInputError(
             f"dataset: found {dataset!r:.60} of the type {type(dataset).__name__}, expected the dataset that "
-            "`Workspace.describe` returns"
+            "`Workspace.describe` returns",
+            value=dataset,
         )
     positions = np.array([np.asarray(dataset[f"position_{axis}"]) for axis in "xyz"])
     directions = np.array([np.asarray(dataset[f"direction_{axis}"]) for axis in "xyz"])

@@ -53,7 +53,9 @@ class Centering(Value):
     def __post_init__(self) -> None:
         check_declared(self)
         if self.sites[0] == self.sites[1]:
-            raise InvalidInputError(f"sites: found {self.sites!r}, expected the names of two different sites")
+            raise InvalidInputError(
+                f"sites: found {self.sites!r}, expected the names of two different sites", value=self.sites
+            )
         if not self.equal_reflectance:
             raise InvalidInputError(
                 "equal_reflectance: centering needs the same reflectance on both sides of the object. With a factor of "
@@ -137,7 +139,8 @@ def pair_of(centering: Centering, laws: Sequence[SiteLaw]) -> tuple[int, int]:
     for site in centering.sites:
         if site not in names:
             raise InvalidInputError(
-                f"centering: found no control law for the site {site!r}; sites with a control law: {', '.join(names)}"
+                f"centering: found no control law for the site {site!r}; sites with a control law: {', '.join(names)}",
+                value=site,
             )
     first, second = (names.index(site) for site in centering.sites)
     return first, second

@@ -204,7 +204,8 @@ class _Scene:
         if not laws or len(set(names)) < len(names):
             raise InvalidInputError(
                 f"laws: found control laws for the sites {names}, expected at least one law, and at most one law per "
-                "site"
+                "site",
+                value=names,
             )
         periods = {law.controller.period for law in laws}
         if len(periods) > 1:
@@ -267,7 +268,8 @@ def _check_opposed(data: Data, centering: Centering, laws: Sequence[SiteLaw], in
         angle = math.degrees(math.acos(max(-1.0, min(1.0, float(first @ second)))))
         raise InvalidInputError(
             f"centering: found an angle of {angle:.3g} deg between the axes of the sites "
-            f"{' and '.join(centering.sites)}, expected opposed axes (180 deg)"
+            f"{' and '.join(centering.sites)}, expected opposed axes (180 deg)",
+            value=angle,
         )
 
 
@@ -277,7 +279,8 @@ def _check_bandwidth(tracking: Tracking, step: float) -> None:
     if 2 * math.pi * bandwidth * step > _FINEST:
         raise InvalidInputError(
             f"bandwidth: found {bandwidth:g} Hz, expected at most {_FINEST / (2 * math.pi * step):.3g} Hz for the "
-            f"model's time step of {step:g} s. Reduce the bandwidth of the joint controller, or reduce the time step"
+            f"model's time step of {step:g} s. Reduce the bandwidth of the joint controller, or reduce the time step",
+            value=bandwidth,
         )
 
 

@@ -102,6 +102,7 @@ def _column(model: Model, joint: int, joints: Mapping[str, FloatArray]) -> Float
             ends = " to ".join(describe_position(end, unit) for end in (low, high))
             raise InvalidInputError(
                 f"joint {name!r}: found the recorded position {values[worst]:g} {unit}, expected a position in the "
-                f"joint range of the model ({ends}). Record the joint states of the same robot, in rad or m"
+                f"joint range of the model ({ends}). Record the joint states of the same robot, in rad or m",
+                value=values[worst],
             )
     return values

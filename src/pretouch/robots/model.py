@@ -43,11 +43,15 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     """
     library, file = mujoco(), Path(path)
     if not file.is_file():
-        raise InvalidInputError(f"model: the file {file} does not exist; give the path of an MJCF or URDF file")
+        raise InvalidInputError(
+            f"model: the file {file} does not exist; give the path of an MJCF or URDF file", value=str(file)
+        )
     try:
         return library.MjModel.from_xml_path(str(file))
     except ValueError as error:
-        raise InvalidInputError(f"model: MuJoCo cannot read {file}: {' '.join(str(error).split())}") from None
+        raise InvalidInputError(
+            f"model: MuJoCo cannot read {file}: {' '.join(str(error).split())}", value=str(file)
+        ) from None
 
 
 def check_model(model: Any) -> None:
@@ -58,7 +62,7 @@ def check_model(model: Any) -> None:
     """
     if not isinstance(model, mujoco().MjModel):
         found = f"found {short_repr(model)}, expected a mujoco.MjModel, such as load_model(path) returns"
-        raise InvalidInputError(f"model: {found}")
+        raise InvalidInputError(f"model: {found}", value=model)
 
 
 def make_data(model: Model, posture: Mapping[str, Any] | None = None, *, keyframe: int | str | None = None) -> Data:
@@ -102,7 +106,7 @@ def _keyframe_index(model: Model, keyframe: int | str) -> int:
     if not isinstance(keyframe, str) and 0 <= keyframe < model.nkey:
         return keyframe
     listed = ", ".join(names) or "no keyframes"
-    raise InvalidInputError(f"keyframe: found {keyframe!r}, but the model has {listed}")
+    raise InvalidInputError(f"keyframe: found {keyframe!r}, but the model has {listed}", value=keyframe)
 
 
 def _joint_index(model: Model, name: str) -> int:
@@ -110,7 +114,9 @@ def _joint_index(model: Model, name: str) -> int:
     names = names_of(model, "joint")
     if name not in names:
         listed = ", ".join(filter(None, names)) or "none with a name"
-        raise InvalidInputError(f"posture: found no joint {name!r} in the model; joints of the model: {listed}")
+        raise InvalidInputError(
+            f"posture: found no joint {name!r} in the model; joints of the model: {listed}", value=name
+        )
     return names.index(name)
 
 
@@ -123,7 +129,7 @@ def site_index(model: Model, name: str) -> int:
     names = names_of(model, "site")
     if name not in names:
         listed = ", ".join(filter(None, names)) or "none with a name"
-        raise InvalidInputError(f"site: found no site {name!r} in the model; sites of the model: {listed}")
+        raise InvalidInputError(f"site: found no site {name!r} in the model; sites of the model: {listed}", value=name)
     return names.index(name)
 
 
@@ -169,7 +175,8 @@ def tree_of(model: Model, site: int) -> IntArray:
     tree = int(model.body_treeid[model.site_bodyid[site]])
     if tree < 0:
         raise InvalidInputError(
-            f"site: the site {names_of(model, 'site')[site]!r} is fixed to the world, because no joint moves its body"
+            f"site: the site {names_of(model, 'site')[site]!r} is fixed to the world, because no joint moves its body",
+            value=names_of(model, "site")[site],
         )
     return np.flatnonzero(np.asarray(model.dof_treeid) == tree)
 

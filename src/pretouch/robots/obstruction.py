@@ -39,7 +39,8 @@ def refuse_covered_sensor(model: Model, data: Data, site: SensorSite, index: int
             name = _name_of(model, int(geom))
             raise InvalidInputError(
                 f"site {site.name!r}: the site is inside the geom {name}, so the sensor cannot see objects. Move the "
-                f"site to the contact surface. The surface of the geom is {format_quantity(depths[0], 'm')} away"
+                f"site to the contact surface. The surface of the geom is {format_quantity(depths[0], 'm')} away",
+                value=names_of(model, "geom")[int(geom)],
             )
 
 
@@ -59,7 +60,7 @@ def refuse_overlap(model: Model, data: Data, site: SensorSite, index: int, dista
     Raises:
         InvalidInputError: an object overlaps the robot.
     """
-    deepest, what = -distance, "an object"
+    deepest, what, culprit = -distance, "an object", ""
     trees, carrier = np.asarray(model.body_treeid), int(model.site_bodyid[index])
     for contact in data.contact:
         bodies = [int(model.geom_bodyid[geom]) for geom in contact.geom]
@@ -67,10 +68,12 @@ def refuse_overlap(model: Model, data: Data, site: SensorSite, index: int, dista
             foreign = trees[other] != trees[body] and (trees[other] >= 0 or body == carrier)
             if trees[body] == trees[carrier] and foreign and -contact.dist > deepest:
                 deepest, what = -float(contact.dist), f"the geom {_name_of(model, int(geom))}"
+                culprit = names_of(model, "geom")[int(geom)]
     if deepest > _TOLERANCE:
         raise InvalidInputError(
             f"data: at the start, {what} overlaps the robot by {format_quantity(deepest, 'm')}; move the object away "
-            f"from the robot. This robot carries the site {site.name!r}"
+            f"from the robot. This robot carries the site {site.name!r}",
+            value=culprit,
         )
 
 

@@ -90,7 +90,9 @@ def check_posture(model: Model, data: Data, drivetrain: Drivetrain) -> None:
             found, least, most = (describe_position(v, unit) for v in (value, low, high))
             raise InvalidInputError(
                 f"posture {joint_label(model, int(joint))}: found {found}, expected a joint position within the range "
-                f"of this joint, from {least} to {most}"
+                f"of this joint, from {least} to {most}",
+                value=float(value),
+                limit=(float(low), float(high)),
             )
 
 

@@ -314,7 +314,9 @@ def _speeds(units: Mapping[str, str], limits: Mapping[str, Any]) -> FloatArray:
     """Return the largest speed of each driven joint."""
     for name in limits:
         if name not in units:
-            raise InvalidInputError(f"joint_speeds: found {name!r}, expected driven joints: {', '.join(units)}")
+            raise InvalidInputError(
+                f"joint_speeds: found {name!r}, expected driven joints: {', '.join(units)}", value=name
+            )
     speeds = np.full(len(units), math.inf)
     for i, (name, unit) in enumerate(units.items()):
         if name in limits:

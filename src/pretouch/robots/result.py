@@ -176,7 +176,7 @@ class RobotSimulation(Described, Value):
     def trace(self, run: int = 0) -> RobotTrace:
         """Repeat one simulated run, and return its time series."""
         if not 0 <= run < self.runs:
-            raise InvalidInputError(f"run: found {run}, expected a run from 0 to {self.runs - 1}")
+            raise InvalidInputError(f"run: found {run}, expected a run from 0 to {self.runs - 1}", value=run)
         return self.trace_of(run)
 
     def to_dict(self) -> dict[str, Any]:

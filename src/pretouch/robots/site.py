@@ -57,7 +57,9 @@ class SensorSite(Value):
         axis = self.axis if isinstance(self.axis, str) else tuple(_unit_vector(self.axis))
         if isinstance(axis, str) and axis not in AXES:
             listed = ", ".join(AXES)
-            raise InvalidInputError(f"axis: found {axis!r}, expected a unit vector or one of the axes {listed}")
+            raise InvalidInputError(
+                f"axis: found {axis!r}, expected a unit vector or one of the axes {listed}", value=axis
+            )
         angle = to_si(self.field_of_view, "rad", name="field_of_view")
         if not 0 <= angle < math.pi:
             raise InvalidInputError(
@@ -84,7 +86,8 @@ def _unit_vector(axis: Any) -> Any:
     vector = np.asarray(axis, dtype=np.float64) if are_numbers(axis) else np.zeros(0)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise InvalidInputError(
-            f"axis: found {axis!r}, expected a direction such as '+x', or three numbers that form a unit vector"
+            f"axis: found {axis!r}, expected a direction such as '+x', or three numbers that form a unit vector",
+            value=axis,
         )
     length = float(np.linalg.norm(vector))
     if not abs(length - 1) <= _ROUNDING:

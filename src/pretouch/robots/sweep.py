@@ -257,7 +257,7 @@ def _balls(objects: Mapping[str, Any], count: int) -> dict[str, FloatArray]:
     """Return size, mass, position and velocity of each ball."""
     unknown = next((name for name in objects if name not in _OBJECT), None)
     if unknown is not None:
-        raise InvalidInputError(f"objects: found {unknown!r}, expected some of {', '.join(_OBJECT)}")
+        raise InvalidInputError(f"objects: found {unknown!r}, expected some of {', '.join(_OBJECT)}", value=unknown)
     columns = {}
     for name, (unit, default) in _OBJECT.items():
         value = objects.get(name, default)
@@ -271,7 +271,8 @@ def _balls(objects: Mapping[str, Any], count: int) -> dict[str, FloatArray]:
         if column.shape not in {(), (count,)}:
             raise InvalidInputError(
                 f"objects: found {column.size} values for the {name} of the ball, expected one value for all "
-                f"postures, or {count} values, one for each posture"
+                f"postures, or {count} values, one for each posture",
+                value=column.size,
             )
         columns[name] = np.broadcast_to(column, count)
     return columns
@@ -288,7 +289,7 @@ def _checked_results(results: Sequence[str] | None) -> tuple[str, ...]:
     names = _DEFAULT if results is None else (results,) if isinstance(results, str) else tuple(results)
     wrong = next((name for name in names if name not in {STATUS, *_RESULTS}), None)
     if wrong is not None:
-        raise InvalidInputError(f"results: found {wrong!r}, expected some of {', '.join(_RESULTS)}")
+        raise InvalidInputError(f"results: found {wrong!r}, expected some of {', '.join(_RESULTS)}", value=wrong)
     return tuple(dict.fromkeys(name for name in names if name != STATUS))
 
 

@@ -75,7 +75,9 @@ class ComputedTorque(Tracking, Value):
     def __post_init__(self) -> None:
         check_declared(self)
         if not self.model_error > -1:
-            raise InvalidInputError(f"model_error: found {self.model_error:g}, expected more than -1")
+            raise InvalidInputError(
+                f"model_error: found {self.model_error:g}, expected more than -1", value=self.model_error
+            )
 
     def torques(self, state: JointState) -> FloatArray:
         """Return the torques [N m or N] of the driven joints.
@@ -143,7 +145,9 @@ class OperationalSpace(Tracking, Value):
     def __post_init__(self) -> None:
         check_declared(self)
         if not self.model_error > -1:
-            raise InvalidInputError(f"model_error: found {self.model_error:g}, expected more than -1")
+            raise InvalidInputError(
+                f"model_error: found {self.model_error:g}, expected more than -1", value=self.model_error
+            )
 
     def torques(self, state: JointState) -> FloatArray:
         """Return the torques [N m or N] of the driven joints.

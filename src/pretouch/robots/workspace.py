@@ -169,7 +169,7 @@ def random_postures(
     """
     if not 0 <= margin < 0.5:
         raise InvalidInputError(
-            f"margin: found {margin:g}, expected a fraction of each joint range, at least 0 and below 0.5"
+            f"margin: found {margin:g}, expected a fraction of each joint range, at least 0 and below 0.5", value=margin
         )
     data = make_data(model)
     drivetrain = drivetrain_of(model, data, site_index(model, site.name))

@@ -87,7 +87,7 @@ def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance
         True
     """
     if probes < 16:
-        raise InvalidInputError(f"probes: found {probes}, which must be at least 16")
+        raise InvalidInputError(f"probes: found {probes}, which must be at least 16", value=probes)
     low, high = sensor.valid_range
     distance = np.linspace(low, min(high, low + _REACH), probes)
     with np.errstate(all="ignore"):

@@ -199,7 +199,9 @@ class ExponentialSecondOrder(SensorModel):
         if not low < high:
             raise InvalidInputError(
                 f"minimum_distance: found {self.minimum_distance:g} m, expected less than {self.turning_point:g} "
-                "m, the turning point of the curve. Beyond the turning point, the output rises with the distance"
+                "m, the turning point of the curve. Beyond the turning point, the output rises with the distance",
+                value=self.minimum_distance,
+                limit=self.turning_point,
             )
 
     @property

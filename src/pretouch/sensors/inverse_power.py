@@ -165,7 +165,8 @@ class InversePower(SensorModel):
         if not self.minimum_distance + offset > 0:
             raise InvalidInputError(
                 f"distance_offset: found {offset:g} m, expected more than {0.0 - self.minimum_distance:g} m, "
-                "the negative of minimum_distance. Otherwise, the output is infinite inside the valid range"
+                "the negative of minimum_distance. Otherwise, the output is infinite inside the valid range",
+                value=offset,
             )
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:

@@ -58,7 +58,7 @@ def mittag_leffler(
     z, orders = np.asarray(argument, dtype=np.float64), np.atleast_1d(np.asarray(order, dtype=np.float64))
     if not ((orders > 0) & (orders <= 1)).all():
         wrong = orders[~((orders > 0) & (orders <= 1))][0]
-        raise InvalidInputError(f"order: found {wrong:g}, which must lie in (0, 1]")
+        raise InvalidInputError(f"order: found {wrong:g}, which must lie in (0, 1]", value=wrong)
     if not (z <= 0).all():
         raise InvalidInputError(
             f"argument: found {float(z[~(z <= 0)].flat[0]):g}, but this function is defined only for 0 and negative "
@@ -211,7 +211,8 @@ class MittagLeffler(SensorModel):
         if self.minimum_distance < 0:
             raise InvalidInputError(
                 f"minimum_distance: found {self.minimum_distance:g} m, but the Mittag-Leffler curve cannot start "
-                "at a negative distance"
+                "at a negative distance",
+                value=self.minimum_distance,
             )
 
     @property

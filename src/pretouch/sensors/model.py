@@ -87,7 +87,9 @@ class SensorModel(ABC):
         check_types(self)
         if not low < high:
             raise InvalidInputError(
-                f"maximum_distance: found {high:g} m, expected more than the minimum_distance of {low:g} m"
+                f"maximum_distance: found {high:g} m, expected more than the minimum_distance of {low:g} m",
+                value=high,
+                limit=low,
             )
 
     @abstractmethod
@@ -240,7 +242,9 @@ class SensorModel(ABC):
             outside = float(np.atleast_1d(values)[~np.atleast_1d(inside)][0])
             raise OutOfRangeError(
                 f"distance: found {outside:g} m, but the {self.name or type(self).__name__} curve is valid only "
-                f"from {low:g} m to {high:g} m"
+                f"from {low:g} m to {high:g} m",
+                value=outside,
+                limit=(low, high),
             )
         return values
 
@@ -260,7 +264,7 @@ def _distances(distance: ArrayLike) -> FloatArray:
     if values.dtype.kind == "f" or are_numbers(distance):
         return np.asarray(values, dtype=np.float64)
     raise InvalidInputError(
-        f"distance: found {short_repr(distance)}, expected a number or an array of numbers in meters"
+        f"distance: found {short_repr(distance)}, expected a number or an array of numbers in meters", value=distance
     )
 
 
@@ -270,8 +274,9 @@ def _check_domain(value: float, name: str, metadata: Mapping[str, Any]) -> None:
     if (sign != "positive" or value > 0) and (sign != "negative" or value < 0) and value <= largest:
         return
     text = f"{value:g} {metadata['unit']}".strip()
+    limits = (0.0, largest) if sign == "positive" else (-math.inf, 0.0) if sign == "negative" else None
     rule = f"must lie in (0, {largest:g}]" if sign == "positive" and math.isfinite(largest) else f"must be {sign}"
-    raise InvalidInputError(f"{name}: found {text}, which {rule}")
+    raise InvalidInputError(f"{name}: found {text}, which {rule}", value=value, limit=limits)
 
 
 def _number(value: Any, name: str, unit: str) -> float:

@@ -47,7 +47,7 @@ class Recessed(SensorModel):
 
     def __post_init__(self) -> None:
         if not isinstance(self.sensor, SensorModel):
-            raise InvalidInputError(f"sensor: found {self.sensor!r}, expected a sensor curve")
+            raise InvalidInputError(f"sensor: found {self.sensor!r}, expected a sensor curve", value=self.sensor)
         recess = _number(self.recess, "recess", "m")
         low, high = self.sensor.valid_range
         nearest, farthest = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
@@ -58,7 +58,9 @@ class Recessed(SensorModel):
         if not self.maximum_distance > 0:
             raise InvalidInputError(
                 f"recess: found {recess:g} m, expected less than {high:g} m. The {self.sensor.name} curve of the "
-                "sensor ends at this distance. Choose a smaller recess"
+                "sensor ends at this distance. Choose a smaller recess",
+                value=recess,
+                limit=high,
             )
         SensorModel.__post_init__(self)
 

@@ -59,7 +59,8 @@ class Table(SensorModel):
                     order, remedy = "decreasing", "; smooth the table or fit a curve first"
                 raise InvalidInputError(
                     f"{name}: found the value {column[i]:g} followed by the value {column[i + 1]:g}, expected strictly "
-                    f"{order} values{remedy}"
+                    f"{order} values{remedy}",
+                    value=column[i],
                 )
         low, high = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
         object.__setattr__(self, "distances", tuple(map(float, distances)))
@@ -82,7 +83,7 @@ class Table(SensorModel):
 def _column(values: ArrayLike, name: str) -> FloatArray:
     column = np.asarray(values, dtype=np.float64)
     if column.ndim != 1 or len(column) < 2:
-        raise InvalidInputError(f"{name}: found {values!r}, expected a list of two or more numbers")
+        raise InvalidInputError(f"{name}: found {values!r}, expected a list of two or more numbers", value=values)
     return column
 
 

@@ -103,7 +103,9 @@ class SensorChain:
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
                 f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s between two "
-                f"readings. The sensor rate is {self.rate:g} Hz"
+                f"readings. The sensor rate is {self.rate:g} Hz",
+                value=self.exposure,
+                limit=self.period,
             )
         if self.random_phase and self.phase:
             raise InvalidInputError(
@@ -113,17 +115,20 @@ class SensorChain:
         if self.jitter > self.period / 4:
             raise InvalidInputError(
                 f"jitter: found {self.jitter:g} s, expected at most a quarter of the sensor's period of "
-                f"{self.period:g} s"
+                f"{self.period:g} s",
+                value=self.jitter,
             )
         if not self.lowest < self.highest:
             raise InvalidInputError(
                 f"highest: found the upper clipping limit {self.highest:g}, expected more than the lower clipping "
-                f"limit {self.lowest:g}"
+                f"limit {self.lowest:g}",
+                value=self.highest,
             )
         if not self.dropout < 1:
             raise InvalidInputError(
                 f"dropout: found {self.dropout:g}, expected a probability below 1. At a probability of 1, every "
-                "reading is lost"
+                "reading is lost",
+                value=self.dropout,
             )
         if self.misfit and not self.misfit_length:
             raise InvalidInputError(
@@ -290,17 +295,22 @@ class LoopTiming:
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
                 f"exposure: found {self.exposure:g} s, expected at most the period of {self.period:g} s between two "
-                f"readings. The sensor rate is {self.rate:g} Hz"
+                f"readings. The sensor rate is {self.rate:g} Hz",
+                value=self.exposure,
+                limit=self.period,
             )
         if self.delay_range > self.delay * (1 + 1e-9):
             raise InvalidInputError(
-                f"delay_range: found {self.delay_range:g} s, expected at most the delay of {self.delay:g} s"
+                f"delay_range: found {self.delay_range:g} s, expected at most the delay of {self.delay:g} s",
+                value=self.delay_range,
+                limit=self.delay,
             )
         shortest = self.delay - self.delay_range
         if shortest < self.exposure / 2 * (1 - 1e-9):
             raise InvalidInputError(
                 f"delay: found a shortest delay of {shortest:g} s, expected at least half of the exposure time of "
-                f"{self.exposure:g} s. The delay starts in the middle of the exposure, and must last until its end"
+                f"{self.exposure:g} s. The delay starts in the middle of the exposure, and must last until its end",
+                value=shortest,
             )
 
     @property
@@ -400,7 +410,8 @@ def _sections(sections: Any) -> tuple[tuple[float, ...], ...]:
         if len(row) != 6 or not all(map(math.isfinite, row)) or row[3] == 0:
             raise InvalidInputError(
                 f"sections: found the filter coefficients {row}, expected six finite numbers b0, b1, b2, a0, a1 and "
-                "a2. The coefficient a0 must not be 0"
+                "a2. The coefficient a0 must not be 0",
+                value=row,
             )
     return tuple(tuple(v / row[3] for v in row) for row in rows)
 

@@ -66,13 +66,15 @@ class Disturbance:
             found = "neither time nor distance" if self.time is None else "both time and distance"
             raise InvalidInputError(
                 f"time: found {found}, expected one of them: the time at which the disturbance begins, or the distance "
-                "of the object"
+                "of the object",
+                value=(self.time, self.distance),
             )
         if (self.factor is not None) != (self.kind == "reflectance"):
             found = "no factor" if self.factor is None else f"the factor {self.factor:g}"
             raise InvalidInputError(
                 f'factor: found {found} for the kind "{self.kind}", expected a factor for "reflectance" only, such as '
-                "factor = 2.0"
+                "factor = 2.0",
+                value=self.factor,
             )
 
     @property
@@ -106,11 +108,14 @@ def checked_disturbances(disturbances: Any) -> tuple[Disturbance, ...]:
     except TypeError:
         listed = (None,)
     if not all(isinstance(one, Disturbance) for one in listed):
-        raise InvalidInputError(f"disturbances: found {disturbances!r}, expected a list of Disturbance(...)")
+        raise InvalidInputError(
+            f"disturbances: found {disturbances!r}, expected a list of Disturbance(...)", value=disturbances
+        )
     if len(listed) > MOST_DISTURBANCES:
         raise InvalidInputError(
             f"disturbances: found {len(listed)} disturbances, expected at most {MOST_DISTURBANCES}; simulate the "
-            "others in further runs"
+            "others in further runs",
+            limit=MOST_DISTURBANCES,
         )
     return listed
 

@@ -81,7 +81,8 @@ def refuse_too_many_runs(count: int) -> None:
         size = 8 * count * (len(RESULT_COLUMNS) + TOUCHES * len(CONTACT_COLUMNS))
         raise InvalidInputError(
             f"runs: found {count:,} runs, which would need {size / 1e9:,.0f} GB of memory. Expected at most "
-            f"{MOST_RUNS:,} runs. For more runs, call the function again with another seed"
+            f"{MOST_RUNS:,} runs. For more runs, call the function again with another seed",
+            value=count,
         )
 
 
@@ -103,7 +104,8 @@ def _refuse_endless_runs(loop: Loop) -> None:
         raise InvalidInputError(
             f"chain delay: up to {waiting * chain.rate:.3g} sensor readings would wait for delivery, expected at "
             f"most {_MOST_BUFFERED:,} readings. Reduce the delay, the exposure, the jitter or the rate of the sensor. "
-            f"The sensor rate is {chain.rate:g} readings per second"
+            f"The sensor rate is {chain.rate:g} readings per second",
+            limit=_MOST_BUFFERED,
         )
 
 
@@ -123,7 +125,7 @@ def _time(seconds: float) -> str:
 def whole(value: Any, name: str, least: int, most: int) -> int:
     """Return an integer after checking its range."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
-        raise InvalidInputError(f"{name}: found {value!r}, expected a whole number from {least} to {most}")
+        raise InvalidInputError(f"{name}: found {value!r}, expected a whole number from {least} to {most}", value=value)
     return int(value)
 
 
@@ -267,7 +269,8 @@ class SimulationResult(Value):
             flat = np.arange(int(np.prod(self.shape))).reshape(self.shape)[index]
         except IndexError:
             raise InvalidInputError(
-                f"index: found {index}, expected the index of a run in an array of runs of the shape {self.shape}"
+                f"index: found {index}, expected the index of a run in an array of runs of the shape {self.shape}",
+                value=index,
             ) from None
         if np.ndim(flat):
             raise InvalidInputError(

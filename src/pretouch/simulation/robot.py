@@ -136,7 +136,8 @@ class ImpedancePlant(PlantModel):
             raise InvalidInputError(
                 f"stiffness: the stiffness of {self.stiffness:g} N/m is too high for the mass of {self.mass:g} kg. The "
                 f"natural frequency is {frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s. Check the units "
-                "of stiffness and mass"
+                "of stiffness and mass",
+                limit=_FASTEST,
             )
 
     def coefficients(self) -> tuple[float, ...]:
@@ -197,7 +198,8 @@ class PositionPlant(PlantModel):
         check_declared(self)
         if 2 * math.pi * self.bandwidth > _FASTEST:
             raise InvalidInputError(
-                f"bandwidth: found {self.bandwidth:g} Hz, expected at most {_FASTEST / (2 * math.pi):,.0f} Hz"
+                f"bandwidth: found {self.bandwidth:g} Hz, expected at most {_FASTEST / (2 * math.pi):,.0f} Hz",
+                value=self.bandwidth,
             )
 
     def coefficients(self) -> tuple[float, ...]:
@@ -228,7 +230,8 @@ def checked_numbers(model: object, values: tuple[float, ...], names: tuple[str, 
     """Return model parameters after checking that they are finite numbers."""
     if len(values) != len(names) or not all(map(math.isfinite, values)):
         raise InvalidInputError(
-            f"{type(model).__name__}: found {values}, expected {len(names)} finite numbers: {', '.join(names)}"
+            f"{type(model).__name__}: found {values}, expected {len(names)} finite numbers: {', '.join(names)}",
+            value=values,
         )
     return values
 
@@ -367,7 +370,7 @@ class HuntCrossley(ContactModel):
     def __post_init__(self) -> None:
         ContactModel.__post_init__(self)
         if not self.exponent >= 1:
-            raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1")
+            raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1", value=self.exponent)
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
         """Return stiffness, damping and other coefficients of the contact force.

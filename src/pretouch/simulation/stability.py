@@ -116,7 +116,7 @@ class GainLimit(Value):
             InvalidInputError: the margin does not exceed 1.
         """
         if not finite(margin, "margin") > 1:
-            raise InvalidInputError(f"margin: found {margin:g}, which must exceed 1")
+            raise InvalidInputError(f"margin: found {margin:g}, which must exceed 1", value=margin)
         return abs(self.strongest) / margin
 
     def bounds(self, *, margin: float = 2.0, weakest: float = -1e-3) -> tuple[float, float]:
@@ -133,7 +133,9 @@ class GainLimit(Value):
             found, most = f"{weakest:g} {unit}", f"{strongest:g} {unit}"
             raise InvalidInputError(
                 f"weakest: found {found}, expected a value between 0 and {most}. The value {most} is the strongest "
-                f"{n.name} with the required gain margin. A faster sensor allows a stronger {n.name}"
+                f"{n.name} with the required gain margin. A faster sensor allows a stronger {n.name}",
+                value=float(weakest),
+                limit=(0.0, strongest),
             )
         return min(strongest, weakest), max(strongest, weakest)
 
@@ -328,7 +330,8 @@ def lowest_rate(
     if not finite(gain, "gain", number.unit) * number.sign > 0:
         raise InvalidInputError(
             f"gain: found {format_quantity(gain, number.unit)}, which does not mitigate the impact. Values "
-            f"that mitigate the impact are {number.mitigating}"
+            f"that mitigate the impact are {number.mitigating}",
+            value=gain,
         )
     _, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
     required = np.asarray(positive(margin, "margin")) * abs(gain) * float(damping_of_one.max())

@@ -50,7 +50,7 @@ class StateSpace:
         check_types(self)
         n = len(self.states)
         if not 2 <= n <= _MOST:
-            raise InvalidInputError(f"states: found {n}, expected 2 to {_MOST}")
+            raise InvalidInputError(f"states: found {n}, expected 2 to {_MOST}", value=n)
         for name, shape in (("a", (n, n)), ("b", (n, len(_INPUTS))), ("c", (n,))):
             matrix = np.asarray(finite(getattr(self, name), name))
             if matrix.shape != shape:

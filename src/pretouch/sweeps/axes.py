@@ -140,14 +140,16 @@ def _axis(name: str, values: Any, units: Mapping[str, str]) -> Axis:
     if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in units:
         raise InvalidInputError(
             f"axes: found {name!r} as the name of an axis of paired inputs. Use letters, digits and underscores, for "
-            "example 'sample'. The name of an input is not allowed"
+            "example 'sample'. The name of an input is not allowed",
+            value=name,
         )
     columns = {str(member): _values(str(member), column, units) for member, column in values.items()}
     lengths = {member: len(column) for member, column in columns.items()}
     if not columns or len(set(lengths.values())) > 1:
         listed = ", ".join(f"{n} values of {member}" for member, n in lengths.items()) or "no input"
         raise InvalidInputError(
-            f"axes: found {listed} on the axis {name}, expected the same number of values for each input of the axis"
+            f"axes: found {listed} on the axis {name}, expected the same number of values for each input of the axis",
+            value=lengths,
         )
     return Axis(name=name, columns=columns, zipped=True)
 
@@ -203,26 +205,28 @@ def read_axis(text: str, units: Mapping[str, str]) -> tuple[str, FloatArray]:
     """
     name, equals, values = (part.strip() for part in text.partition("="))
     if not (name and equals and values):
-        raise InvalidInputError(f"--axis: found {text!r}, {_FORM}")
+        raise InvalidInputError(f"--axis: found {text!r}, {_FORM}", value=text)
     unit = _unit(name, units, "--axis")
     parts = [part.strip() for part in values.split(":")]
     if len(parts) == 1:
         return name, np.array([read_quantity(part.strip(), unit, name=name) for part in values.split(",")])
     if len(parts) not in {3, 4} or parts[3:] not in ([], ["log"]):
-        raise InvalidInputError(f"--axis: found {text!r}, {_FORM}")
+        raise InvalidInputError(f"--axis: found {text!r}, {_FORM}", value=text)
     start, stop = (read_quantity(part, unit, name=name) for part in parts[:2])
     if not (math.isfinite(start) and math.isfinite(stop)):
-        raise InvalidInputError(f"--axis: found {text!r}, expected finite ends")
+        raise InvalidInputError(f"--axis: found {text!r}, expected finite ends", value=text)
     count = int(parts[2]) if parts[2].isdecimal() and len(parts[2]) < _DIGITS else 0
     if not 1 <= count <= _MOST:
         raise InvalidInputError(
             f"--axis: found {parts[2]!r} as the number of values of the input {name}, expected a whole number from 1 "
-            f"to {_MOST:,}"
+            f"to {_MOST:,}",
+            value=parts[2],
         )
     if not parts[3:]:
         return name, np.linspace(start, stop, count)
     if not start * stop > 0:
         raise InvalidInputError(
-            f"--axis: found {text!r}, but logarithmic spacing needs nonzero start and stop values of the same sign"
+            f"--axis: found {text!r}, but logarithmic spacing needs nonzero start and stop values of the same sign",
+            value=text,
         )
     return name, np.geomspace(start, stop, count)

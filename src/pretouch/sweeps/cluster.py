@@ -42,7 +42,7 @@ def connected(dask: Any) -> Iterator[Any]:
         client = distributed.Client(dask, timeout=_TIMEOUT)
     except (OSError, ValueError) as error:  # TimeoutError is an OSError
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InvalidInputError(f"dask: found no scheduler at {dask} ({reason})") from None
+        raise InvalidInputError(f"dask: found no scheduler at {dask} ({reason})", value=dask) from None
     try:
         yield client
     finally:

@@ -121,7 +121,7 @@ def make_plan(
         what = "a gain and an axis of gains" if gains else "neither gain nor objective"
         raise InvalidInputError(
             f"gain: found {what}, expected exactly one source of gains. Give gain=..., or an axis 'gain', or "
-            "objective=... with bounds=..."
+            "objective=... with bounds=...",
         )
     names = check_results(results, designs=designs, impact=task.impact)
     clash = next((axis.name for axis in checked if axis.name in (*names, STATUS)), None)
@@ -195,7 +195,8 @@ def _check_values(plan: Plan) -> None:
     if not moving and any(term.scale == OBSTACLE_SPEED for term in terms):
         raise InvalidInputError(
             f"scale: found {OBSTACLE_SPEED!r}, but the speed of the obstacle is 0 m/s. A speed of 0 m/s cannot scale "
-            "a term of the objective. As the scale, use a number in m/s"
+            "a term of the objective. As the scale, use a number in m/s",
+            value=OBSTACLE_SPEED,
         )
 
 

@@ -57,7 +57,8 @@ def refuse_beyond_memory(plan: Grid) -> None:
         raise InvalidInputError(
             f"axes: found {plan.size:,} encounters, expected at most {_MOST_BYTES // bytes_each:,} in memory. "
             f"Their results need {plan.size * bytes_each / 1e9:,.0f} GB of memory. Write the results to a folder with "
-            "output='NAME.zarr', or use fewer values"
+            "output='NAME.zarr', or use fewer values",
+            value=plan.size,
         )
 
 

@@ -111,14 +111,16 @@ def check_draw(count: int, *, seed: int, sampling: str) -> None:
     if sampling not in SAMPLINGS:
         raise InvalidInputError(**not_one_of("sampling", sampling, SAMPLINGS))
     if type(count) is not int or count < 1:
-        raise InvalidInputError(f"samples: found {count!r}, expected a positive whole number")
+        raise InvalidInputError(f"samples: found {count!r}, expected a positive whole number", value=count)
     if count > MOST_SAMPLES:
         raise InvalidInputError(
             f"samples: found {count:,}, expected at most {MOST_SAMPLES:,} samples. More samples do not "
-            "reduce the error of the sensor and motion models"
+            "reduce the error of the sensor and motion models",
+            value=count,
+            limit=MOST_SAMPLES,
         )
     if type(seed) is not int or seed < 0:
-        raise InvalidInputError(f"seed: found {seed!r}, expected 0 or a positive whole number")
+        raise InvalidInputError(f"seed: found {seed!r}, expected 0 or a positive whole number", value=seed)
 
 
 def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray:

@@ -179,7 +179,7 @@ class SimulatedEncounter(Described, Value):
             if found.name == name:
                 return found
         names = ", ".join(c.name for c in self.comparisons)
-        raise InvalidInputError(f"name: found {name!r}, expected one of {names}")
+        raise InvalidInputError(f"name: found {name!r}, expected one of {names}", value=name)
 
     @cached_property
     def contacts(self) -> tuple[LoopContact, ...]:

@@ -250,7 +250,7 @@ def _check_task(task: Task) -> Task:
 def _loop_of(task: Task) -> ClosedLoop:
     """Return the sampled loop of a task."""
     if task.loop is None:
-        raise InvalidInputError(_NO_LOOP if task.source is None else _NO_LOOP_IN_FILE)
+        raise InvalidInputError(_NO_LOOP if task.source is None else _NO_LOOP_IN_FILE, argument="loop")
     if not isinstance(task.loop, ClosedLoop):
         raise InvalidInputError(f"loop: found {type(task.loop).__name__}, expected a ClosedLoop")
     law = task.loop.continuous
@@ -267,7 +267,8 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
     if predicted.reached.all() and float(predicted.end.time) >= loop.horizon:
         raise InvalidInputError(
             f"loop horizon: found {loop.horizon:g} s, but contact is predicted only after "
-            f"{float(predicted.end.time):.4g} s; set a longer horizon, or verify a weaker gain"
+            f"{float(predicted.end.time):.4g} s; set a longer horizon, or verify a weaker gain",
+            value=loop.horizon,
         )
 
 

@@ -256,7 +256,8 @@ class DragLimits(Value):
         if not 0 < self.weak.drag <= self.strong.drag:
             raise InvalidInputError(
                 f"rails: found a weak drag of {self.weak.drag:g} N*s^2 and a strong drag of "
-                f"{self.strong.drag:g} N*s^2, expected 0 < weak drag <= strong drag"
+                f"{self.strong.drag:g} N*s^2, expected 0 < weak drag <= strong drag",
+                value=self.weak.drag,
             )
 
     @property

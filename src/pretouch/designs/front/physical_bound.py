@@ -70,12 +70,15 @@ class PhysicalBound(Value):
         if not finite(self.velocity, "velocity", "m/s") < 0:
             raise InvalidInputError(
                 f"velocity: found {self.velocity:g} m/s, expected a negative number. With a negative velocity, the "
-                "obstacle approaches the robot"
+                "obstacle approaches the robot",
+                value=self.velocity,
             )
         finite(self.acceleration, "acceleration", "m/s^2")
         object.__setattr__(self, "acceleration_limit", positive(self.acceleration_limit, "acceleration_limit", "m/s^2"))
         if not (self.speed_limit > 0):
-            raise InvalidInputError(f"speed_limit: found {self.speed_limit:g} m/s, expected a positive number")
+            raise InvalidInputError(
+                f"speed_limit: found {self.speed_limit:g} m/s, expected a positive number", value=self.speed_limit
+            )
 
     @property
     def least_contact_speed(self) -> Any:

@@ -152,7 +152,8 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
             if limit.probability < 1:
                 raise InvalidInputError(
                     f"constraint {limit.constraint.name}: found a probability of {limit.probability:g}, but a "
-                    "worst-case design does not use probabilities; pass the Constraint without a probability"
+                    "worst-case design does not use probabilities; pass the Constraint without a probability",
+                    value=limit.probability,
                 )
         return
     for name, distribution in task.uncertainty.items():

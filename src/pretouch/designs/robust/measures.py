@@ -79,7 +79,8 @@ def checked_measure(measure: Any) -> Measure:
     if not isinstance(measure, Measure):
         raise InvalidInputError(
             f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a "
-            "subclass of Measure"
+            "subclass of Measure",
+            value=measure,
         )
     home = {name: next(c for c in type(measure).__mro__ if name in vars(c)) for name in ("of", "label", "estimate")}
     for name in ("label", "estimate"):

@@ -78,7 +78,7 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
         ResultUnavailableError: there is no gain.
     """
     if type(count) is not int or count < 2:
-        raise InvalidInputError(f"count: found {count!r}, expected a whole number that is 2 or larger")
+        raise InvalidInputError(f"count: found {count!r}, expected a whole number that is 2 or larger", value=count)
     if gain is None:
         raise ResultUnavailableError("price: there is no robust gain to compare; see the status, or pass a gain")
     task = problem.task.replace(constraints=())
@@ -132,5 +132,6 @@ def _distribution_of(uncertainty: Uncertainty, name: str) -> tuple[JointDistribu
         if name in joint.inputs(key):
             return joint, joint.inputs(key)
     raise InvalidInputError(
-        f"price: found {name!r}, expected the name of an uncertain input: {', '.join(names_of(uncertainty))}"
+        f"price: found {name!r}, expected the name of an uncertain input: {', '.join(names_of(uncertainty))}",
+        value=name,
     )

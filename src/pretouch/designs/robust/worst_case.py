@@ -70,7 +70,8 @@ def box_of(task: Task) -> dict[str, tuple[float, float]]:
     if len(uncertainty) > _MOST_INPUTS:
         raise InvalidInputError(
             f"uncertainty: found {len(uncertainty)} uncertain inputs for a worst case, expected at most "
-            f"{_MOST_INPUTS} inputs. The search evaluates 2^n combinations of n inputs"
+            f"{_MOST_INPUTS} inputs. The search evaluates 2^n combinations of n inputs",
+            limit=_MOST_INPUTS,
         )
     box = {}
     for name, distribution in uncertainty.items():

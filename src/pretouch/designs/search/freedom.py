@@ -179,7 +179,8 @@ def _interval(bounds: Sequence[float] | None, name: str, unit: str) -> Range | N
     ends = np.asarray(nonnegative(bounds, name, unit))
     if ends.shape != (2,) or not ends[0] < ends[1]:
         raise InvalidInputError(
-            f"{name}: found {bounds!r}, expected two numbers in the unit {unit or '1'}, the smaller number first"
+            f"{name}: found {bounds!r}, expected two numbers in the unit {unit or '1'}, the smaller number first",
+            value=bounds,
         )
     return float(ends[0]), float(ends[1])
 

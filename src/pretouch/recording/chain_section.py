@@ -89,6 +89,8 @@ def _level_rows(
         own = getattr(declared, key) + (declared.crosstalk if key == "offset" else 0.0)
         remark = {"noise": "without an object", "offset": "median without an object"}.get(key, "of xi")
         yield key, _number(own if value is None else value), kept if value is None else remark
+    if noise.drift is not None:
+        yield "drift", _number(noise.drift.rate), "per second, of the readings without an object"
     if noise.resolution:
         yield "resolution", _number(noise.resolution), "step of the readings"
     if noise.clipped and noise.largest is not None:

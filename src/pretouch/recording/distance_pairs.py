@@ -27,12 +27,14 @@ class DistancePairs(Value):
     Args:
         distance: distances [m]; infinite without an object.
         reading: readings.
+        time: times of the readings [s].
         shift: latency of the sensor that was removed before pairing [s]; 0 if it is unknown.
         largest_speed: 95 % quantile of the speed of the object during the readings [m/s].
     """
 
     distance: FloatArray
     reading: FloatArray
+    time: FloatArray
     shift: float
     largest_speed: float
 
@@ -108,6 +110,7 @@ def pair_distances(
     return DistancePairs(
         distance=between[kept],
         reading=readings[kept],
+        time=time[kept],
         shift=shift,
         largest_speed=float(np.quantile(speed[kept & both], 0.95)),
     )

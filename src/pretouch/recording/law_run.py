@@ -23,6 +23,8 @@ from pretouch.verification.verdict import chosen_gain
 from .chain_section import chain_section
 from .clocks import ClockDifference, compare_clocks
 from .detections import BEFORE, PAUSE, detections_in, events_in, judge
+from .distance_pairs import pair_distances
+from .drift import Drift, drift_at_equal_distances
 from .latency import Latency, estimate_latency
 from .no_object import ASSUMED
 from .noise import noise_of, spread_of_course
@@ -93,7 +95,14 @@ def replay(
     new = _new_values(used.values, timing.held)  # a repeated value has no noise of its own
     steady = np.logical_and.reduce([regular[np.minimum(new + i, len(time) - 1)] for i in range(timing.held)])
     noise = noise_of(
-        used.values[new], steady, detecting[new], near[new], offset, approaches=approaches[new], codes=codes
+        used.values[new],
+        steady,
+        detecting[new],
+        near[new],
+        offset,
+        approaches=approaches[new],
+        codes=codes,
+        time=time[new],
     )
     distance_noise = spread_of_course(used.values[new], steady) if used.kind == "distance" else None
     origin = int(used.stamps[0])
@@ -115,6 +124,8 @@ def replay(
             delay=_delay(used, latency, reference, loop.chain.exposure),
             name=name,
         )
+    shift = 0.0 if latency is None else latency.value or 0.0
+    drift = None if reference is None else _drift(used, readings, reference, shift, controller)
     return Replay(
         recording=used,
         law=law,
@@ -131,6 +142,7 @@ def replay(
         latency=latency,
         counts=_counts(used, readings, steps, controller, task.sensor),
         chain=chain,
+        drift=drift,
         clocks=tuple(_clock_differences(used, (reference, truth))),
         notes=(*used.notes, *notes),
     )
@@ -274,6 +286,29 @@ def _latency(
     with np.errstate(invalid="ignore"):
         own = log_level(readings, used.kind == "reading")
     return estimate_latency(used.seconds_after(origin), own, reference.seconds_after(origin), other)
+
+
+def _drift(
+    used: Recording, readings: FloatArray, reference: Recording, shift: float, controller: Controller
+) -> Drift | None:
+    """Return how ln xi at equal distances, or the measured distance, changes over the recording."""
+    if reference.kind != "distance":
+        return None
+    origin = int(used.stamps[0])
+    own, other = used.seconds_after(origin), reference.seconds_after(origin)
+    values = used.values if used.kind == "distance" else readings
+    try:
+        pairs = pair_distances(own, values, other, reference.values, shift)
+    except InvalidInputError:
+        return None
+    conditioning = controller.conditioning
+    near = np.isfinite(pairs.distance) & np.isfinite(pairs.reading)
+    if used.kind == "distance":
+        return drift_at_equal_distances(pairs.time[near], pairs.reading[near], pairs.distance[near])
+    saturation = np.inf if conditioning.saturation is None else conditioning.saturation
+    above = pairs.reading - conditioning.offset
+    near &= (above >= conditioning.floor) & (pairs.reading < saturation)
+    return drift_at_equal_distances(pairs.time[near], np.log(above[near]), pairs.distance[near])
 
 
 def _delay(

@@ -10,6 +10,7 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 
+from .drift import Drift, trend_of
 from .no_object import frozen_values
 from .timing import ROBUST
 
@@ -42,6 +43,7 @@ class Noise(Value):
         largest: largest finite reading.
         clipped: whether the largest reading occurs many times in a row, so that it is probably a limit of the sensor.
         quiet: number of readings without an object.
+        drift: significant change of the readings without an object over the recording.
     """
 
     offset: float | None
@@ -52,6 +54,7 @@ class Noise(Value):
     largest: float | None
     clipped: bool
     quiet: int
+    drift: Drift | None = None
 
 
 def noise_of(
@@ -63,6 +66,7 @@ def noise_of(
     *,
     approaches: BoolArray,
     codes: tuple[float, ...] = (),
+    time: FloatArray | None = None,
 ) -> Noise:
     """Estimate the noise properties of a sensor from its readings.
 
@@ -75,6 +79,7 @@ def noise_of(
         approaches: whether the reading is a few seconds before or after a detection, when an object below the floor
             may already change it.
         codes: values by which the driver says that there is no object; they are no sensor outputs.
+        time: times of the readings [s], for a drift.
 
     Returns:
         The estimates.
@@ -109,6 +114,7 @@ def noise_of(
         largest=largest,
         clipped=_is_clipped(readings[finite]),
         quiet=int(quiet.sum()),
+        drift=None if time is None or noise is None else trend_of(time[quiet], values),
     )
 
 

@@ -29,6 +29,8 @@ _NOISIER: Final = 1.5  # times the noise of the scenario
 _ALWAYS: Final = 0.9  # share of the recording: longer detections are suspicious
 _LISTED: Final = 50  # detections in a table
 _SAME_CLOCK: Final = 1e-3  # s between two clocks, above which the lag depends on the clock
+_DRIFTED: Final = 0.5  # of the noise of a reading: a smaller drift is lost in it
+_DRIFTED_SIGNAL: Final = 0.03  # change of ln xi that matters for a calibration
 _FEW: Final = 1e-3  # share of readings below which a fault is a remark, and not a warning
 _OPEN_LOOP: Final = (
     "The replay is open loop: on a robot, the motion that the law commands changes later readings. Detections and the "
@@ -190,6 +192,7 @@ def _warnings(replay: Replay) -> Iterator[str]:
         )
     yield from (caution("PT601", note) for note in replay.notes)
     yield from _fault_warnings(replay)
+    yield from _drift_warnings(replay)
     floor, xi = replay.controller.conditioning.floor, _largest_output(replay)
     if not replay.detections and replay.usable and xi is not None:
         yield caution(
@@ -226,6 +229,37 @@ def _warnings(replay: Replay) -> Iterator[str]:
                 f"Without an object, the median reading is {noise.offset:.5g}, but the controller subtracts the offset "
                 f"{replay.controller.conditioning.offset:.5g}: set offset in [controller] to the median.",
             )
+
+
+def _drift_warnings(replay: Replay) -> Iterator[str]:
+    """Yield warnings about a drift of the offset and of the signal over the recording."""
+    noise, floor = replay.noise, replay.controller.conditioning.floor
+    offset = noise.drift if replay.recording.kind == "reading" else None
+    if offset is not None and abs(offset.change) > max(_DRIFTED * (noise.noise or 0.0), noise.resolution):
+        yield caution(
+            "PT612",
+            f"Without an object, the readings drift from {offset.start:.5g} to {offset.start + offset.change:.5g} over "
+            f"the recording, but the controller subtracts a constant offset; its noise floor is {floor:.4g}. Let the "
+            "sensor warm up, and measure its offset again before each use.",
+        )
+    drift = replay.drift
+    if drift is None:
+        return
+    if replay.recording.kind == "distance":
+        if abs(drift.change) > _DRIFTED * (replay.distance_noise or 0.0):
+            yield caution(
+                "PT612",
+                f"Compared with the reference, the measured distance drifts by {format_quantity(drift.change, 'm', 3)} "
+                "over the recording. Let the sensor warm up, and record again.",
+            )
+    elif abs(drift.change) > _DRIFTED_SIGNAL:
+        change, low, high = (100 * math.expm1(value) for value in (drift.change, drift.low, drift.high))
+        yield caution(
+            "PT612",
+            f"At equal distances, the signal drifts by {change:+.2g} % over the recording (linear trend, 95 %: "
+            f"{low:+.2g} to {high:+.2g} %), so a calibration from it mixes different curves. Let the sensor warm up, "
+            "and record again.",
+        )
 
 
 def _lost_between(replay: Replay) -> str:

@@ -18,6 +18,7 @@ from pretouch.simulation import ClosedLoop
 from .clocks import ClockDifference
 from .detections import Event, RecordedDetection
 from .distance_pairs import DistancePairs, pair_distances
+from .drift import Drift
 from .latency import Latency
 from .noise import Noise
 from .recording import CLOCKS, Recording
@@ -49,6 +50,8 @@ class Replay(Described, Value):
             "detected without an object" (values that were taken as no object, but that an exported controller detects),
             "saturated", and "replaced" by a newer one before the law's next step.
         chain: section [chain] of a scenario file, estimated from the recording; empty if there are too few readings.
+        drift: significant change over the recording, compared with a reference that is a distance: of ln xi at equal
+            distances, or of a measured distance [m].
         clocks: how the header stamps of the sensor differ from those of the reference and of the true events.
         notes: remarks on the file and on the clock.
     """
@@ -68,6 +71,7 @@ class Replay(Described, Value):
     latency: Latency | None
     counts: dict[str, int]
     chain: str
+    drift: Drift | None
     clocks: tuple[ClockDifference, ...]
     notes: tuple[str, ...]
 
@@ -149,6 +153,7 @@ class Replay(Described, Value):
                 "false_triggers": None if self.events is None else len(self.false_triggers),
                 "missed": None if self.events is None else len(self.missed),
                 "latency": self.latency,
+                "drift": self.drift,
                 "chain": self.chain,
                 "notes": self.notes,
             }

@@ -34,6 +34,8 @@ def in_a_process(*words: object, folder: Path) -> subprocess.CompletedProcess[st
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, stdin=subprocess.DEVNULL)
 
 
+CALIBRATED = [EXAMPLES / "sensor.csv", "--recess", "5 mm"]
+
 # --- init
 
 
@@ -41,7 +43,7 @@ def in_a_process(*words: object, folder: Path) -> subprocess.CompletedProcess[st
 @pytest.mark.parametrize("law", [[], ["--drag"]], ids=["damper", "drag"])
 @pytest.mark.parametrize("part", [*PARTS, "other", "csv"])
 def test_a_first_scenario_is_read_designed_and_commented(part: str, law: list[str], tmp_path: Path) -> None:
-    words = [EXAMPLES / "sensor.csv"] if part == "csv" else ["--part", part]
+    words = CALIBRATED if part == "csv" else ["--part", part]
     answer = run("init", *words, *law, folder=tmp_path)
     assert answer.returncode == 0, answer.stderr
     task = pt.load_scenario(tmp_path / "scenario.toml")
@@ -58,7 +60,7 @@ def test_a_first_scenario_is_read_designed_and_commented(part: str, law: list[st
 
 @pytest.mark.slow
 def test_a_first_scenario_of_a_calibration_passes_every_command(tmp_path: Path) -> None:
-    assert run("init", EXAMPLES / "sensor.csv", "--rate", "200 Hz", folder=tmp_path).returncode == 0
+    assert run("init", *CALIBRATED, "--rate", "200 Hz", folder=tmp_path).returncode == 0
     for verb in (["design"], ["simulate"], ["verify", "--runs", "50", "--no-changes"]):
         answer = run(verb[0], "scenario.toml", *verb[1:], "--no-report", folder=tmp_path)
         assert answer.returncode == 0, answer.stdout + answer.stderr
@@ -71,7 +73,7 @@ def test_a_first_scenario_of_a_calibration_passes_every_command(tmp_path: Path) 
 @pytest.mark.slow
 def test_a_drag_is_designed_on_curves_with_a_level_part(tmp_path: Path) -> None:
     """Some curves that the readings allow are tables whose slope is zero up to rounding, of either sign."""
-    run("init", EXAMPLES / "sensor.csv", "--drag", folder=tmp_path)
+    run("init", *CALIBRATED, "--drag", folder=tmp_path)
     answer = run("design", "scenario.toml", "--no-report", folder=tmp_path)
     assert answer.returncode == 0, answer.stderr
 
@@ -123,8 +125,9 @@ def test_every_value_of_the_first_encounter_has_an_option(tmp_path: Path) -> Non
 def test_the_rates_of_sensor_and_controller_fit_together(
     words: list[str], rate: float, control: float, tmp_path: Path
 ) -> None:
-    words = [EXAMPLES / "sensor.csv" if word == "csv" else word for word in words]
-    answer = run("init", *words, folder=tmp_path)
+    answer = run(
+        "init", *(CALIBRATED if "csv" in words else []), *(word for word in words if word != "csv"), folder=tmp_path
+    )
     assert answer.returncode == 0, answer.stderr
     loop = pt.load_scenario(tmp_path / "scenario.toml").loop
     assert (loop.chain.rate, 1 / loop.law.period) == pytest.approx((rate, control))
@@ -150,7 +153,7 @@ CHOICES = {
 @pytest.mark.parametrize("seed", range(6))
 def test_whatever_is_chosen_the_file_runs_and_starts_where_its_floor_detects(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
-    words: list[object] = [EXAMPLES / "sensor.csv"]
+    words: list[object] = [*CALIBRATED]
     if rng.random() < 0.7:
         words = ["--part", str(rng.choice([*PARTS, "other"]))]
     for name, values in CHOICES.items():
@@ -173,7 +176,7 @@ def test_raw_counts_are_counts(tmp_path: Path) -> None:
     text = (EXAMPLES / "sensor.csv").read_text(encoding="utf-8")
     (tmp_path / "raw.csv").write_text(text.replace("[counts]", "[raw counts]"), encoding="utf-8")
     assert "raw counts" in (tmp_path / "raw.csv").read_text(encoding="utf-8")
-    answer = run("init", "raw.csv", "--part", "VCNL4010", folder=tmp_path)
+    answer = run("init", "raw.csv", "--recess", "5 mm", "--part", "VCNL4010", folder=tmp_path)
     assert answer.returncode == 0, answer.stderr
     assert pt.load_scenario(tmp_path / "scenario.toml").sensor_part.name == "VCNL4010"
 
@@ -239,6 +242,22 @@ def test_a_wrong_answer_is_asked_again(
     assert task.impact.robot_mass == 4.0
 
 
+def test_only_the_user_knows_the_recess(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The usable range of the example starts at 5 mm, so without a recess the sensor does not reach contact."""
+    answer = run("init", EXAMPLES / "sensor.csv", folder=tmp_path)
+    assert answer.returncode == 2
+    assert "--recess: the usable range of the sensor starts at 5 mm" in answer.stderr
+    assert not (tmp_path / "scenario.toml").exists()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdin", Answers("other\n12 mm\n\n\n\n\n\n"))
+    code, _, err = command(monkeypatch, capsys)("init", EXAMPLES / "sensor.csv")
+    assert code == 0, err
+    assert "How far is the sensor behind the contact surface (its usable range starts at 5 mm)" in err
+    assert tomllib.loads(Path("scenario.toml").read_text(encoding="utf-8"))["sensor"]["recess"] == "12 mm"
+
+
 def test_values_that_belong_together_say_so(tmp_path: Path) -> None:
     assert run("init", folder=tmp_path).returncode == 0
     text = (tmp_path / "scenario.toml").read_text(encoding="utf-8")
@@ -277,7 +296,7 @@ def test_the_typical_curve_has_the_signal_of_the_part(tmp_path: Path) -> None:
         (["--columns", "distance=1,output=2"], "--columns: this option needs a calibration"),
         (["--speed", "-3 m/s"], "positive"),
         (["missing.csv"], "missing.csv"),
-        (["old.csv", "--part", "RPR-220"], "--part: the sensor component reports readings in V"),
+        (["old.csv", "--recess", "5 mm", "--part", "RPR-220"], "--part: the sensor component reports readings in V"),
         (["--part", "VCNL4010", "--distance", "250 mm"], "--distance: found 0.25 m"),
         (["--stiffness", "1 kN/m", "--radius", "1 mm"], "--stiffness: found a stiffness together with a padding"),
         (["--acceleration", "-9.81"], "--acceleration: found -9.81, expected an acceleration with its unit"),

@@ -215,6 +215,21 @@ def test_a_glitch_among_few_readings_without_an_object_is_found(empty, glitch):
     assert (tuple(cleaned.no_object), tuple(outliers)) == (empty, (glitch,))
 
 
+@pytest.mark.parametrize(
+    ("index", "sentence"),
+    [
+        (8, "1 reading of 0 counts at 80 mm, beyond all other readings: no signal there."),
+        (5, "1 reading of 0 counts at 50 mm, although all other readings are clearly above 0 (dropout)."),
+    ],
+)
+def test_a_single_reading_of_zero_is_not_compared_with_others_at_its_distance(index, sentence):
+    measured = counts((), repeats=1)
+    outputs = np.where(np.arange(9) == index, 0.0, measured.outputs)
+    report = fit(Calibration(distances=measured.distances, outputs=outputs, unit="counts"), ("inverse-power",))
+    assert sentence in report.left_out
+    assert "other readings at the same distance" not in str(report)
+
+
 def test_one_output_among_zeros_is_no_signal():
     distance = np.array([19, 31, 43, 45, 54, 78, 83, 92, 95, 98, 99]) / 1e3
     with warnings.catch_warnings():

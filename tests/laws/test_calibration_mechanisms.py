@@ -1,6 +1,7 @@
 """What was met between sensors and files of readings: each mechanism on random sensors whose truth is known."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -96,6 +97,52 @@ def test_where_an_amplifier_compresses_the_window_has_not_begun(seed):
     # neither far inside the ceiling nor needlessly far out: the ideal slope is lost by half at most
     ideal = float(slope_of(sensor.ideal, first)[0])
     assert felt / ideal > 0.5 or report.verdict != "usable"
+
+
+FLAT = {
+    "logistic": (lambda l: 60 + 3600 / (1 + (l / 0.045) ** 2.5), 0.015, 0.150),  # noqa: E741
+    "bell": (lambda l: 100 + 3400 * np.exp(-((l / 0.06) ** 1.7)), 0.015, 0.125),  # noqa: E741
+    "soft": (lambda l: 50 + (3500**-4 + (60000 * (0.012 / (l + 0.012)) ** 2) ** -4) ** -0.25, 0.01, 0.145),  # noqa: E741
+}
+"""Outputs [counts] that flatten near the sensor, with the nearest and farthest distance [m]."""
+
+
+def robot_table(name, repeats, seed=1):
+    """Readings every 5 mm. Near the sensor, the slope is a fifth of that farther away, or less."""
+    curve, first, last = FLAT[name]
+    rng = np.random.default_rng(seed)
+    distance = np.repeat(np.arange(first, last + 1e-9, 0.005), repeats)
+    outputs, empty = curve(distance) + 4 * rng.standard_normal(len(distance)), curve(1e3) + 4 * rng.standard_normal(10)
+    return curve, Calibration(distances=distance, outputs=np.round(outputs), unit="counts", no_object=np.round(empty))
+
+
+@pytest.mark.slow(keep=1)
+@pytest.mark.parametrize("repeats", [50, 5])
+@pytest.mark.parametrize("name", FLAT)
+def test_flattened_readings_that_differ_clearly_are_used_in_a_table(name, repeats):
+    curve, measured = robot_table(name, repeats)
+    report = fit(measured)
+    assert (report.verdict, report.best.model) == ("usable", "table")
+    assert report.window.l_min <= 0.025  # the formulas alone begin at 55 to 65 mm
+    if report.window.l_min > measured.distances.min():
+        assert "where the noise hides the slope" in said(report)
+    assert "cannot distinguish" not in str(report)
+    # each step of ln xi, which decides the impulse, is right within four errors of the readings
+    at = np.array(report.window.distances)
+    true = np.log(curve(at) - curve(1e3))
+    scatter = 4 / math.sqrt(repeats) / (curve(at) - curve(1e3))
+    fitted = np.asarray(report.best.sensor.log_output(at))
+    flat = at < 0.055
+    assert (np.abs(np.diff(fitted - true)) < 6 * np.hypot(scatter[:-1], scatter[1:]) + 0.002)[flat[1:]].all()
+
+
+def test_single_flattened_readings_are_used_if_they_are_smooth():
+    _, measured = robot_table("logistic", 1)
+    rough = measured.outputs * (1 + 0.03 * np.resize([1, -1], len(measured.outputs)))
+    smooth, noisy = fit(measured), fit(replace(measured, outputs=rough))
+    assert (smooth.best.model, smooth.window.l_min <= 0.025) == ("table", True)
+    assert noisy.window.l_min > 0.03
+    assert "single readings do not determine the slope" in said(noisy)
 
 
 @pytest.mark.slow

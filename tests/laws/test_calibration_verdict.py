@@ -14,6 +14,7 @@ import pretouch as pt
 from made_sensors import make_sparse_sensor
 from pretouch._core.warning_codes import split_code
 from pretouch.calibration import Calibration, CalibrationReport, fit, fit_sensor
+from pretouch.calibration.averaging import AveragedCurve, falling_means
 from pretouch.calibration.contact_check import mount, reference_check
 from pretouch.sensors import SensorModel
 from pretouch.sensors.model import parameter
@@ -148,7 +149,9 @@ def with_shoulder() -> Calibration:
 
 def test_a_named_curve_from_outside_counts_among_the_possible_ones() -> None:
     """A flat start is saturation for the built-in families, and the shape of a curve that is flat there."""
-    assert fit(with_shoulder()).window.l_min > 0.02
+    saturated = fit(with_shoulder())
+    assert (saturated.best.model, saturated.window.l_min > 0.01) == ("table", True)
+    assert "The output flattens" in saturated.reasons[0]
     report = fit(with_shoulder(), models=("shoulder",))
     assert report.window.l_min == 0.005
     assert report.verdict == "usable"
@@ -174,20 +177,35 @@ def test_a_curve_from_outside_that_raises_does_not_stop_the_others() -> None:
 
 
 def test_the_table_is_advised_only_where_it_exists() -> None:
-    """The curve of another shape, with and without an output that falls from each distance to the next."""
+    """The curve of another shape, also with an output that rises by no more than the deviations of the readings."""
     distances = np.linspace(0.005, 0.06, 56)
     steep = 100 + 2000 / (1 + (distances / 0.03) ** 4)
-    for rise in (0.0, 3.0):
+    for rise, models in (
+        (0.0, ("exponential-1", "table")),
+        (3.0, ("exponential-1", "table")),
+        (0.0, ("exponential-1",)),
+    ):
         outputs = steep.copy()
         outputs[40] += rise * (outputs[39] - outputs[40])
         report = fit(
             Calibration(distances=distances, outputs=outputs, unit="counts", no_object=[100.0] * 5),
-            models=("exponential-1", "table"),
+            models=models,
             saturation=None,
         )
         text = next(text for text in report.reasons if text.startswith("PT108"))
-        assert ("use the table model" in text) == (rise == 0)
-        assert ("table" in report.not_fitted) == (rise > 0)
+        exists = any(fit.model == "table" for fit in report.fits)
+        assert ("use the table model" in text) == exists == ("table" in models)
+
+
+def test_a_table_falls_where_the_readings_rise_by_noise_and_there_is_none_where_they_rise_by_more() -> None:
+    curve = AveragedCurve(distance=np.arange(6.0), output=np.array([9.0, 7, 7.5, 5, 3, 3]), count=np.array([1] * 6))
+    falling = falling_means(curve, np.full(6, 0.2))
+    assert falling is not None
+    np.testing.assert_allclose(falling.output, [9, 7.25, 5, 3])
+    np.testing.assert_allclose(falling.distance, [0, 1.5, 3, 5])  # the ends stay
+    assert falling.count.tolist() == [1, 2, 1, 2]
+    assert falling_means(curve, np.full(6, 0.05)) is None  # 0.25 is 5 standard errors
+    assert falling_means(replace(curve, output=curve.output - np.arange(6)), np.zeros(6)) is not None
 
 
 def test_results_repeat_first_that_the_readings_deviate_from_the_curve() -> None:

@@ -19,9 +19,11 @@ _FEW_EMPTY = 4  # at most so many readings without an object do not show their o
 _ROUGH = 60.0  # widens the limit of n readings by 1 + 60 / n^2: false alarms in at most 1 % of 5 to 50 normal readings
 _LARGEST_EMPTY = 0.5  # deviation over the range of the outputs that is an outlier whatever the scatter
 _BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; lost or doubled readings deviate much more
+_EXPLAINED = 3.0  # standard errors up to which noise explains the deviation of an output
 _CLEAR_OF_ZERO = 5  # a zero counts as lost if the smallest other reading is at least so many converter steps above it
 _USUAL_SPREAD = 0.5  # standard deviation of the prior of ln c above its usual value
 _FEWEST_REPEATS = 3  # degrees of freedom from which a standard deviation is trusted
+_NEIGHBORS = 4  # values of which one too many determines a parabola
 _FEWEST_COPIED = 3  # repeated distances; at fewer, noisy readings may be equal by chance
 
 
@@ -234,6 +236,50 @@ def two_components(
     best = int(np.argmin(deviance))
     sigma = float(np.sqrt(sigma2[best]))
     return sigma, sigma * float(ratios[best])
+
+
+def falling_means(curve: AveragedCurve, errors: FloatArray) -> AveragedCurve | None:
+    """Combine neighboring distances whose outputs rise by noise, so that the outputs fall from each to the next.
+
+    `errors` are the standard errors of the outputs. A combined point has the weighted mean distance and output, but the
+    ends of the range stay where they are.
+
+    Returns:
+        The falling outputs; None if the noise does not explain a rise.
+    """
+    if (np.diff(curve.output) < 0).all():
+        return curve
+    from scipy.optimize import isotonic_regression  # noqa: PLC0415 - SciPy is loaded only for fits
+
+    weights = 1 / np.maximum(errors, 1e-300) ** 2
+    fitted = isotonic_regression(curve.output, weights=weights, increasing=False)
+    if not (np.abs(fitted.x - curve.output) <= _EXPLAINED * errors).all():
+        return None
+    starts = np.asarray(fitted.blocks[:-1], dtype=np.int64)
+    total = np.add.reduceat(weights, starts)
+    distance = np.add.reduceat(weights * curve.distance, starts) / total
+    distance[[0, -1]] = curve.distance[[0, -1]]
+    return AveragedCurve(distance=distance, output=fitted.x[starts], count=np.add.reduceat(curve.count, starts))
+
+
+def max_scatter(distance: FloatArray, values: FloatArray, *, unknown: float) -> float:
+    """Return an upper limit of the scatter of values about a smooth curve.
+
+    Four neighboring values show their scatter by the deviation from a parabola.
+
+    Returns:
+        The upper end of the 90 % interval of the standard deviation; `unknown` with fewer than three such deviations.
+    """
+    freedom = len(values) - _NEIGHBORS + 1
+    if freedom < _FEWEST_REPEATS:
+        return unknown
+    from scipy.special import gammaincinv  # noqa: PLC0415 - SciPy is loaded only for fits
+
+    places, y = (np.lib.stride_tricks.sliding_window_view(v, _NEIGHBORS) for v in (distance, values))
+    apart = places[:, :, None] - places[:, None, :] + np.eye(_NEIGHBORS)
+    weights = 1 / apart.prod(axis=2)
+    deviation = np.einsum("ni,ni->n", weights, y) / np.linalg.norm(weights, axis=1)
+    return float(np.sqrt(np.sum(deviation**2) / (2 * gammaincinv(freedom / 2, 0.05))))
 
 
 def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:

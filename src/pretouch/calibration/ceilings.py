@@ -32,7 +32,7 @@ from .result import DrawnCurve, OffsetEstimate
 _ABOVE: Final = (0.003, 0.01, 0.03, 0.08, 0.15, 0.3, 0.5, 0.8, 1.2)  # ln of the ceiling over the largest signal
 _SHARPNESS: Final = (2.0, 3.5, 7.0)
 _CEILING: Final = 0.5  # prior probability that the output has a ceiling near the readings
-_ERROR: Final = 0.01  # usual error of a reading relative to the signal: noise, positioning and the family together
+ERROR: Final = 0.01  # usual error of a reading relative to the signal: noise, positioning and the family together
 _ERROR_FREEDOM: Final = 3.0  # degrees of freedom of the prior of the usual error
 _FULL_WEIGHT: Final = 18  # most readings that sharpen the posterior, because families are not exact
 _FLAT: Final = 0.85  # share of the ideal slope below which a reading counts as flattened
@@ -111,7 +111,7 @@ class CeilingFits(Value):
         lanes, weight = max(zip(self.lanes, self.weights, strict=True), key=lambda pair: float(pair[1].max()))
         cost = float(lanes.costs[int(weight.argmax())])
         counted = self.readings - 3 - int(np.isfinite(lanes.ignored[int(weight.argmax())]))
-        return _ERROR * float(np.sqrt((_ERROR_FREEDOM + cost) / (_ERROR_FREEDOM + max(counted, 1))))
+        return ERROR * float(np.sqrt((_ERROR_FREEDOM + cost) / (_ERROR_FREEDOM + max(counted, 1))))
 
     @property
     def nearest(self) -> float:
@@ -291,13 +291,13 @@ class _Problem:
         curve, reach = self.curve, float(np.ptp(self.curve.output))
         sigma = self.noise.sigma or 1e-3 * reach
         sigma = max(sigma, self.noise.resolution / np.sqrt(12.0), 1e-9 * reach)
-        tau = sigma / np.sqrt(curve.count) / _ERROR
+        tau = sigma / np.sqrt(curve.count) / ERROR
         offset = u[:, -1] if self.offsets is None else self.offsets[which]
         level = self.family.log_output(u[:, : self.family.size], curve.distance)
         ceiling = self.ceilings(offset, self.above[which])
         level, _ = _under(level, ceiling[:, None], self.sharpness[which, None])
         measured = np.arcsinh((curve.output - offset[:, None]) / tau)
-        residuals = (measured - np.arcsinh(np.exp(np.minimum(level, 300.0)) / tau)) / _ERROR
+        residuals = (measured - np.arcsinh(np.exp(np.minimum(level, 300.0)) / tau)) / ERROR
         return np.asarray(np.where(curve.distance == self.ignored[which, None], 0.0, residuals))
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -403,9 +403,9 @@ def _log_evidence_of_error(lanes: _Lanes, curve: AveragedCurve, power: float) ->
     """
     distance, output = curve.distance[:1], float(curve.output[0])
     predicted = lanes.family.log_output(lanes.x, distance)[:, 0]
-    change = forward_change(lanes.family.log_output, lanes.x, distance)[..., 0] / _ERROR
+    change = forward_change(lanes.family.log_output, lanes.x, distance)[..., 0] / ERROR
     leverage = np.einsum("pb,bpq,qb->b", change, lanes.covariances, change)
-    error = (np.log(np.maximum(output - lanes.offsets, 1e-300)) - predicted) / _ERROR
+    error = (np.log(np.maximum(output - lanes.offsets, 1e-300)) - predicted) / ERROR
     density = 1 / (np.pi * _WRONG_SIZE * (1 + (error / _WRONG_SIZE) ** 2))
     constant = math.lgamma(power - 0.5) - math.lgamma(power) + 0.5 * math.log(math.pi)
     return np.asarray(np.log(density) + 0.5 * np.log1p(np.clip(leverage, 0.0, 1e6)) + constant)

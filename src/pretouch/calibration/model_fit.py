@@ -270,7 +270,15 @@ def fit_sensor(
         3.32
     """
     check_models((model,))
-    prepared = prepare(calibration, offset, saturation, near_field_peak, floor_sigmas, models=(model,))
+    prepared = prepare(
+        calibration,
+        offset,
+        saturation,
+        near_field_peak,
+        floor_sigmas,
+        models=(model,),
+        uses_flattened=model == _TABLE,  # no other model follows them
+    )
     fit = " ".join(prepared.no_signal) or attempt_fit(model, prepared)
     if isinstance(fit, str):
         raise ResultUnavailableError(f"{calibration.name}: {model} cannot be fitted. {fit}")
@@ -312,13 +320,13 @@ def why_not(model: str, prepared: Prepared) -> str:
             else f"The model has {size} parameters. Therefore, it needs {size + 1} or more distances with a signal "
             f"above the noise floor. The number of distances with such a signal is only {count}."
         )
-    rises = np.flatnonzero(np.diff(used.output) >= 0)
-    if not len(rises):
+    if prepared.falling is not None:
         return ""
+    rises = np.flatnonzero(np.diff(used.output) >= 0)
     d = used.distance[rises[0] : rises[0] + 2] * 1e3
     return (
         f"The averaged output does not fall between the distances {d[0]:g} mm and {d[1]:g} mm. A table model needs an "
-        "output that falls from each distance to the next."
+        "output that falls from each distance to the next, except for noise."
     )
 
 
@@ -416,13 +424,16 @@ def _fit_table(
     _: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
     """Create a sensor table from averaged readings. Return its log outputs and keyword arguments for `SensorFit`."""
-    distance, xi = prepared.used.distance, prepared.used.output - offset.value
+    points = prepared.falling
+    if points is None:
+        raise AssertionError
+    distance, xi = points.distance, points.output - offset.value
     sensor, inner = _table(distance, xi), range(1, len(xi) - 1)
     without = [_table(np.delete(distance, i), np.delete(xi, i)).log_output(float(distance[i])) for i in inner]
     middle = float((distance[0] + distance[-1]) / 2)
-    error = _table_slope_error(distance, xi, noise.of_means(prepared.used.count, xi) / xi, middle)
+    error = _table_slope_error(distance, xi, noise.of_means(points.count, xi) / xi, middle)
     slope, reach = float(sensor.log_slope(middle)), 1.96 * error
-    return np.log(xi), {
+    return np.asarray(sensor.log_output(prepared.used.distance)), {
         "sensor": sensor,
         "parameters": {},
         "covariance": np.empty((0, 0)),

@@ -32,8 +32,8 @@ def calibration_page(report: CalibrationReport) -> Page:
     else:
         parameters = tuple(block for fit in report.fits for block in _parameters(fit, report))
         note = Paragraph(
-            text=f"Copy these lines into a scenario file to use the fitted {best.model} curve. They place contact at "
-            "the nearest usable distance of the sensor.",
+            text=f"Copy these lines into a scenario file to use the fitted {best.model} curve. State the recess if the "
+            "sensor is mounted behind the contact surface.",
             quiet=True,
         )
         blocks = (
@@ -60,12 +60,13 @@ def calibration_page(report: CalibrationReport) -> Page:
 def _lines_for_scenario(report: CalibrationReport) -> tuple[str, ...]:
     """Return scenario file lines for this sensor.
 
-    They contain a mounting recess that puts contact in the usable range.
+    Only the user knows how the sensor is mounted, so the recess is a line to complete.
     """
     if report.window.l_min <= 0:
         return report.scenario_lines
     recess = recess_in_words(report.window.l_min)
-    return (*report.scenario_lines, f'recess = "{recess}"  # mount the sensor {recess} behind the contact surface')
+    remark = f"state how far the sensor is behind the contact surface: {recess} or more"
+    return (*report.scenario_lines, f'# recess = "{recess}"  # {remark}')
 
 
 def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
@@ -285,9 +286,13 @@ def _scenario_text(fit: SensorFit) -> str:
         lines += [f"{key} = {[float(v) for v in getattr(sensor, key)]}" for key in ("distances", "outputs")]
     lines += [f"{name} = {float(value)!r}" for name, value in fit.sensor.parameters.items()]
     start, end = fit.window.l_min, fit.window.l_max
+    limits = {"minimum_distance": start, "maximum_distance": end} if start > 0 else {"maximum_distance": end}
+    less = ", less the recess" if start > 0 else ""
+    lines += [
+        f"{key} = {value:.6g}  # usable distances from the contact surface [m]{less}" for key, value in limits.items()
+    ]
     if start > 0:
-        lines.append(f"recess = {start!r}  # mount the sensor this far behind the contact surface [m]")
-    lines.append(f"maximum_distance = {end - start:.6g}  # largest usable distance from the contact surface [m]")
+        lines.append(f"# recess = {start:.6g}  # how far the sensor is behind the contact surface [m]")
     return "\n".join(lines)
 
 

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import BoolArray, FloatArray, positive
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray, positive
 from pretouch._core.units import format_quantity, supported_digits
 from pretouch._core.warning_codes import caution
 from pretouch.tables.names import is_length
@@ -20,10 +20,12 @@ from .averaging import (
     average,
     condense,
     count_copies_once,
+    falling_means,
     leave_out_empty_outliers,
+    max_scatter,
     reading_noise,
 )
-from .ceilings import CeilingFits, SampleOptions, fit_under_ceilings
+from .ceilings import ERROR, CeilingFits, SampleOptions, fit_under_ceilings
 from .data import Calibration
 from .family_fits import find_noise, outlier_indices
 from .possible_curves import PossibleCurves, fit_possible_curves
@@ -36,6 +38,8 @@ OffsetChoice: TypeAlias = "str | float | tuple[float, float]"
 _FEWEST_POINTS = 3  # two parameters and one point to judge them by
 _FEWEST_DISTANCES = 4  # the inverse power with a known offset, and one point to judge it by
 _FALL_LEVEL = 0.05  # significance level of the rank test
+_CLEAR = 13.0  # decrease of ln xi between neighbors, in standard errors: their slope is known within 15 % (95 %)
+_FLATTENED = "the output flattens toward a ceiling at smaller distances, where {} the slope"
 _CLEAR_FALL = 6.0  # decrease in standard deviations, from the first to the last reading, that needs no rank test
 
 
@@ -46,6 +50,11 @@ class Prepared:
     It contains the usable distances, offset, noise and outliers. `informed_by` is the number of distances from which
     the noise was estimated. `empty_outliers` are readings without an object that were left out [unit of the outputs].
     `free` are the curves fitted with a free offset, if an offset was measured or declared.
+
+    `falling` has the usable readings, combined where noise lets the output rise; None if more than noise does so.
+    `steep_from` is the smallest distance [m] from which on the output is not flattened, if nearer readings are used as
+    well because they differ clearly; NaN otherwise.
+
     `witness` has curves through the readings. `no_signal` gives the reasons why nothing can be fitted, and is empty
     otherwise; `too_few` is true if there are too few distances.
     """
@@ -59,6 +68,8 @@ class Prepared:
     informed_by: int = 0
     reaches_last: bool = False
     flattens: bool = False
+    falling: AveragedCurve | None = None
+    steep_from: float = math.nan
     outliers: tuple[int, ...] = ()
     outlier_distances: tuple[float, ...] = ()
     empty_outliers: tuple[float, ...] = ()
@@ -76,10 +87,12 @@ def prepare(
     floor_sigmas: float,
     *,
     models: tuple[str, ...],
+    uses_flattened: bool = True,
 ) -> Prepared:
     """Prepare a calibration for fitting sensor models.
 
     This finds the usable distances, outliers, offset and noise. The arguments are those of `fit_sensor`.
+    `uses_flattened` says whether to use readings that flatten toward a ceiling, but differ clearly.
 
     Returns:
         The prepared calibration.
@@ -88,7 +101,13 @@ def prepare(
     calibration, empty_outliers = leave_out_empty_outliers(calibration)
     with np.errstate(all="ignore"):  # tried parameters may overflow; such fits have an infinite cost
         prepared = _prepare(
-            condense(count_copies_once(calibration)), offset, saturation, near_field_peak, floor_sigmas, models=models
+            condense(count_copies_once(calibration)),
+            offset,
+            saturation,
+            near_field_peak,
+            floor_sigmas,
+            models=models,
+            uses_flattened=uses_flattened,
         )
     return replace(prepared, empty_outliers=tuple(float(v) for v in empty_outliers))
 
@@ -101,6 +120,7 @@ def _prepare(
     floor_sigmas: float,
     *,
     models: tuple[str, ...],
+    uses_flattened: bool,
 ) -> Prepared:
     """Prepare a calibration without copies and without outliers among the readings without an object."""
     curve = average(calibration)
@@ -144,7 +164,15 @@ def _prepare(
         end = len(curve.distance)
     options = SampleOptions(models=models, may_saturate=saturation is not None)
     return _prepared(
-        calibration, curve, noise, offset_estimate, near=near, end=end, floor_sigmas=floor_sigmas, options=options
+        calibration,
+        curve,
+        noise,
+        offset_estimate,
+        near=near,
+        end=end,
+        floor_sigmas=floor_sigmas,
+        options=options,
+        uses_flattened=uses_flattened,
     )
 
 
@@ -158,6 +186,7 @@ def _prepared(
     end: int,
     floor_sigmas: float,
     options: SampleOptions,
+    uses_flattened: bool,
 ) -> Prepared:
     """Prepare the readings in the range where the output falls with distance."""
     place = np.arange(len(curve.distance))
@@ -169,8 +198,8 @@ def _prepared(
     if bad and good.sum() >= _FEWEST_DISTANCES:  # without the outliers, there may be no sign of a ceiling
         ceilings = fit_under_ceilings(curve.part(good), raw, fixed, options=options)
         steep, flattens = _steep_end(curve, raw, fixed, near=near, good=good, ceilings=ceilings, options=options)
-    near = steep
-    good &= place >= near.index
+    flat, near = near, steep
+    before, good = good, good & (place >= near.index)
     tail = curve.part(good)
     noise, fixed, free = _level(calibration, tail, raw, fixed)
     offset = fixed if fixed is not None or free is None else free.offset("fitted")
@@ -179,6 +208,14 @@ def _prepared(
     if offset.kind == "fitted":  # no family is exact, so the interval covers both kinds of fits
         low, high = ceilings.offset_interval()
         offset = replace(offset, low=min(offset.low, low), high=max(offset.high, high))
+    steep_from = math.nan
+    if uses_flattened and flattens and not flat.flat:
+        index = _nearest_clear(curve, np.flatnonzero(before), near.index, offset=offset, noise=noise)
+        if index < near.index:
+            steep_from, near = (
+                float(curve.distance[near.index]),
+                replace(flat if index == flat.index else near, index=index),
+            )
     last = None
     if end < len(curve.distance):
         last = (end, "the output rises again at larger distances, from a second reflection or a wall")
@@ -188,7 +225,10 @@ def _prepared(
     used = curve.part(np.isin(curve.distance, window.distances))
     curves = None
     if len(used.distance) >= _FEWEST_POINTS:
-        curves = free if fixed is None else fit_possible_curves(used, noise, offset, informed_by=len(tail.distance))
+        steep_part = used.part(used.distance >= steep_from) if math.isfinite(steep_from) else used
+        curves = (
+            free if fixed is None else fit_possible_curves(steep_part, noise, offset, informed_by=len(tail.distance))
+        )
     at_bad = tuple(float(curve.distance[i]) for i in bad)
     readings = np.flatnonzero(np.isin(calibration.distances, at_bad))
     return Prepared(
@@ -199,12 +239,16 @@ def _prepared(
         noise=noise,
         possible_curves=curves,
         informed_by=len(tail.distance),
+        falling=falling_means(used, noise.of_readings(used.count, used.output - offset.value)),
+        steep_from=steep_from,
         reaches_last=bool(window.distances) and window.distances[-1] == float(curve.distance[-1]),
         flattens=flattens,
         outliers=tuple(sorted({*curve.bad_readings, *(int(i) for i in readings)})),
         outlier_distances=at_bad,
         free=None if fixed is None else free,
-        witness=witness_of(curve, offset, noise, ceilings, window.l_max) if window.distances else None,
+        witness=witness_of(curve, offset, noise, ceilings, window.l_max, flattens=math.isfinite(steep_from))
+        if window.distances
+        else None,
         no_signal=_why_no_signal(tail, window, offset, noise, calibration.unit),
     )
 
@@ -228,6 +272,33 @@ def _level(
     return noise, offset, free
 
 
+def _nearest_clear(
+    curve: AveragedCurve, places: IntArray, first: int, *, offset: OffsetEstimate, noise: NoiseEstimate
+) -> int:
+    """Return the index of the nearest reading from which on neighbors determine the slope, although it is small.
+
+    `first` is the index of the first reading that is not flattened, and `places` are the indices of all readings
+    without outliers. Repeats at a distance share its error, so the scatter about a smooth curve counts, too.
+    The flattened readings are of use only in a table, so they must fall together with the others.
+    """
+    near = places[(places <= places[min(int(np.searchsorted(places, first)) + 1, len(places) - 1)])]
+    near = near[curve.output[near] > offset.value]
+    scatter = max_scatter(curve.distance[near], np.log(curve.output[near] - offset.value), unknown=ERROR)
+    nearest = first
+    while (nearer := places[places < nearest]).size:
+        pair = np.array([nearer[-1], nearest])
+        signal = curve.output[pair] - offset.value
+        change = float(np.log(signal[0] / signal[1])) if (signal > 0).all() else 0.0
+        common = np.where(curve.count[pair] == 1, scatter, min(scatter, noise.misfit))
+        error = float(np.linalg.norm(np.hypot(noise.of_readings(curve.count[pair], signal) / signal, common)))
+        if not change > _CLEAR * error:
+            break
+        nearest = int(nearer[-1])
+    used = curve.part(places[(places >= nearest) & (curve.output[places] > offset.value)])
+    falls = falling_means(used, noise.of_readings(used.count, used.output - offset.value)) is not None
+    return nearest if falls else first
+
+
 def _steep_end(
     curve: AveragedCurve,
     noise: ReadingNoise,
@@ -246,7 +317,7 @@ def _steep_end(
     first = min(first, max(len(place) - _FEWEST_DISTANCES - (offset is None), 0))
     if not first:
         return near, False
-    reason = "the output flattens toward a ceiling at smaller distances, which the sensor cannot distinguish"
+    reason = _FLATTENED.format("single readings do not determine" if part.count.max() == 1 else "the noise hides")
     if near.flat:
         reason = f"{near.reason}, and has too little slope up to {format_quantity(float(part.distance[first]), 'm')}"
     return NearEnd(index=int(place[first]), reason=reason, saturation=near.saturation), True

@@ -69,6 +69,10 @@ def fit(
     models = model_names() if models is None else tuple(dict.fromkeys(models))
     check_models(models)
     prepared = prepare(calibration, offset, saturation, near_field_peak, floor_sigmas, models=models)
+    if math.isfinite(prepared.steep_from) and not _is_determined_by_table(prepared, models):
+        prepared = prepare(
+            calibration, offset, saturation, near_field_peak, floor_sigmas, models=models, uses_flattened=False
+        )
     fits: list[SensorFit] = []
     not_fitted: dict[str, str] = {}
     if not prepared.no_signal:
@@ -76,6 +80,8 @@ def fit(
         not_fitted = {model: reason for model, reason in attempts.items() if isinstance(reason, str)}
         fits = _ranked([fit for fit in attempts.values() if isinstance(fit, SensorFit)])
     slope = estimate_slope(prepared)
+    if math.isfinite(prepared.steep_from):  # no other model follows an output that flattens
+        fits = sorted(fits, key=lambda fit: fit.model != "table")
     reasons, notes = prepared.no_signal, tuple[str, ...]()
     contradictions = too_far = distance_reservations(calibration)
     if not prepared.no_signal:
@@ -109,6 +115,13 @@ def fit(
     )
 
 
+def _is_determined_by_table(prepared: Prepared, models: tuple[str, ...]) -> bool:
+    """Return True if a table through the readings that flatten determines the contact speed."""
+    table = attempt_fit("table", prepared) if "table" in models and not prepared.no_signal else ""
+    check = None if isinstance(table, str) else _check(prepared, [table])
+    return check is not None and check.is_determined
+
+
 def _check(prepared: Prepared, fits: list[SensorFit]) -> WitnessCheck | None:
     """Test the best fit with a typical encounter on all curves that the readings allow."""
     if not fits or prepared.witness is None or prepared.offset is None:
@@ -123,7 +136,7 @@ def _ranked(fits: list[SensorFit]) -> list[SensorFit]:
     """Return the fitted models from best to worst.
 
     The order is that of AICc. With so few distances that a model has no AICc, it is that of the cross-validation error,
-    which every model has. Tables come last.
+    which every model has. Tables come last, because they follow the noise.
     """
     comparable = all(fit.aicc is not None for fit in fits if fit.model != "table")
 

@@ -232,6 +232,13 @@ class NoiseEstimate(Value):
         """
         return np.asarray(np.maximum(np.sqrt(self.relative**2 / count + self.misfit**2), _FINEST))
 
+    def of_readings(self, count: IntArray, signal: FloatArray) -> FloatArray:
+        """Return the standard deviation of the mean of `count` readings, without the error of the curve.
+
+        It is in the unit of the sensor outputs.
+        """
+        return np.asarray(np.hypot(self.output, self.relative * signal) / np.sqrt(count))
+
     def of_means(self, count: IntArray, signal: FloatArray) -> FloatArray:
         """Return the standard deviation of the mean of `count` readings.
 

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_percent, format_quantity
 from pretouch._core.warning_codes import caution
 
@@ -46,12 +47,33 @@ def estimate_slope(prepared: Prepared) -> SlopeUncertainty | None:
     if end > last:
         places = np.concatenate([places, np.linspace(last, end, _BEYOND + 1)[1:]])
     log_slope, error = curves.slope(places)
+    if math.isfinite(prepared.steep_from):
+        is_flat = places < prepared.steep_from
+        log_slope, error = (
+            np.where(is_flat, of_flat, v)
+            for of_flat, v in zip(_secants(prepared, places), (log_slope, error), strict=True)
+        )
     return SlopeUncertainty(
         distances=places,
         slope=-np.exp(log_slope),
         uncertainty=np.expm1(_NORMAL * np.minimum(error, 10.0)),
         decisive=last,
     )
+
+
+def _secants(prepared: Prepared, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return ln |g| and its standard deviation between neighboring readings on either side of each place.
+
+    The impulse of the virtual force depends only on this mean slope, and not on the curve between the readings.
+    """
+    points, offset, noise = prepared.falling, prepared.offset, prepared.noise
+    if points is None or offset is None or noise is None:
+        return np.zeros_like(places), np.full_like(places, np.inf)
+    signal = points.output - offset.value
+    error = noise.of_readings(points.count, signal) / signal
+    fall = -np.diff(np.log(signal))
+    interval = np.clip(np.searchsorted(points.distance, places, side="right") - 1, 0, len(fall) - 1)
+    return np.log(fall / np.diff(points.distance))[interval], (np.hypot(error[:-1], error[1:]) / fall)[interval]
 
 
 def with_choice_of_family(middle: Estimate, prepared: Prepared) -> Estimate:

@@ -44,6 +44,18 @@ def ignored_readings(prepared: Prepared) -> tuple[str, ...]:
     calibration, window, groups = prepared.calibration, prepared.window, []
     at_bad = np.isin(calibration.distances, prepared.outlier_distances)
     single = [i for i in prepared.outliers if not at_bad[i]]
+    used = np.delete(calibration.distances, list(prepared.outliers))
+    farthest = float(used.max()) if len(used) else math.inf
+    beyond = [i for i in single if calibration.outputs[i] == 0 and calibration.distances[i] > farthest]
+    alone = [i for i in single if i not in beyond and calibration.distances[i] not in used]
+    single = [i for i in single if i not in beyond and i not in alone]
+    for indices, meaning in (
+        (beyond, "beyond all other readings: no signal there"),
+        (alone, "although all other readings are clearly above 0 (dropout)"),
+    ):
+        if indices:
+            places = _list([format_quantity(float(d), "m") for d in np.unique(calibration.distances[indices])])
+            groups.append(f"{_readings(len(indices))} of {_level(calibration, 0.0)} at {places}, {meaning}.")
     if single:
         at = (format_quantity(float(calibration.distances[i]), "m") for i in single)
         shown = [f"{_level(calibration, calibration.outputs[i])} at {d}" for i, d in zip(single, at, strict=True)]
@@ -92,11 +104,21 @@ def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
     low, high = (format_quantity(d, "m") for d in (prepared.window.l_min, prepared.window.l_max))
     if not fits:
         return f"The sensor signal is usable from {low} to {high}, but none of the requested models fits the readings."
-    best = fits[0]
+    best, steep_from = fits[0], prepared.steep_from
+    flattens = (
+        f" The output flattens at distances below {format_quantity(steep_from, 'm')}, but it differs clearly from one "
+        "distance to the next."
+        if math.isfinite(steep_from)
+        else ""
+    )
+    if best.model == "table":
+        return (
+            f"The table passes through the readings at {len(best.distances)} distances from {low} to {high}.{flattens}"
+        )
     return (
         f"The {best.model} curve was fitted to readings at {len(best.distances)} distances from {low} to {high}. "
         f"Averaged readings deviate from this curve by {format_percent(best.rmse_log_output)} of the signal (RMS, "
-        "including noise)."
+        f"including noise).{flattens}"
     )
 
 
@@ -287,7 +309,8 @@ def _offset_contradictions(prepared: Prepared) -> list[str]:
                 "no object. These readings contain no signal.",
             )
         )
-    if prepared.free is None or prepared.free.doubt(offset) <= _DOUBT[offset.kind]:
+    flattens = math.isfinite(prepared.steep_from) and kind == "measured"  # a ceiling also makes the output fall steeply
+    if flattens or prepared.free is None or prepared.free.doubt(offset) <= _DOUBT[offset.kind]:
         return reasons
     free_offset = prepared.free.offset("fitted")
     fitted = f"{free_offset.value:.{free_offset.digits()}g} {prepared.calibration.unit}".rstrip()

@@ -25,6 +25,9 @@ from .result import DrawnCurve, NoiseEstimate, OffsetEstimate
 _LARGEST_ERROR: Final = 0.05  # relative error of a signal that the fits may contribute: more would hide contradictions
 _SMALLEST_ERROR: Final = 1e-4
 _SMALLEST_SIGNAL: Final = 0.3  # share of the measured signal below which random errors do not reduce it
+_EXPLAINED: Final = (
+    3.0  # RMS residual of the fits under ceilings, over the noise, up to which they describe the readings
+)
 _SURE: Final = 3.0  # standard errors of a rise that noise does not explain
 _BENDING: Final = 0.35  # standard deviation of ln of a random slope at a reading
 _STEEPEST: Final = 3.0  # times the flatter neighboring secant: with more, a cubic is not monotone (Fritsch 1980)
@@ -42,6 +45,7 @@ class Witness(Value):
         errors: relative standard error of each signal, shape (N,).
         offset: the offset that the controller subtracts, in the unit of the outputs.
         ceilings: the fits under soft ceilings.
+        follows: whether these fits describe the readings, if not even a ceiling explains why the output flattens.
     """
 
     distances: FloatArray
@@ -49,6 +53,7 @@ class Witness(Value):
     errors: FloatArray
     offset: float
     ceilings: CeilingFits
+    follows: bool = True
 
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
         """Return random sensor curves that pass through the readings, within their errors.
@@ -77,16 +82,29 @@ class Witness(Value):
         return tuple(curves)
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw random sensor curves with soft saturation according to their posterior probabilities."""
-        return self.ceilings.draw(count, seed)
+        """Draw random sensor curves with soft saturation according to their posterior probabilities.
+
+        If no such curve describes the readings, the curves pass through the readings.
+
+        Returns:
+            The curves.
+        """
+        return self.ceilings.draw(count, seed) if self.follows else self.through_readings(count, seed + 1)
 
 
 def witness_of(
-    curve: AveragedCurve, offset: OffsetEstimate, noise: NoiseEstimate, ceilings: CeilingFits, farthest: float
+    curve: AveragedCurve,
+    offset: OffsetEstimate,
+    noise: NoiseEstimate,
+    ceilings: CeilingFits,
+    farthest: float,
+    *,
+    flattens: bool = False,
 ) -> Witness | None:
     """Return a source of random sensor curves.
 
-    The curves fit the readings. Return None if fewer than two readings have a signal.
+    The curves fit the readings. Return None if fewer than two readings have a signal. `flattens` says that the nearest
+    readings are used although they are flattened; then their noise decides which curves describe them.
     """
     part = curve.part((curve.output > offset.value) & (curve.distance <= farthest))
     if len(part.distance) < 2:
@@ -95,12 +113,17 @@ def witness_of(
     repeated = part.count > 1
     relative = np.where(repeated, noise.relative / np.sqrt(part.count), min(ceilings.error, _LARGEST_ERROR))
     error = np.hypot(noise.output / np.sqrt(part.count) / signal, relative)
+    follows = True
+    if flattens:
+        error = noise.of_readings(part.count, signal) / signal
+        follows = ceilings.error <= _EXPLAINED * float(np.median(error))
     return Witness(
         distances=part.distance,
         signals=signal,
         errors=np.clip(error, _SMALLEST_ERROR, 1.0),
         offset=offset.value,
         ceilings=ceilings,
+        follows=follows,
     )
 
 

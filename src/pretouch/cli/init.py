@@ -61,7 +61,10 @@ def init(
     ] = None,
     recess: Annotated[
         str | None,
-        option("DISTANCE", "Distance of the sensor behind the contact surface; by default, the smallest usable one."),
+        option(
+            "DISTANCE",
+            "Distance of the sensor behind the contact surface. Required if the usable range does not start at 0.",
+        ),
     ] = None,
     distance: Annotated[
         str | None,
@@ -162,8 +165,6 @@ def _init(
         if scenario.recess > 0:
             recess = format_quantity(scenario.recess, "m")
             content += f".\nMount the sensor {recess} behind the contact surface, as recess says in this file"
-            if answers["recess"] is None:
-                content += f": the readings nearer than {recess} are not usable"
     elif scenario.part is not None and scenario.part.chain.measures_distance:
         content = (
             f"this first scenario file uses the sensor part {scenario.part.name}. This part needs no calibration, "
@@ -204,14 +205,14 @@ def _draft(
 
     chosen = _answer("part", answers, "VCNL4010" if request is None else _NONE, _part, asks=asks)
     near, far, warnings = _usable(request, chosen)
-    near = near if answers["recess"] is None else size("recess")
-    start = _start(near, far, given("distance"), _TYPICAL if request is None and chosen is None else _MOST)
+    recess = _recess(answers, near, asks=asks)
+    start = _start(recess, far, given("distance"), _TYPICAL if request is None and chosen is None else _MOST)
     draft = FirstScenario(
         calibration="" if request is None else Path(os.path.relpath(request.path, output.parent)).as_posix(),
         columns={} if request is None else request.columns,
         labels=None if request is None else request.labels,
         select={} if request is None else request.select,
-        recess=near,
+        recess=recess,
         part=chosen,
         rate=size("rate") if chosen is None or answers["rate"] is not None else chosen.chain.rate,
         control_rate=given("control-rate"),
@@ -232,6 +233,32 @@ def _draft(
     return draft, warnings
 
 
+def _recess(answers: dict[str, str | None], near: float, *, asks: bool) -> float:
+    """Return how far the sensor is behind the contact surface [m]. Only the user knows it.
+
+    `near` is the smallest usable distance from the sensor [m], which contact must not be below.
+
+    Raises:
+        InvalidInputError: the recess is not given, although contact is not in the usable range without it.
+    """
+    nearest = format_quantity(near, "m")
+    if answers["recess"] is None and near > 0 and not asks:
+        raise InvalidInputError(
+            f"--recess: the usable range of the sensor starts at {nearest}, but the sensor must see the object until "
+            "contact. Give the distance of the sensor behind the contact surface, such as --recess "
+            f'"{nearest}", or more. Otherwise, record readings at smaller distances'
+        )
+    question = f"How far is the sensor behind the contact surface (its usable range starts at {nearest})"
+    return _answer(
+        "recess",
+        answers,
+        nearest if near > 0 else "0",
+        partial(_size, "recess"),
+        asks=asks and near > 0,
+        question=question,
+    )
+
+
 def _start(near: float, far: float, distance: float | None, most: float) -> float:
     """Return the distance at the start [m]. By default, it is near the end of the usable range, but at most `most`."""
     reach = math.floor(1e4 * _INSIDE * (far - near)) / 1e4
@@ -248,7 +275,15 @@ def _start(near: float, far: float, distance: float | None, most: float) -> floa
     return min(reach, most) if distance is None else distance
 
 
-def _answer(name: str, answers: dict[str, str | None], default: str, read: Callable[[str], _T], *, asks: bool) -> _T:
+def _answer(
+    name: str,
+    answers: dict[str, str | None],
+    default: str,
+    read: Callable[[str], _T],
+    *,
+    asks: bool,
+    question: str | None = None,
+) -> _T:
     """Parse an option, the user's answer or the default; an invalid answer is asked again."""
     value = answers[name]
 
@@ -259,7 +294,7 @@ def _answer(name: str, answers: dict[str, str | None], default: str, read: Calla
             raise typer.BadParameter(str(error)) from None
 
     if value is None and asks:
-        answer: _T = typer.prompt(_question(name), default=default, err=True, value_proc=read_answer)
+        answer: _T = typer.prompt(question or _question(name), default=default, err=True, value_proc=read_answer)
         return answer
     try:
         return read(default if value is None else value)

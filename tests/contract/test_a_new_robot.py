@@ -33,6 +33,7 @@ from pretouch.simulation import (
     gain_limit,
     timing_of,
 )
+from refusals import refused
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, verdict
 
 ROOT = Path(__file__).parents[2]
@@ -144,16 +145,16 @@ class Massless(Geared):
 
 
 @pytest.mark.parametrize(
-    ("changed", "words"),
+    ("changed", "fields"),
     [
-        ({"plant": Short(inertia=2e-2, pitch=0.1)}, r"Short: found \(.*\), expected 8 finite numbers: mass, stiffness"),
-        ({"contact": Endless(modulus=6e5, thickness=2e-3)}, r"Endless: found \(inf, .*expected 5 finite numbers"),
-        ({"plant": Massless(inertia=2e-2, pitch=0.1)}, "contact: an ideal plant has no mass"),
+        ({"plant": Short(inertia=2e-2, pitch=0.1)}, {"argument": "Short"}),
+        ({"contact": Endless(modulus=6e5, thickness=2e-3)}, {"argument": "Endless"}),
+        ({"plant": Massless(inertia=2e-2, pitch=0.1)}, {"argument": "contact"}),
     ],
     ids=["numbers that are missing", "a number that is none", "no mass"],
 )
-def test_what_is_missing_is_said(changed: Any, words: str) -> None:
-    with pytest.raises(pt.errors.InvalidInputError, match=words):
+def test_what_is_missing_is_said(changed: Any, fields: dict[str, Any]) -> None:
+    with refused(**fields):
         replace(LOOP, **changed).run(SCENARIO, SENSOR, -0.6)
 
 
@@ -260,24 +261,24 @@ def test_a_soft_joint_lowers_the_stability_limit_and_a_verdict_says_so(tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("changed", "words"),
+    ("changed", "fields"),
     [
-        ({"c": [1.0, 0.0, 0.0]}, r"c: found a matrix of the shape \(3,\), expected the shape \(2,\) for 2 states"),
+        ({"c": [1.0, 0.0, 0.0]}, {"argument": "c"}),
         (
             {"b": [[1.0, 0.0, 0.0, 0.0], [2000.0, 90.0, 1.0, 0.5]]},
-            "the input virtual position changes the robot's velocity directly",
+            {"argument": "b"},
         ),
-        ({"b": [[0.0] * 4, [2000.0, 90.0, 1.0, -0.5]]}, "causes an acceleration of -0.5 m/s"),
+        ({"b": [[0.0] * 4, [2000.0, 90.0, 1.0, -0.5]]}, {"argument": "b"}),
         (
             {"b": [[0.0] * 4, [1000.0, 90.0, 1.0, 0.5]]},
-            "a: the robot model does not follow the commanded motion of a virtual object",
+            {"argument": "a"},
         ),
-        ({"b": [[0.0] * 4, [2000.0, 90.0, 1.0, math.nan]]}, "b: found .*nan.*"),
-        ({"states": ("x",)}, "states: found 1, expected 2 to 32"),
+        ({"b": [[0.0] * 4, [2000.0, 90.0, 1.0, math.nan]]}, {"argument": "b"}),
+        ({"states": ("x",)}, {"argument": "states", "value": 1}),
     ],
 )
-def test_matrices_that_are_no_robot_are_refused(changed: Any, words: str) -> None:
-    with pytest.raises(pt.errors.InvalidInputError, match=words):
+def test_matrices_that_are_no_robot_are_refused(changed: Any, fields: dict[str, Any]) -> None:
+    with refused(**fields):
         replace(matrices(servo=False), **changed)
 
 

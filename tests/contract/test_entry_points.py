@@ -98,25 +98,25 @@ def test_the_file_sets_what_the_law_declares(folder):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("old", "new", "fields"),
     [
-        ('"3 1/s"', '"3 m"', "law.rate: found .3 m., expected a quantity in 1/s"),
-        ('"2.5 N*s^3"', '"2.5 N*s"', r"gain.bounds\[1\]: found .2.5 N\*s., expected a quantity in N\*s³"),
+        ('"3 1/s"', '"3 m"', {"argument": "law.rate", "value": "3 m"}),
+        ('"2.5 N*s^3"', '"2.5 N*s"', {"argument": "gain.bounds[1]", "value": "2.5 N*s"}),
         (
             'rate = "3 1/s"',
             'ratio = "1"',
-            'law.ratio: this key belongs to the variant "virtual-drag" of this section, but kind = "cube" selects',
+            {"argument": "law.ratio", "value": "1"},
         ),
         (
             'kind = "cube"',
             'kind = "cub"',
-            r'found "cub", expected one of "virtual-damper", "virtual-drag", "cube"; did',
+            {"argument": "law.kind", "value": "cub"},
         ),
     ],
 )
-def test_a_mistake_is_found_at_its_line(folder, old, new, message):
+def test_a_mistake_is_found_at_its_line(folder, old, new, fields):
     Path("cube.toml").write_text(scenario_text.replaced(old, new, FILE), encoding="utf-8")
-    with pytest.raises(pt.errors.ScenarioFileError, match=rf"line \d+: .*{message}"):
+    with refused(**fields, error=pt.errors.ScenarioFileError):
         pt.load_scenario("cube.toml")
 
 
@@ -138,19 +138,19 @@ def test_a_broken_entry_point_ends_in_one_sentence(folder, monkeypatch, name):
 
 
 @pytest.mark.parametrize(
-    ("entry", "message"),
+    ("entry", "fields"),
     [
         (
             "cube",
-            'the entry point "cube" .* in the package other_law is also in the package cube_law; uninstall one',
+            {"argument": "law.kind", "value": "cube"},
         ),
-        ("virtual-drag", 'entry point "virtual-drag" .* in the package other_law has the name of a built-in kind'),
+        ("virtual-drag", {"argument": "law.kind", "value": "cube"}),
     ],
 )
-def test_a_name_that_is_used_twice_is_refused(folder, monkeypatch, entry, message):
+def test_a_name_that_is_used_twice_is_refused(folder, monkeypatch, entry, fields):
     install(folder / "other", monkeypatch, "other_law", LAW, {LAWS: {entry: "other_law:Cube"}})
     sys.path.append(sys.path.pop(0))  # behind the first package, which is then found first
-    with pytest.raises(pt.errors.ScenarioFileError, match=message.replace("cube_law; un", "(cube|other)_law; un")):
+    with refused(**fields, error=pt.errors.ScenarioFileError):
         pt.load_scenario("cube.toml")
 
 
@@ -329,31 +329,39 @@ def test_a_function_is_an_objective_without_keys(others):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("old", "new", "fields"),
     [
-        ('"installed-sources"', '"sources"', 'sensor.model: found "sources", expected one of .*"installed-sources"'),
-        ('"comfort"', '"wrong"', r'objective.kind: found "wrong", but the entry point "wrong" of pretouch.objectives'),
+        ('"installed-sources"', '"sources"', {"argument": "sensor.model", "value": "sources"}),
+        ('"comfort"', '"wrong"', {"argument": "objective.kind", "value": "wrong"}),
         (
             '"comfort"',
             '"ease"',
-            'objective.kind: found "ease", expected one of "excursion", "time", "custom", "comfort"',
+            {"argument": "objective.kind", "value": "ease"},
         ),
-        ('"40 1/m^2"', '"40 1/m"', "objective.weight: found .40 1/m., expected a quantity in 1/m²"),
+        ('"40 1/m^2"', '"40 1/m"', {"argument": "objective.weight", "value": "40 1/m"}),
         (
             'weight = "40 1/m^2"\n',
             "",
-            "objective.weight: this key is missing, expected a quantity in 1/m²; add, for example: weight = ",
+            {"argument": "objective.weight"},
         ),
-        ('"-25 cm/s"', '"-25 cm"', "velocity.triangular.high: found .-25 cm., expected a quantity in m/s"),
-        ("lean = 0.4", 'lean = "0.4 m"', "spread.triangular.lean: found .0.4 m., expected a number"),
-        ("lean = 0.4", "lean = -0.4", "spread.triangular.lean: found -0.4, which must be positive|lean: .*positive"),
-        ('{ triangular = { low = "19 mm"', '{ triangle = { low = "19 mm"', "unknown key, expected one of .*triangular"),
-        ('{ triangular = { low = "19 mm"', '{ abstract = { low = "19 mm"', 'found "abstract", but the entry point'),
-        ('"geared"', '"gear"', 'robot.kind: found "gear", expected one of "ideal", "impedance", "position", "geared"'),
-        ('pitch = "100 mm"', "", "robot.pitch: this key is missing; add pitch with a quantity in m"),
+        ('"-25 cm/s"', '"-25 cm"', {"argument": "uncertainty.obstacle.velocity.triangular.high", "value": "-25 cm"}),
+        ("lean = 0.4", 'lean = "0.4 m"', {"argument": "uncertainty.sensor.spread.triangular.lean", "value": "0.4 m"}),
+        ("lean = 0.4", "lean = -0.4", {"argument": "uncertainty.sensor.spread.triangular.lean", "value": -0.4}),
+        (
+            '{ triangular = { low = "19 mm"',
+            '{ triangle = { low = "19 mm"',
+            {"argument": "uncertainty.sensor.spread.triangle"},
+        ),
+        (
+            '{ triangular = { low = "19 mm"',
+            '{ abstract = { low = "19 mm"',
+            {"argument": "uncertainty.sensor.spread.abstract"},
+        ),
+        ('"geared"', '"gear"', {"argument": "robot.kind", "value": "gear"}),
+        ('pitch = "100 mm"', "", {"argument": "robot.pitch"}),
     ],
 )
-def test_a_mistake_in_a_file_of_installed_kinds_is_found(others, old, new, message):
+def test_a_mistake_in_a_file_of_installed_kinds_is_found(others, old, new, fields):
     Path("everything.toml").write_text(scenario_text.replaced(old, new, EVERYTHING), encoding="utf-8")
-    with pytest.raises(pt.errors.ScenarioFileError, match=rf"line \d+: .*({message})"):
+    with refused(**fields, error=pt.errors.ScenarioFileError):
         pt.load_scenario("everything.toml")

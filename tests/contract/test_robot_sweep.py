@@ -206,24 +206,24 @@ def test_encounters_that_cannot_start_are_refused_and_counted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "word"),
+    ("change", "fields"),
     [
-        ({"postures": []}, "postures"),
-        ({"postures": [{"elbow": 1.0}, {"wrist": 0.1}]}, "same joints"),
-        ({"postures": [{"knee": 1.0}] * 2}, "knee"),
-        ({"directions": ["+x"]}, "directions"),
-        ({"directions": ["up"] * 2}, "axis"),
-        ({"objects": {"velocity": -0.3}}, "distance"),
-        ({"objects": {"distance": 0.04, "velocity": [-0.3] * 3}}, "velocity"),
-        ({"objects": {"distance": -0.04, "velocity": -0.3}}, "positive"),
-        ({"objects": {"distance": 0.04, "velocity": -0.3, "color": 1.0}}, "color"),
-        ({"results": ["speed"]}, "relative_velocity"),
-        ({"horizon": 0.0}, "horizon"),
-        ({"seed": -1}, "seed"),
-        ({"dask": "tcp://127.0.0.1:9"}, "dask"),
-        ({"output": "runs.csv"}, "zarr"),
+        ({"postures": []}, {"argument": "postures"}),
+        ({"postures": [{"elbow": 1.0}, {"wrist": 0.1}]}, {"argument": "postures"}),
+        ({"postures": [{"knee": 1.0}] * 2}, {"argument": "posture", "value": "knee"}),
+        ({"directions": ["+x"]}, {"argument": "directions"}),
+        ({"directions": ["up"] * 2}, {"argument": "axis", "value": "up"}),
+        ({"objects": {"velocity": -0.3}}, {"argument": "objects"}),
+        ({"objects": {"distance": 0.04, "velocity": [-0.3] * 3}}, {"argument": "objects", "value": 3}),
+        ({"objects": {"distance": -0.04, "velocity": -0.3}}, {"argument": "objects distance", "value": -0.04}),
+        ({"objects": {"distance": 0.04, "velocity": -0.3, "color": 1.0}}, {"argument": "objects", "value": "color"}),
+        ({"results": ["speed"]}, {"argument": "results", "value": "speed"}),
+        ({"horizon": 0.0}, {"argument": "horizon", "value": 0.0}),
+        ({"seed": -1}, {"argument": "seed", "value": -1}),
+        ({"dask": "tcp://127.0.0.1:9"}, {"argument": "dask"}),
+        ({"output": "runs.csv"}, {"argument": "output"}),
     ],
 )
-def test_requests_that_cannot_be_swept_are_refused(change: dict[str, Any], word: str) -> None:
-    with pytest.raises(pt.errors.InvalidInputError, match=word):
+def test_requests_that_cannot_be_swept_are_refused(change: dict[str, Any], fields: dict[str, Any]) -> None:
+    with refused(**fields):
         sweep_robot(**(request(2) | change))

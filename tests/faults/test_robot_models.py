@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import pretouch as pt
-from pretouch.errors import InvalidInputError, MissingExtraError
+from pretouch.errors import MissingExtraError
 from pretouch.robots import (
     SensorSite,
     load_model,
@@ -28,20 +28,20 @@ SITE = SensorSite("fingertip", axis=(0.0, 0.0, 1.0))
 
 
 @pytest.mark.parametrize(
-    ("arguments", "word"),
+    ("arguments", "fields"),
     [
-        ({"axis": "x"}, "axis"),
-        ({"axis": (1.0, 1.0, 0.0)}, "length 1.41"),
-        ({"axis": (0.0, 0.0, 0.0)}, "length 0"),
-        ({"axis": (1.0, 0.0)}, "three numbers"),
-        ({"axis": (1.0, float("nan"), 0.0)}, "three numbers"),
-        ({"field_of_view": "200 deg"}, "200 deg"),
-        ({"field_of_view": "8 mm"}, "field_of_view"),
-        ({"hold": "nothing"}, "hold"),
+        ({"axis": "x"}, {"argument": "axis", "value": "x"}),
+        ({"axis": (1.0, 1.0, 0.0)}, {"argument": "axis"}),
+        ({"axis": (0.0, 0.0, 0.0)}, {"argument": "axis"}),
+        ({"axis": (1.0, 0.0)}, {"argument": "axis", "value": (1.0, 0.0)}),
+        ({"axis": (1.0, float("nan"), 0.0)}, {"argument": "axis"}),
+        ({"field_of_view": "200 deg"}, {"argument": "field_of_view"}),
+        ({"field_of_view": "8 mm"}, {"argument": "field_of_view", "value": "8 mm"}),
+        ({"hold": "nothing"}, {"argument": "hold", "value": "nothing"}),
     ],
 )
-def test_a_site_with_a_mistake_is_refused(arguments, word: str) -> None:
-    with pytest.raises(InvalidInputError, match=word) as caught:
+def test_a_site_with_a_mistake_is_refused(arguments, fields: dict[str, Any]) -> None:
+    with refused(**fields) as caught:
         SensorSite("fingertip", **arguments)
     assert "\n" not in str(caught.value)
 
@@ -84,22 +84,28 @@ def test_the_model_without_changes_is_accepted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "site", "word"),
+    ("changes", "site", "fields"),
     [
-        ({}, SensorSite("toe"), "'toe'.*fixed, tip"),
-        ({}, SensorSite("fixed"), "fixed to the world"),
-        ({}, SensorSite("tip", axis="+y"), "cannot move"),
-        ({"limited": "false"}, SensorSite("tip"), "'a'.*no range"),
-        ({"motor": ""}, SensorSite("tip"), "no actuator"),
-        ({"kind": "ball", "limited": "false", "motor": '<motor joint="a" gear="1 0 0"/>'}, SensorSite("tip"), "ball"),
-        ({"place": "0.1"}, SensorSite("tip"), "inside the geom 'finger'.*20 mm away"),
-        ({"range": "0.05 0.1"}, SensorSite("tip"), "posture a: found 0 mm"),
+        ({}, SensorSite("toe"), {"argument": "site", "value": "toe"}),
+        ({}, SensorSite("fixed"), {"argument": "site", "value": "fixed"}),
+        ({}, SensorSite("tip", axis="+y"), {"argument": "site 'tip'"}),
+        ({"limited": "false"}, SensorSite("tip"), {"argument": "joint 'a'"}),
+        ({"motor": ""}, SensorSite("tip"), {"argument": "actuators"}),
+        (
+            {"kind": "ball", "limited": "false", "motor": '<motor joint="a" gear="1 0 0"/>'},
+            SensorSite("tip"),
+            {"argument": "joint 'a'"},
+        ),
+        ({"place": "0.1"}, SensorSite("tip"), {"argument": "site 'tip'", "value": "finger"}),
+        ({"range": "0.05 0.1"}, SensorSite("tip"), {"argument": "posture a", "value": 0.0, "limit": (0.05, 0.1)}),
     ],
     ids=["unknown site", "fixed site", "other direction", "no range", "no actuator", "ball", "inside", "out of range"],
 )
-def test_a_model_that_cannot_be_projected_is_refused(changes: dict[str, str], site: SensorSite, word: str) -> None:
+def test_a_model_that_cannot_be_projected_is_refused(
+    changes: dict[str, str], site: SensorSite, fields: dict[str, Any]
+) -> None:
     model = model_of(**changes)
-    with pytest.raises(InvalidInputError, match=word) as caught:
+    with refused(**fields) as caught:
         project_site(model, make_data(model), site)
     assert "\n" not in str(caught.value)
 
@@ -146,16 +152,16 @@ def test_drives_that_cannot_hold_the_robot_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "word"),
+    ("options", "fields"),
     [
-        ({"posture": {"knee": 1.0}}, "'knee'.*elbow"),
-        ({"posture": {"elbow": "1 mm"}}, "posture elbow"),
-        ({"keyframe": "folded"}, "'folded'.*bent"),
-        ({"keyframe": 7}, "7"),
+        ({"posture": {"knee": 1.0}}, {"argument": "posture", "value": "knee"}),
+        ({"posture": {"elbow": "1 mm"}}, {"argument": "posture elbow", "value": "1 mm"}),
+        ({"keyframe": "folded"}, {"argument": "keyframe", "value": "folded"}),
+        ({"keyframe": 7}, {"argument": "keyframe", "value": 7}),
     ],
 )
-def test_an_unknown_posture_is_refused(options, word: str) -> None:
-    with pytest.raises(InvalidInputError, match=word):
+def test_an_unknown_posture_is_refused(options, fields: dict[str, Any]) -> None:
+    with refused(**fields):
         make_data(load_model(ARM), **options)
 
 

@@ -11,6 +11,7 @@ import pytest
 
 import pretouch as pt
 from loop_samples import BareLaw
+from refusals import refused
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
@@ -23,104 +24,109 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
 
 
 @pytest.mark.parametrize(
-    ("make", "message"),
+    ("make", "fields"),
     [
-        (lambda: pt.SensorChain(rate=0.0), "rate: found 0 Hz, which must be positive"),
-        (lambda: pt.SensorChain(rate=100.0, exposure=0.02), "expected at most the period of 0.01 s"),
-        (lambda: pt.SensorChain(rate=100.0, delay=-1e-3), "delay: found -0.001 s, which must not be negative"),
-        (lambda: pt.SensorChain(rate=100.0, jitter=0.003), "at most a quarter of the sensor's period"),
-        (lambda: pt.SensorChain(rate=100.0, dropout=1.0), "below 1"),
-        (lambda: pt.SensorChain(rate=100.0, lowest=1.0, highest=1.0), "expected more than the lower clipping limit"),
-        (lambda: pt.SensorChain(rate=100.0, noise=math.nan), "noise: found nan"),
-        (lambda: pt.SensorChain(rate=100.0, highest=math.nan), "highest: found nan"),
-        (lambda: pt.SensorChain(rate=[100.0, 200.0]), "rate: found an array"),
-        (lambda: pt.SensorChain(rate=100.0, distance_noise=0.001), "measures_distance"),
-        (lambda: pt.simulation.sensor_part("VCNL9999"), "expected one of RPR-220, VCNL4010"),
-        (lambda: pt.simulation.ImpedancePlant(mass=0.0, stiffness=1.0, damping=1.0), "mass: found 0 kg"),
+        (lambda: pt.SensorChain(rate=0.0), {"argument": "rate", "value": 0.0}),
+        (lambda: pt.SensorChain(rate=100.0, exposure=0.02), {"argument": "exposure", "value": 0.02, "limit": 0.01}),
+        (lambda: pt.SensorChain(rate=100.0, delay=-1e-3), {"argument": "delay", "value": -0.001}),
+        (lambda: pt.SensorChain(rate=100.0, jitter=0.003), {"argument": "jitter", "value": 0.003}),
+        (lambda: pt.SensorChain(rate=100.0, dropout=1.0), {"argument": "dropout", "value": 1.0}),
+        (lambda: pt.SensorChain(rate=100.0, lowest=1.0, highest=1.0), {"argument": "highest", "value": 1.0}),
+        (lambda: pt.SensorChain(rate=100.0, noise=math.nan), {"argument": "noise"}),
+        (lambda: pt.SensorChain(rate=100.0, highest=math.nan), {"argument": "highest"}),
+        (lambda: pt.SensorChain(rate=[100.0, 200.0]), {"argument": "rate"}),
+        (lambda: pt.SensorChain(rate=100.0, distance_noise=0.001), {"argument": "distance_noise, distance_resolution"}),
+        (lambda: pt.simulation.sensor_part("VCNL9999"), {"argument": "name", "value": "VCNL9999"}),
+        (
+            lambda: pt.simulation.ImpedancePlant(mass=0.0, stiffness=1.0, damping=1.0),
+            {"argument": "mass", "value": 0.0},
+        ),
         (
             lambda: pt.simulation.ImpedancePlant(mass=1.0, stiffness=1.0, damping=1.0, bandwidth=-1.0),
-            "bandwidth: found -1 Hz",
+            {"argument": "bandwidth", "value": -1.0},
         ),
-        (lambda: pt.simulation.PositionPlant(mass=1.0, bandwidth=math.inf), "bandwidth: found inf"),
+        (lambda: pt.simulation.PositionPlant(mass=1.0, bandwidth=math.inf), {"argument": "bandwidth"}),
         (
             lambda: pt.simulation.HuntCrossley(stiffness=1e5, exponent=0.5),
-            "exponent: found 0.5, which must be at least 1",
+            {"argument": "exponent", "value": 0.5},
         ),
-        (lambda: pt.simulation.HuntCrossley(stiffness=1e5, obstacle_mass=0.0), "obstacle_mass: found 0 kg"),
-        (lambda: pt.simulation.SpringDamper(stiffness=1e5, damping=-1.0), "damping: found -1"),
+        (
+            lambda: pt.simulation.HuntCrossley(stiffness=1e5, obstacle_mass=0.0),
+            {"argument": "obstacle_mass", "value": 0.0},
+        ),
+        (lambda: pt.simulation.SpringDamper(stiffness=1e5, damping=-1.0), {"argument": "damping", "value": -1.0}),
         (
             lambda: pt.simulation.LoopTiming(rate=100.0, exposure=0.004, delay=0.001),
-            "expected at least half of the exposure",
+            {"argument": "delay", "value": 0.001},
         ),
-        (lambda: pt.simulation.LoopTiming(rate=100.0, exposure=0.02, delay=0.1), "expected at most the period"),
+        (
+            lambda: pt.simulation.LoopTiming(rate=100.0, exposure=0.02, delay=0.1),
+            {"argument": "exposure", "value": 0.02, "limit": 0.01},
+        ),
         (
             lambda: pt.simulation.LoopTiming(rate=100.0, sections=[(1.0, 0.0)]),
-            "sections: found the filter coefficients",
+            {"argument": "sections", "value": (1.0, 0.0)},
         ),
-        (lambda: simulate(runs=0), "runs: found 0, expected a whole number from 1"),
+        (lambda: simulate(runs=0), {"argument": "runs", "value": 0}),
         (
             lambda: simulate(runs=10**12),
-            "runs: found 1,000,000,000,000 runs, which would need 1,728,000 GB",
+            {"argument": "runs", "value": 1000000000000},
         ),
-        (lambda: simulate(seed=-1), "seed: found -1"),
+        (lambda: simulate(seed=-1), {"argument": "seed", "value": -1}),
         (
             lambda: simulate(horizon=5e9),
-            "loop horizon: found a simulated time of 5e+09 s, expected at most 2e+04 s. This time takes 5e+12 steps of "
-            "a controller with a period of 1 ms. At most",
+            {"argument": "loop horizon"},
         ),
         (
             lambda: simulate(horizon=10.0, chain=pt.SensorChain(rate=1e9)),
-            "loop horizon: found a simulated time of 10 s, expected at most 20 ms. This time takes 1e+10 steps of a "
-            "sensor with 1e+09 readings per second. At most",
+            {"argument": "loop horizon"},
         ),
         (
             lambda: simulate(horizon=10.0, plant=pt.simulation.PositionPlant(mass=1.0, bandwidth=1e5)),
-            "steps of a robot integrated in steps of",
+            {"argument": "loop horizon"},
         ),
         (
             lambda: simulate(plant=QUICK_PLANT, contact=pt.simulation.SpringDamper(stiffness=1e30)),
-            "steps of a contact integrated in steps of",
+            {"argument": "loop follow_time"},
         ),
         (
             lambda: simulate(chain=pt.SensorChain(rate=1e5, delay=1e3)),
-            "chain delay: up to 1e+08 sensor readings would wait for delivery",
+            {"argument": "chain delay", "limit": 1000000},
         ),
-        (lambda: simulate(horizon=0.0), "horizon: found 0 s"),
-        (lambda: simulate(contact=pt.simulation.SpringDamper(stiffness=1e5)), "an ideal plant has no mass"),
-        (lambda: simulate().trace(3), "index: found 3"),
-        (lambda: simulate(runs=4).trace(), "selects several runs"),
+        (lambda: simulate(horizon=0.0), {"argument": "horizon", "value": 0.0}),
+        (lambda: simulate(contact=pt.simulation.SpringDamper(stiffness=1e5)), {"argument": "contact"}),
+        (lambda: simulate().trace(3), {"argument": "index", "value": 3}),
+        (lambda: simulate(runs=4).trace(), {"argument": "index"}),
         (
             lambda: pt.simulation.lowest_rate(SENSOR, ADMITTANCE, 0.5, distance=0.0),
-            "gain: found 0.5 N s, which does not mitigate the impact",
+            {"argument": "gain", "value": 0.5},
         ),
         (
             lambda: pt.simulation.gain_limit(SENSOR, ADMITTANCE, pt.simulation.LoopTiming(rate=15.0), distance=-1.0),
-            "distance: found -1 m",
+            {"argument": "distance", "value": -1.0},
         ),
         (
             lambda: pt.simulation.gain_limit(
                 SENSOR, ADMITTANCE, pt.simulation.LoopTiming(rate=15.0), distance=0.0
             ).bounds(margin=1.0),
-            "margin: found 1, which must exceed 1",
+            {"argument": "margin", "value": 1.0},
         ),
         (
             lambda: pt.simulation.gain_limit(
                 SENSOR, ADMITTANCE, pt.simulation.LoopTiming(rate=15.0), distance=0.0
             ).bounds(weakest=-1.0),
-            "A faster sensor allows a stronger gain",
+            {"argument": "weakest", "value": -1.0, "limit": (0.0, -0.28575155765088217)},
         ),
         (
             lambda: pt.simulation.largest_damping(
                 pt.Admittance(mass=[1.0, 2.0], damping=10.0, stiffness=25.0), pt.simulation.LoopTiming(rate=15.0)
             ),
-            "admittance: found an array",
+            {"argument": "admittance"},
         ),
     ],
 )
-def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(
-        pt.errors.InvalidInputError, match=message.replace(".", r"\.").replace("^", r"\^").replace("+", r"\+")
-    ):
+def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], fields: dict[str, Any]) -> None:
+    with refused(**fields):
         make()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -18,45 +17,45 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
 
 
 @pytest.mark.parametrize(
-    ("make", "message"),
+    ("make", "fields"),
     [
-        (lambda: verdict(QUICK, runs=0), "runs: found 0, expected a positive whole number"),
-        (lambda: verdict(QUICK, runs=True), "runs: found True"),
-        (lambda: verdict(QUICK, runs=10**12), "runs: found 1,000,000,000,000 runs, which would need"),
-        (lambda: verdict(QUICK, confidence=1.0), "confidence: found 1, expected a number between 0 and 1"),
-        (lambda: verdict(QUICK, gain=float("nan")), "gain: found nan"),
-        (lambda: verdict(QUICK, bounds=(-0.1, -1.0)), "bounds: found [-0.1, -1] N*s"),
-        (lambda: verdict(replace(QUICK, seed=-1), runs=1), "seed: found -1"),
-        (lambda: verdict(replace(QUICK, law=BareLaw(-0.7, 1e-3))), "has no method with_value"),
-        (lambda: verdict(QUICK.law), "loop: found a Controller, expected a ClosedLoop"),
+        (lambda: verdict(QUICK, runs=0), {"argument": "runs", "value": 0}),
+        (lambda: verdict(QUICK, runs=True), {"argument": "runs", "value": True}),
+        (lambda: verdict(QUICK, runs=10**12), {"argument": "runs", "value": 1000000000000}),
+        (lambda: verdict(QUICK, confidence=1.0), {"argument": "confidence", "value": 1.0, "limit": (0.0, 1.0)}),
+        (lambda: verdict(QUICK, gain=float("nan")), {"argument": "gain"}),
+        (lambda: verdict(QUICK, bounds=(-0.1, -1.0)), {"argument": "bounds", "value": (-0.1, -1.0)}),
+        (lambda: verdict(replace(QUICK, seed=-1), runs=1), {"argument": "seed", "value": -1}),
+        (lambda: verdict(replace(QUICK, law=BareLaw(-0.7, 1e-3))), {"argument": "loop"}),
+        (lambda: verdict(QUICK.law), {"argument": "loop"}),
         (
             lambda: verdict(replace(QUICK, horizon=0.1)),
-            "loop horizon: found 0.1 s, but contact is predicted only after",
+            {"argument": "loop horizon", "value": 0.1},
         ),
         (
             lambda: verdict(QUICK, constraints=[velocity_limit(0.1), velocity_limit(0.2)]),
-            "constraint relative_velocity: this constraint is given twice",
+            {"argument": "constraint relative_velocity"},
         ),
         (
             lambda: verdict(QUICK, constraints=[pt.Constraint(name="impact_force", limit=10.0)]),
-            "impact_force: this quantity depends on the physical masses",
+            {"argument": "impact_force"},
         ),
         (
             lambda: verdict(QUICK, uncertainty={"admittance.mass": pt.uncertainty.Uniform(low=1.0, high=2.0)}),
-            "a setting of the controller and therefore known exactly",
+            {"argument": "uncertainty"},
         ),
         (
             lambda: verdict(QUICK, uncertainty={"obstacle.speed": pt.uncertainty.Uniform(low=1.0, high=2.0)}),
-            "did you mean obstacle.velocity?",
+            {"argument": "uncertainty", "value": "obstacle.speed", "remedy": "obstacle.velocity"},
         ),
         (
             lambda: pt.verify(pt.Task(SEVERAL, SENSOR, OBJECTIVE, loop=QUICK, bounds=BOUNDS)),
-            "scenario: found an array of encounters of shape (2,), expected a single",
+            {"argument": "scenario"},
         ),
     ],
 )
-def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(pt.errors.InvalidInputError, match=re.escape(message)):
+def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], fields: dict[str, Any]) -> None:
+    with refused(**fields):
         make()
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from encounters import CURVES
-from pretouch._core.errors import InvalidInputError, ResultUnavailableError
+from pretouch._core.errors import ResultUnavailableError
 from pretouch.designs import (
     Constraint,
     DesignStatus,
@@ -246,15 +247,17 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "fields"),
     [
-        ({}, "found no bounds of natural_frequency or damping_ratio"),
-        ({"damping_ratio": (2.0, 1.0)}, "smaller number first"),
-        ({"damping_ratio": (0.5, 1.0), "bounds": (0.0, -1.0)}, "ascending order"),
+        ({}, {"argument": "natural_frequency"}),
+        ({"damping_ratio": (2.0, 1.0)}, {"argument": "damping_ratio", "value": (2.0, 1.0)}),
+        ({"damping_ratio": (0.5, 1.0), "bounds": (0.0, -1.0)}, {"argument": "bounds", "value": (0.0, -1.0)}),
     ],
 )
-def test_a_request_that_makes_no_sense_is_refused(letter_encounter: Scenario, change: dict, message: str) -> None:
-    with pytest.raises(InvalidInputError, match=message):
+def test_a_request_that_makes_no_sense_is_refused(
+    letter_encounter: Scenario, change: dict, fields: dict[str, Any]
+) -> None:
+    with refused(**fields):
         design_admittance(Task(letter_encounter, CURVES["exponential-1"], F1, **{"bounds": BOUNDS, **change}))
 
 

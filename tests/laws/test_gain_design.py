@@ -6,13 +6,13 @@ import json
 import math
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 import sympy
 
 from encounters import CURVES
-from pretouch._core.errors import InvalidInputError
 from pretouch.designs import (
     Constraint,
     DesignStatus,
@@ -369,38 +369,41 @@ def test_forces_need_the_physical_mass(letter_encounter: Scenario, letter_power:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "fields"),
     [
-        ({"bounds": (-0.1, -1.0)}, "ascending order"),
-        ({"bounds": (-1.0, math.nan)}, "must be finite"),
-        ({"constraints": [Constraint(name="time", limit=1.0), Constraint(name="time", limit=2.0)]}, "given twice"),
-        ({"method": "magic"}, "expected one of auto"),
-        ({"horizon": -1.0}, "must be positive"),
+        ({"bounds": (-0.1, -1.0)}, {"argument": "bounds", "value": (-0.1, -1.0)}),
+        ({"bounds": (-1.0, math.nan)}, {"argument": "bounds"}),
+        (
+            {"constraints": [Constraint(name="time", limit=1.0), Constraint(name="time", limit=2.0)]},
+            {"argument": "constraint time"},
+        ),
+        ({"method": "magic"}, {"argument": "method", "value": "magic"}),
+        ({"horizon": -1.0}, {"argument": "horizon", "value": -1.0}),
     ],
 )
 def test_a_request_that_makes_no_sense_is_refused(
-    letter_encounter: Scenario, letter_power: InversePower, change: dict, message: str
+    letter_encounter: Scenario, letter_power: InversePower, change: dict, fields: dict[str, Any]
 ) -> None:
-    with pytest.raises(InvalidInputError, match=message):
+    with refused(**fields):
         design_gain(Task(letter_encounter, letter_power, F1, **{"bounds": BOUNDS, **change}))
 
 
 @pytest.mark.parametrize(
-    ("make", "message"),
+    ("make", "fields"),
     [
-        (lambda: Term(quantity="speeed", scale=1.0), "expected one of time"),
-        (lambda: Term(quantity="time", scale=0.0), "typical value other than 0"),
-        (lambda: Term(quantity="time", scale="obstacle speed"), "scales velocities"),
-        (lambda: Term(quantity="time", scale=1.0, weight=-1.0), "must not be negative"),
-        (lambda: Objective(terms=()), "positive weight"),
-        (lambda: Constraint(name="excursion", limit=0.0), "found a limit of 0 m, expected a positive limit"),
-        (lambda: Constraint(name="height", limit=1.0), "found 'height', expected one of time"),
-        (lambda: SpringImpact(robot_mass=0.0, stiffness=1.0), "must be positive"),
-        (lambda: ElasticImpact(robot_mass=1.0, stiffness=1.0, exponent=0.5), "must be at least 1"),
+        (lambda: Term(quantity="speeed", scale=1.0), {"argument": "quantity", "value": "speeed"}),
+        (lambda: Term(quantity="time", scale=0.0), {"argument": "scale"}),
+        (lambda: Term(quantity="time", scale="obstacle speed"), {"argument": "scale"}),
+        (lambda: Term(quantity="time", scale=1.0, weight=-1.0), {"argument": "weight", "value": -1.0}),
+        (lambda: Objective(terms=()), {"argument": "terms"}),
+        (lambda: Constraint(name="excursion", limit=0.0), {"argument": "constraint excursion", "value": 0.0}),
+        (lambda: Constraint(name="height", limit=1.0), {"argument": "constraint", "value": "height"}),
+        (lambda: SpringImpact(robot_mass=0.0, stiffness=1.0), {"argument": "robot_mass", "value": 0.0}),
+        (lambda: ElasticImpact(robot_mass=1.0, stiffness=1.0, exponent=0.5), {"argument": "exponent", "value": 0.5}),
     ],
 )
-def test_a_definition_that_makes_no_sense_is_refused(make: object, message: str) -> None:
-    with pytest.raises(InvalidInputError, match=message):
+def test_a_definition_that_makes_no_sense_is_refused(make: object, fields: dict[str, Any]) -> None:
+    with refused(**fields):
         make()  # type: ignore[operator]
 
 

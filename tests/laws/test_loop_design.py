@@ -293,7 +293,7 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "message"),
+    ("make", "fields"),
     [
         (
             lambda: pt.robust(
@@ -307,11 +307,11 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
                     evaluate=NOISY,
                 )
             ),
-            "WorstCase does not work with evaluate",
+            {"argument": "measure"},
         ),
         (
             lambda: pt.robust(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={})),
-            "uncertainty: found none",
+            {"argument": "uncertainty"},
         ),
         (
             lambda: pt.robust(
@@ -325,24 +325,24 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
                     robust=pt.designs.RobustOptions(samples=0),
                 )
             ),
-            "samples: found 0",
+            {"argument": "samples", "value": 0},
         ),
         (
             lambda: pt.design(
                 pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, damping_ratio=(0.7, 2.0), evaluate=NOISY)
             ),
-            "the controller has only one admittance",
+            {"argument": "admittance.mass"},
         ),
         (
             lambda: NOISY(replace(SCENARIO, admittance=replace(ADMITTANCE, mass=2.0)), SENSOR, -0.7),
-            "the scenario has the value 2, but the controller has the value 1",
+            {"argument": "admittance.mass"},
         ),
-        (lambda: NOISY(many(3), SENSOR, np.zeros(2)), "does not broadcast"),
-        (lambda: replace(NOISY, first_run=-1), "first_run: found -1"),
+        (lambda: NOISY(many(3), SENSOR, np.zeros(2)), {"argument": "gain"}),
+        (lambda: replace(NOISY, first_run=-1), {"argument": "first_run", "value": -1}),
     ],
 )
-def test_what_a_loop_cannot_do_is_refused_in_one_sentence(make: Any, message: str) -> None:
-    with pytest.raises(pt.errors.InvalidInputError, match=message):
+def test_what_a_loop_cannot_do_is_refused_in_one_sentence(make: Any, fields: dict[str, Any]) -> None:
+    with refused(**fields):
         make()
 
 

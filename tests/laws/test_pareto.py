@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,6 @@ from hypothesis.extra.numpy import arrays
 from scipy.optimize import brentq
 
 from encounters import CURVES
-from pretouch._core.errors import InvalidInputError
 from pretouch.designs import (
     Constraint,
     FrontStatus,
@@ -415,32 +415,36 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "fields"),
     [
-        ({"bounds": (-0.1, -1.0)}, "ascending order"),
-        ({"natural_frequency": (5.0, 5.0)}, "the smaller number first"),
-        ({"damping_ratio": (-1.0, 1.0)}, "must not be negative"),
-        ({"damping_ratio": (0.5, 1.0, 2.0)}, "expected two numbers"),
-        ({"method": "magic"}, "expected one of auto"),
+        ({"bounds": (-0.1, -1.0)}, {"argument": "bounds", "value": (-0.1, -1.0)}),
+        ({"natural_frequency": (5.0, 5.0)}, {"argument": "natural_frequency", "value": (5.0, 5.0)}),
+        ({"damping_ratio": (-1.0, 1.0)}, {"argument": "damping_ratio", "value": -1.0}),
+        ({"damping_ratio": (0.5, 1.0, 2.0)}, {"argument": "damping_ratio", "value": (0.5, 1.0, 2.0)}),
+        ({"method": "magic"}, {"argument": "method", "value": "magic"}),
     ],
 )
-def test_a_request_that_makes_no_sense_is_refused(letter_encounter: Scenario, change: dict, message: str) -> None:
-    with pytest.raises(InvalidInputError, match=message):
+def test_a_request_that_makes_no_sense_is_refused(
+    letter_encounter: Scenario, change: dict, fields: dict[str, Any]
+) -> None:
+    with refused(**fields):
         pareto(Task(letter_encounter, CURVES["exponential-1"], **{"bounds": BOUNDS, **change}))
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("options", "fields"),
     [
-        ({"quantities": ("time",)}, "two or three different names"),
-        ({"quantities": ("time", "time")}, "two or three different names"),
-        ({"quantities": "time"}, "quantities: found 'time', expected a sequence of texts"),
-        ({"quantities": ("time", "speed")}, "quantities: found 'speed'"),
-        ({"choice": math.nan}, "choice"),
+        ({"quantities": ("time",)}, {"argument": "quantities"}),
+        ({"quantities": ("time", "time")}, {"argument": "quantities"}),
+        ({"quantities": "time"}, {"argument": "quantities", "value": "time"}),
+        ({"quantities": ("time", "speed")}, {"argument": "quantities", "value": "speed"}),
+        ({"choice": math.nan}, {"argument": "choice"}),
     ],
 )
-def test_options_that_make_no_sense_are_refused(letter_encounter: Scenario, options: dict, message: str) -> None:
-    with pytest.raises(InvalidInputError, match=message):
+def test_options_that_make_no_sense_are_refused(
+    letter_encounter: Scenario, options: dict, fields: dict[str, Any]
+) -> None:
+    with refused(**fields):
         pareto(Task(letter_encounter, CURVES["exponential-1"], bounds=BOUNDS, pareto=ParetoOptions(**options)))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from encounters import CURVES, random_encounters
-from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import declared
 from pretouch.designs import PhysicalBound, Task, find_physical_bound, pareto
 from pretouch.motion import Admittance, Obstacle, Plant, Reference, Scenario, find_contact, solve_motion
@@ -137,32 +137,32 @@ def test_where_nothing_needs_to_be_done_the_excursion_is_zero() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "fields"),
     [
-        ({"plant": Plant(velocity=-0.1)}, "is not at rest at its reference"),
-        ({"plant": Plant(position=-0.01)}, "is not at rest at its reference"),
-        ({"reference": Reference(velocity=0.1)}, "is not at rest at its reference"),
-        ({"obstacle": Obstacle(position=0.04, velocity=0.1)}, "does not approach"),
-        ({"obstacle": Obstacle(position=0.04, velocity=[-0.1, -0.2])}, "array of encounters"),
+        ({"plant": Plant(velocity=-0.1)}, {"argument": "scenario"}),
+        ({"plant": Plant(position=-0.01)}, {"argument": "scenario"}),
+        ({"reference": Reference(velocity=0.1)}, {"argument": "scenario"}),
+        ({"obstacle": Obstacle(position=0.04, velocity=0.1)}, {"argument": "scenario"}),
+        ({"obstacle": Obstacle(position=0.04, velocity=[-0.1, -0.2])}, {"argument": "scenario"}),
     ],
 )
-def test_encounters_that_the_bound_does_not_speak_of_are_refused(change: dict, message: str) -> None:
+def test_encounters_that_the_bound_does_not_speak_of_are_refused(change: dict, fields: dict[str, Any]) -> None:
     given = {"admittance": ADMITTANCE, "obstacle": Obstacle(position=0.04, velocity=-0.3), **change}
-    with pytest.raises(InvalidInputError, match=message):
+    with refused(**fields):
         find_physical_bound(Scenario(**given), acceleration_limit=1.0)
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "fields"),
     [
-        ({"distance": 0.0}, "must be positive"),
-        ({"velocity": 0.0}, "expected a negative number"),
-        ({"acceleration_limit": 0.0}, "must be positive"),
-        ({"speed_limit": -1.0}, "expected a positive number"),
+        ({"distance": 0.0}, {"argument": "distance", "value": 0.0}),
+        ({"velocity": 0.0}, {"argument": "velocity", "value": 0.0}),
+        ({"acceleration_limit": 0.0}, {"argument": "acceleration_limit", "value": 0.0}),
+        ({"speed_limit": -1.0}, {"argument": "speed_limit", "value": -1.0}),
     ],
 )
-def test_a_bound_that_makes_no_sense_is_refused(change: dict, message: str) -> None:
-    with pytest.raises(InvalidInputError, match=message):
+def test_a_bound_that_makes_no_sense_is_refused(change: dict, fields: dict[str, Any]) -> None:
+    with refused(**fields):
         PhysicalBound(**{"distance": 0.1, "velocity": -0.3, "acceleration_limit": 1.0, **change})
     with refused("contact_speed", value=-0.1):
         PhysicalBound(distance=0.1, velocity=-0.3, acceleration_limit=1.0).excursion(-0.1)

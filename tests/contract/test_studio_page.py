@@ -30,6 +30,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not instal
 QUANTITIES = [
     *(("42.2 mm", "m"), ("3 µm", "m"), ("2 in", "m"), ("1.5e-3", "m"), ("250 g", "kg"), ("10 cm/s", "m/s")),
     *(("10 N*s/m", "N*s/m"), ("2 kN/m", "N/m"), ("474 1/m^2", "1/m^2"), ("5 rad/s", "rad/s"), ("3 m/s²", "m/s^2")),
+    *(("0,3 m/s", "m/s"), ("-0,75 N*s", "N*s")),
 ]
 
 

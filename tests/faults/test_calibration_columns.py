@@ -166,7 +166,11 @@ TABLE = "distance [mm];output [V]\n0;2,5\n5;1,5\ninf;0,1\n"
 def test_text_above_a_certain_header_is_skipped_and_told(file, above, lines):
     curve = read_calibration(file(above + TABLE))
     assert (curve.distances.tolist(), curve.outputs.tolist()) == ([0, 0.005], [2.5, 1.5])
-    assert curve.source.notes == (f"{lines} above the header and {'is' if 'Line ' in lines else 'are'} not read.",)
+    assert curve.source.notes[0] == f"{lines} above the header and {'is' if 'Line ' in lines else 'are'} not read."
+    assert curve.source.notes[1:] == (
+        "Read: distance from 'distance [mm]' [mm], output from 'output [V]' [V]; semicolons separate the columns, the "
+        "comma is the decimal sign.",
+    )
 
 
 def test_a_preamble_padded_by_a_spreadsheet_is_skipped(file):

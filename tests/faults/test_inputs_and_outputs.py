@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 
 import pretouch as pt
+from pretouch._core.errors import OutputError
+from pretouch._core.files import is_own_unchanged, write_text
 from pretouch.cli import main
 from pretouch.report import write_report
 
@@ -252,3 +254,25 @@ def test_a_scenario_with_wrong_columns_does_not_show_a_file_that_is_no_calibrati
     assert f": sensor.{key}: found {key} that do not fit secret" in err or "sensor.calibration: secret" in err
     for word in ("mallory", "swordfish"):
         assert word not in err + out
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_gets_the_output_and_is_never_read(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    assert not is_own_unchanged(pipe)  # reading it would wait for ever
+    with pytest.raises(OutputError, match="no program reads this pipe"):
+        write_text(pipe, "lost")
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_text(pipe, "kept")
+        assert os.read(reader, 100) == b"kept"
+    finally:
+        os.close(reader)
+
+
+@FULL
+def test_a_device_gets_the_output_or_says_why_not() -> None:
+    write_text("/dev/null", "gone")
+    with pytest.raises(OutputError, match="No space left"):
+        write_text("/dev/full", "too much")

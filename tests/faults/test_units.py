@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from pretouch._core.errors import UnitError
 from pretouch._core.units import format_quantity, parse_unit, read_quantity, to_si
+from pretouch.recording.record_distances import read_distance, read_distances
 from properties import examples
 from refusals import refused
 
@@ -193,7 +194,7 @@ def test_an_option_of_the_command_line_may_be_a_bare_number() -> None:
         ("5 %", "m", "found '5 %', expected a quantity in m"),
         ("5 counts", "V", "found '5 counts', expected a quantity in V"),
         ("5 parsec", "m", "'parsec' is not a valid unit: the symbol 'parsec' is unknown; known symbols are m, s, g,"),
-        ("42,2 mm", "m", "cannot read ',2 mm'"),
+        ("42,2,1 mm", "m", "cannot read ',2,1 mm'"),
         ("3 1 mm", "m", "cannot read 'mm'"),
         ("", "m", "found '', expected a number with a unit of m"),
         ("   ", "m", "expected a number with a unit of m"),
@@ -290,3 +291,33 @@ def test_what_is_written_for_a_person_can_be_read_back(unit: str, value: float, 
 )
 def test_a_person_reads_lengths_in_mm_and_times_in_ms(value: float, unit: str, digits: int, text: str) -> None:
     assert format_quantity(value, unit, digits) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("0,3 m/s", 0.3),
+        ("-0,7 m/s", -0.7),
+        (",3 m/s", 0.3),
+        ("0,300 m/s", 0.3),
+        ("1,5e-3 m/s", 1.5e-3),
+        ("1250,5 mm/s", 1.2505),
+    ],
+)
+def test_a_decimal_comma_is_understood(text: str, value: float) -> None:
+    assert to_si(text, "m/s", name="speed") == value
+
+
+@pytest.mark.parametrize("text", ["1,250 m/s", "-12,500 mm/s"])
+def test_a_comma_that_may_separate_thousands_is_refused_with_both_readings(text: str) -> None:
+    with pytest.raises(UnitError) as error:
+        to_si(text, "m/s", name="speed")
+    number = text.split(maxsplit=1)[0]
+    assert number.replace(",", "") in str(error.value)
+    assert number.replace(",", ".") in str(error.value)
+
+
+def test_typed_distances_may_have_decimal_commas() -> None:
+    assert read_distances("0; 2,5; 5 mm") == (0.0, 0.0025, 0.005)
+    assert read_distances("0, 2.5, 5 mm") == (0.0, 0.0025, 0.005)
+    assert read_distance("2,5") == 0.0025  # in mm, as 2.5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import math
@@ -136,6 +137,8 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Fal
 def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool = False) -> Path:
     """Write a binary file atomically.
 
+    A pipe or a device, such as `/dev/stdout`, gets the bytes directly.
+
     Args:
         path: the file; its folder must exist.
         content: the bytes.
@@ -150,6 +153,9 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
         OutputError: the file cannot be written, for example because the disk is full.
     """
     named = Path(path)
+    if is_stream(named):
+        _write_stream(named, content)
+        return named
     target = Path(os.path.realpath(named))  # a link remains a link; its target is written
     temporary = temporary_path(target)
     try:
@@ -173,6 +179,37 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
             raise InvalidInputError(f"{named}: the folder {named.parent} does not exist; create it first") from None
         raise OutputError(f"{named}: cannot be written ({error.strerror or error})", value=error.strerror) from None
     return named
+
+
+def is_stream(path: str | os.PathLike[str]) -> bool:
+    """Return True for a pipe, a device or a socket, which is written directly and never read.
+
+    Args:
+        path: the output, which need not exist.
+
+    Examples:
+        >>> is_stream("nothing-here.html")
+        False
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except OSError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def _write_stream(path: Path, content: bytes) -> None:
+    """Write to a pipe or device; a pipe that no program reads is an error."""
+    no_wait = getattr(os, "O_NONBLOCK", 0)
+    try:
+        descriptor = os.open(path, os.O_WRONLY | no_wait)
+        with os.fdopen(descriptor, "wb") as stream:
+            if no_wait:
+                os.set_blocking(descriptor, True)
+            stream.write(content)
+    except OSError as error:
+        reason = "no program reads this pipe" if error.errno == errno.ENXIO else error.strerror or str(error)
+        raise OutputError(f"{path}: cannot be written ({reason})") from None
 
 
 def _write_through(path: Path, content: bytes) -> None:
@@ -241,6 +278,8 @@ def is_own_unchanged(path: str | os.PathLike[str]) -> bool:
         >>> is_own_unchanged("nothing-here.html")
         False
     """
+    if is_stream(path):
+        return False
     try:
         html = Path(path).read_bytes().decode()
     except (OSError, UnicodeDecodeError):

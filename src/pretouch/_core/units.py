@@ -79,6 +79,8 @@ _LARGEST_WHOLE: Final = 1e300  # largest factor (or inverse factor) that is test
 _LONGEST: Final = 1000  # characters; longer numbers are not scaled exactly
 _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf"
 _QUANTITY: Final = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
+_DECIMAL_COMMA: Final = re.compile(r"\s*([-+]?)(\d*),(\d+)((?![\d,.]).*)", re.DOTALL)
+_THOUSAND: Final = 3  # digits behind a comma that may separate thousands
 _LIKELY: Final = {"m": "mm", "s": "ms"}  # the unit that is most likely meant if it is missing
 
 
@@ -291,7 +293,7 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
             f"{name}: found {value!r}, expected {_expected('a number or text with a unit of', unit)}", value=value
         )
     if isinstance(value, str):
-        match = _QUANTITY.fullmatch(value)
+        match = _QUANTITY.fullmatch(with_point(value, name=name))
         if match is None:
             raise UnitError(
                 f"{name}: found {value!r}, expected {_expected('a number with a unit of', unit)}", value=value
@@ -301,7 +303,7 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
         except UnitError as error:
             raise UnitError(f"{name}: {error}; expected {_expected('a unit of', unit)}", value=value) from None
         required = parse_unit(unit)
-        if not bare_text and (instead := missing_unit(value, unit)):
+        if not bare_text and (instead := missing_unit(match.group(0), unit)):
             raise UnitError(f"{name}: found {value!r}, expected {instead}", value=value)
         if match.group(2) and parsed.exponents != required.exponents:
             raise UnitError(f"{name}: found {value!r}, expected {expected}", value=value)
@@ -319,6 +321,36 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
     if math.isnan(number):
         raise UnitError(f"{name}: found {value!r}, expected {expected}", value=value)
     return number
+
+
+def with_point(text: str, *, name: str) -> str:
+    """Replace a decimal comma by a decimal point.
+
+    Args:
+        text: a number with or without a unit.
+        name: name of the quantity in messages.
+
+    Returns:
+        The text, unchanged if it has no decimal comma.
+
+    Raises:
+        UnitError: the comma may also separate thousands.
+
+    Examples:
+        >>> with_point("0,3 m/s", name="speed"), with_point("0.3 m/s", name="speed")
+        ('0.3 m/s', '0.3 m/s')
+    """
+    match = _DECIMAL_COMMA.match(text)
+    if match is None:
+        return text
+    sign, whole, decimals, rest = match.groups()
+    if len(decimals) == _THOUSAND and len(whole) <= _THOUSAND and whole.strip("0"):
+        raise UnitError(
+            f"{name}: found {text!r}, which may be {sign}{whole}{decimals} or {sign}{whole}.{decimals}; write one of "
+            "these numbers, with a decimal point",
+            value=text,
+        )
+    return f"{sign}{whole}.{decimals}{rest}"
 
 
 def _expected(words: str, unit: str) -> str:

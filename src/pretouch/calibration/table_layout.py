@@ -27,6 +27,7 @@ from pretouch.tables.unit_words import LENGTH, TIME, dimension, unit_in_words
 
 from .data import IF_NEGATIVE
 
+_DELIMITERS = {"\t": "tabs", " ": "blanks", ",": "commas", ";": "semicolons"}
 _SHOWN = 8  # columns that a message lists
 _SIDES = frozenset(
     [
@@ -107,6 +108,7 @@ def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
     distance_column = _distance_column(table, distance_index, options.distance)
     output_column, notes = _output_column(table, output_indices, options.output)
     labels, more_notes = _labels(table, distance_index, output_indices)
+    notes += _understood(table, options, distance_column, output_column)
     if len(output_indices) > 1:
         listed = join_first([table.header[i] for i in output_indices], _SHOWN)
         what = "as the outputs of several sensors, with a curve for each" if are_sensors else "as repeats"
@@ -317,6 +319,28 @@ def _output_column(table: TextTable, outputs: Sequence[int], option: ColumnOptio
             "can be the output."
         )
     return Column(index=outputs[0], title=title, unit=symbol, factor=factor), notes
+
+
+def _understood(table: TextTable, options: ColumnOptions, distance_column: Column, output_column: Column) -> list[str]:
+    """Return a sentence on the columns, units and signs of a table that are not written as pretouch writes them."""
+    parts, is_assumed = [], table.decimal_mark == ","
+    for what, column, option in (
+        ("distance", distance_column, options.distance),
+        ("output", output_column, options.output),
+    ):
+        unit = option.unit_with(column.title)
+        written = (
+            unit is None or option.unit is not None or any(f"{a}{unit}{b}" in column.title for a, b in ("[]", "()"))
+        )
+        is_assumed |= not written
+        known = unit_in_words(unit) if unit else None
+        parts.append(f"{what} from {quoted(column.title)}{f' [{known}]' if known else ''}")
+    if not is_assumed:
+        return []
+    signs = (
+        f"{_DELIMITERS.get(table.delimiter, repr(table.delimiter))} separate the columns, the comma is the decimal sign"
+    )
+    return [f"Read: {', '.join(parts)}{f'; {signs}' if table.decimal_mark == ',' else ''}."]
 
 
 def default_output_unit(cells: Collection[str]) -> tuple[str, str]:

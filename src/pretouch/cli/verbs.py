@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.files import is_stream
 
 from .terminal import Presentation, ScenarioFile, option, print_progress, read_gain, verb
 
@@ -58,7 +59,7 @@ def load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> 
 
 def refuse_existing(path: Path | None, *, force: bool) -> None:
     """Refuse to replace an existing output file without --force. This check runs before anything is computed."""
-    if path is not None and path.exists() and not force:
+    if path is not None and path.exists() and not is_stream(path) and not force:
         raise OutputExistsError(
             f"{path}: this file already exists; choose another name, or replace it with --force", remedy="--force"
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +10,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
-from pretouch.tables.cells import TextTable, is_no_object
+from pretouch.tables.cells import TextTable
 from pretouch.tables.names import is_named, split_title
 from pretouch.tables.text_table import read_table
 from pretouch.tables.times import read_times
@@ -64,7 +63,7 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
     table = read_table(path, is_recording=True)
     times = read_times(table)
     index = _index_of(path, table, wanted, times.columns)
-    values = _values(table.columns[index])
+    values = table.numbers(index)
     name, unit = split_title(table.header[index])
     notes = (*table.notes, *times.notes)
     if unit is None and _is_range(table, index):
@@ -86,7 +85,7 @@ def _index_of(path: Path, table: TextTable, wanted: str, times: tuple[int, ...])
     others = [i for i in range(len(header)) if i not in times]
     kinds = ("count", "setting", "statistic")
     numeric = [i for i in others if not any(is_named(header[i], kind) for kind in kinds) and header[i] != LINE]
-    numeric = [i for i in numeric if np.isfinite(_values(table.columns[i][:1000])).any()]
+    numeric = [i for i in numeric if np.isfinite(table.numbers(i)).any()]
     for candidates in (others, numeric) if not wanted else ():
         if len(candidates) == 1:
             return candidates[0]
@@ -115,17 +114,3 @@ def _is_range(table: TextTable, index: int) -> bool:
     """Return True if a column is the range of an exported sensor_msgs/Range, whose limits are columns as well."""
     path, _, field = table.header[index].rpartition("range")
     return not field and {f"{path}min_range", f"{path}max_range"} <= set(table.header)
-
-
-def _values(cells: Sequence[str]) -> FloatArray:
-    try:
-        return np.array(cells).astype(np.float64)
-    except ValueError:
-        return np.array([_value(cell) for cell in cells])
-
-
-def _value(cell: str) -> float:
-    try:
-        return float(cell.replace(",", "."))
-    except ValueError:
-        return float("inf") if cell and is_no_object(cell) else float("nan")

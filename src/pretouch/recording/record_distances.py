@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Final, Protocol
 
 from pretouch._core.errors import InvalidInputError, PretouchError, SourceError
-from pretouch._core.units import format_quantity, read_quantity
+from pretouch._core.units import format_quantity, read_quantity, with_point
 
 from .record_judgment import Judgment
 
@@ -133,7 +133,7 @@ def read_distance(text: str) -> float:
         >>> read_distance("12"), read_distance("1.5 cm")
         (0.012, 0.015)
     """
-    written = text.strip()
+    written = with_point(text.strip(), name="distance")
     is_bare = written.replace(".", "", 1).replace("-", "", 1).isdigit()
     distance = read_quantity(f"{written} mm" if is_bare else written, "m", name="distance")
     if not 0 <= distance < float("inf"):
@@ -159,9 +159,10 @@ def read_distances(text: str) -> tuple[float, ...]:
         >>> read_distances("0, 5, 10 mm")
         (0.0, 0.005, 0.01)
     """
-    parts = [part.strip() for part in text.replace(";", ",").split(",") if part.strip()]
+    parts = [part.strip() for part in text.split(";" if ";" in text else ",") if part.strip()]
     if not parts:
         raise InvalidInputError('--distances: found none, expected a list such as "0 mm, 5 mm, 10 mm"')
+    parts = [with_point(part, name="--distances") for part in parts]
     unit = parts[-1].lstrip("-+.0123456789eE").strip()
     bare = [part.replace(".", "", 1).isdigit() for part in parts]
     return tuple(

@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError, OutputError, OutputExistsError
+from pretouch._core.files import is_stream
 from pretouch.calibration import Calibration
 
 from .columns import LINE
@@ -165,6 +166,8 @@ class RecordFile:
 
     def _load(self, unit: str | None) -> None:
         """Read an existing calibration file to continue the recording."""
+        if is_stream(self.path):
+            raise InvalidInputError(f"--resume: {self.path} is a pipe or a device; choose a regular file")
         text = self.path.read_text(encoding="utf-8", errors="replace")
         if not text.endswith("\n"):
             text = text[: text.rfind("\n") + 1]

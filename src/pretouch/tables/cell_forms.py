@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from pretouch._core.errors import CalibrationDataError
+from pretouch._core.numbers import FloatArray
 
 from .cells import is_missing, is_no_object, is_number, quoted
 from .names import split_title
@@ -38,6 +39,7 @@ class PlainColumns(NamedTuple):
 
     header: tuple[str, ...]
     columns: tuple[Sequence[str], ...]
+    floats: tuple[FloatArray | None, ...]
     decimal_mark: str
     notes: tuple[str, ...]
 
@@ -53,8 +55,9 @@ def plain_columns(
         The columns. A column with anything else stays as it is.
     """
     titles, changed, notes, comma = list(header), list(columns), [], False
+    floats = [_floats(cells) for cells in columns]
     for i, cells in enumerate(columns):
-        if _are_floats(cells):
+        if floats[i] is not None:
             continue
         distinct = {cell: cell for cell in set(cells)}
         if all(map(_is_plain, distinct)):
@@ -73,21 +76,23 @@ def plain_columns(
         if any("±" in cell or "+-" in cell or "+/-" in cell for cell in distinct):
             notes.append(f"The uncertainties in the column {titles[i]!r} are not used.")
         changed[i] = tuple(forms[cell] for cell in cells)
-    commas = [cells for cells in changed if not _are_floats(cells) and any("," in cell for cell in set(cells))]
+        floats[i] = _floats(changed[i])
+    others = [cells for cells, numbers in zip(changed, floats, strict=True) if numbers is None]
+    commas = [cells for cells in others if any("," in cell for cell in set(cells))]
     if commas:
         comma |= any(map(_has_decimal_comma, commas))
         _refuse_two_readings(place, commas, delimiter)
-    return PlainColumns(tuple(titles), tuple(changed), "," if comma else ".", tuple(notes))
+    return PlainColumns(tuple(titles), tuple(changed), tuple(floats), "," if comma else ".", tuple(notes))
 
 
-def _are_floats(cells: Sequence[str]) -> bool:
-    """Return True if all cells are numbers with a decimal point; this is quick."""
+def _floats(cells: Sequence[str]) -> FloatArray | None:
+    """Return the cells as numbers, if all are numbers with a decimal point; this is quick."""
     try:
         np.array(cells[:_FIRST]).astype(np.float64)
-        np.array(cells).astype(np.float64)
+        numbers = np.fromiter(map(float, cells), np.float64, len(cells))
     except ValueError:
-        return False
-    return not any(cell.isidentifier() or "_" in cell for cell in set(cells))
+        return None
+    return None if "_" in "".join(cells) else numbers
 
 
 def _is_plain(cell: str) -> bool:

@@ -8,7 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 
+import numpy as np
+
 from pretouch._core.errors import CalibrationDataError
+from pretouch._core.numbers import FloatArray
 from pretouch._core.units import WORKABLE, has_workable_magnitude
 
 from .unit_words import LENGTH, dimension
@@ -32,7 +35,8 @@ _LONGEST_LINE = 60  # characters of a line that a message shows
 class TextTable:
     """Text table with a header, columns and rows.
 
-    It stores the line number of each row in the file.
+    It stores the line number of each row in the file. `floats` has the numbers of each column, None for a column with
+    other cells than numbers with a decimal point.
     """
 
     file: str
@@ -44,6 +48,7 @@ class TextTable:
     header: tuple[str, ...]
     columns: tuple[Sequence[str], ...]
     lines: Sequence[int]
+    floats: tuple[FloatArray | None, ...]
     notes: tuple[str, ...] = ()
 
     @property
@@ -57,6 +62,14 @@ class TextTable:
     def row(self, index: int) -> tuple[str, ...]:
         """Return all cells of one table row."""
         return tuple(column[index] for column in self.columns)
+
+    def numbers(self, index: int) -> FloatArray:
+        """Return the numbers of a column.
+
+        A cell that says "no object" is infinite, and one without a number is NaN.
+        """
+        floats = self.floats[index]
+        return np.array([_float(cell) for cell in self.columns[index]]) if floats is None else floats
 
     def title(self, index: int) -> str:
         """Return the header of a column for messages.
@@ -181,6 +194,12 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
         f"{place}: found {quoted(cell)} in column {table.title(column.index)}, {expected}",
         problem=f"{place}: found {problem}",
     )
+
+
+def _float(cell: str) -> float:
+    if is_number(cell):
+        return float(_ascii(cell).replace(",", "."))
+    return math.inf if cell and is_no_object(cell) else math.nan
 
 
 def _ascii(cell: str) -> str:

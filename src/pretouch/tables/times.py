@@ -75,7 +75,7 @@ def read_times(table: TextTable) -> Times:
         )
     pair = _pair(table)
     if pair is not None:
-        whole, part = (_numbers(table.columns[i]) for i in pair)
+        whole, part = (table.numbers(i) for i in pair)
         usable = np.isfinite(whole) & np.isfinite(part)
         stamps = np.where(usable, whole, 0).astype(np.int64) * 10**9 + np.where(usable, part, 0).astype(np.int64)
         titles = " and ".join(table.title(i) for i in pair)
@@ -114,7 +114,7 @@ def _pair(table: TextTable) -> tuple[int, int] | None:
 def _read(table: TextTable, index: int) -> tuple[IntArray, np.ndarray, str]:
     """Return stamps [ns], in which rows they are valid, and the unit in words."""
     title, cells = table.header[index], table.columns[index]
-    numbers = _numbers(cells)
+    numbers = table.numbers(index)
     if np.isfinite(numbers).sum() < np.count_nonzero([bool(cell) for cell in cells[:1000]]) / 2:
         return (*_of_clock(cells), "hours, minutes and seconds")
     unit = split_title(title)[1]
@@ -125,20 +125,6 @@ def _read(table: TextTable, index: int) -> tuple[IntArray, np.ndarray, str]:
         )
     unit = unit or _unit_of(table, title, numbers)
     return (*_in_nanoseconds(cells, numbers, unit), unit)
-
-
-def _numbers(cells: Sequence[str]) -> FloatArray:
-    try:
-        return np.array(cells).astype(np.float64)
-    except ValueError:
-        return np.array([_number(cell) for cell in cells])
-
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell.replace(",", "."))
-    except ValueError:
-        return float("nan")
 
 
 def _in_nanoseconds(cells: Sequence[str], numbers: FloatArray, unit: str) -> tuple[IntArray, np.ndarray]:

@@ -32,6 +32,13 @@ function unitOf(name, text) {
 
 /** Return the SI value of a text such as "42.2 mm"; throw an error with a sentence if it is none. */
 export function parseQuantity(text, unit) {
+    const comma = /^\s*([-+]?)(\d*),(\d+)(?![\d,.])([^]*)$/.exec(String(text));
+    if (comma) {
+        const [, sign, whole, decimals, rest] = comma;
+        if (decimals.length === 3 && whole.length <= 3 && Number(whole) > 0)
+            throw new Error(`found ${JSON.stringify(text)}, which may be ${sign}${whole}${decimals} or ${sign}${whole}.${decimals}; write one of these numbers, with a decimal point`);
+        text = `${sign}${whole}.${decimals}${rest}`;
+    }
     const match = /^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*$/.exec(String(text));
     if (!match) throw new Error(`found ${JSON.stringify(text)}, expected a number with unit, such as "1 ${unit}"`);
     const number = match[1].endsWith("inf") ? (match[1][0] === "-" ? -Infinity : Infinity) : Number(match[1]), [, dimension] = parseUnit(unit);
@@ -43,7 +50,7 @@ export function parseQuantity(text, unit) {
 
 /** Write an SI value in the unit that a text has, such as 0.05 as "50 mm" after the text "42.2 mm". */
 export function writeLike(text, value, unit) {
-    const written = /^\s*(?:[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*?)\s*$/.exec(String(text))?.[1] ?? unit;
+    const written = /^\s*(?:[-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*(.*?)\s*$/.exec(String(text))?.[1] ?? unit;
     const factor = written === "" ? 1 : parseUnit(written)[0];
     return `${Number((value / factor).toPrecision(4))} ${written}`.trim();
 }

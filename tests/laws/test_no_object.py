@@ -55,18 +55,25 @@ def test_an_idle_value_is_no_object_and_has_no_noise(idle: float, limits: tuple[
 
 def test_a_range_of_minus_one_is_no_contact_for_the_law() -> None:
     """The law detects the four visits from 165 mm on, and nothing else."""
-    distances = classify_distances(visits(-1.0), (0.02, 4.0))
-    named = {"source": "b", "topic": "/range", "message_type": "", "kind": "distance"}
+    named = {"source": "b", "topic": "/range", "message_type": "", "kind": "distance", "bounds": (0.02, 4.0)}
     stamps = np.arange(2000) * 20_000_000
-    result = replay(
-        low_floor(), Recording(stamps=stamps, values=distances.values, no_object=distances.no_object, **named)
-    )
+    result = replay(low_floor(), Recording(stamps=stamps, values=visits(-1.0), **named))
     assert len(result.detections) == 4
     assert [detection.start for detection in result.detections] == pytest.approx([6.1, 16.1, 26.1, 34.1], abs=0.3)
     assert result.counts["detected without an object"] == 1200
     page = page_of(result)
     assert page.warnings[0].startswith("PT610")
     assert any("1,200 readings of -1 m" in text for text in page.findings)
+
+
+def test_true_events_are_the_values_as_recorded() -> None:
+    """A topic of ranges that is 1 during contact, and 0 otherwise: neither value is "no object" there."""
+    time = np.arange(2000) * 20_000_000
+    values = visits(-1.0)
+    named = {"source": "b", "message_type": "", "kind": "distance", "stamps": time}
+    contact = Recording(topic="/contact", values=((values > 0) & (values < 0.12)).astype(float), **named)
+    result = replay(low_floor(), Recording(topic="/range", values=values, **named), truth=contact)
+    assert (len(result.events), len(result.missed), len(result.false_triggers)) == (4, 0, 0)
 
 
 def test_a_contact_at_distance_0_is_no_idle_value() -> None:

@@ -26,6 +26,7 @@ from .detections import BEFORE, PAUSE, detections_in, events_in, judge
 from .distance_pairs import pair_distances
 from .drift import Drift, drift_at_equal_distances
 from .latency import Latency, estimate_latency
+from .measurements import measurements_of
 from .no_object import ASSUMED
 from .noise import noise_of, spread_of_course
 from .recording import Recording
@@ -74,8 +75,8 @@ def replay(
         The replay, with any result: also no detection, or no usable reading.
     """
     controller, loop, law = _controller(task)
-    whole, notes = _one_clock(recording.plausible)
-    reference = None if reference is None else reference.plausible
+    whole, notes = _one_clock(measurements_of(recording))
+    reference = None if reference is None else measurements_of(reference)
     used = _part_between(whole, start, end)
     time = used.time
     readings = readings_of(used, task.sensor, controller.conditioning.offset)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,14 +24,12 @@ from .columns import is_table, read_columns
 from .containers import read_contents
 from .decoding import Decoded, decode
 from .messages import Contents, Messages, refuse_unknown, split_name
-from .no_object import classify_distances, idle_codes
-from .recording import Clock, Kind, Recording
+from .recording import UNBOUNDED, Clock, Kind, Recording
 
 _WITH_UNIT: Final = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")
 _LENGTH: Final = parse_unit("m").exponents
 _RANGES: Final = ("sensor_msgs/msg/Range", "sensor_msgs/Range")
 _LATEST: Final = 2**62 / 1e9  # s, in the year 2116
-_UNBOUNDED: Final = (float("nan"), float("nan"))
 
 
 @check_arguments
@@ -163,7 +160,7 @@ def _recording(
             f"{decoded.damaged:,} of {total:,} messages of {messages.topic.name} are damaged, for example too short; "
             "they count as missing readings.",
         )
-    recording = Recording(
+    return Recording(
         source=file.name,
         topic=f"{messages.topic.name}.{decoded.field}" if decoded.field else messages.topic.name,
         message_type=message_type,
@@ -172,39 +169,9 @@ def _recording(
         kind=kind,
         clock=clock,
         transport=transport,
+        bounds=decoded.bounds if is_range else UNBOUNDED,
         notes=(*notes, *remarks),
     )
-    return _without_idle_values(recording, decoded.bounds if is_range else _UNBOUNDED)
-
-
-def _without_idle_values(recording: Recording, bounds: tuple[float, float] = _UNBOUNDED) -> Recording:
-    """Replace distances that are none, and find values of other readings that mean "no object"."""
-    recording = recording.plausible
-    if recording.kind != "distance":
-        return replace(recording, no_object=idle_codes(recording.values))
-    distances = classify_distances(recording.values, bounds)
-    notes = []
-    if distances.too_near:
-        notes.append(
-            f"{distances.too_near:,} distances are below min_range ({1e3 * bounds[0]:.4g} mm) of the sensor: pretouch "
-            "treats them as too near to be measured."
-        )
-    if np.isfinite(distances.unclear):
-        notes.append(
-            f"The distance {distances.unclear:.6g} m repeats exactly, and some readings jump to it. It may mean that "
-            "there is no object, but it counts as a distance. If it means this, let the driver publish infinity."
-        )
-    if distances.failed:
-        notes.append(
-            f"{distances.failed:,} distances equal a value by which drivers report a failed measurement (65535 mm): "
-            "they count as NaN."
-        )
-    if distances.impossible:
-        notes.append(
-            f"{distances.impossible:,} distances are negative, and far from the readings before and after them: they "
-            "count as NaN."
-        )
-    return replace(recording, values=distances.values, no_object=distances.no_object, notes=(*recording.notes, *notes))
 
 
 def _in_unit(values: FloatArray, unit: str | None) -> tuple[Kind, FloatArray, tuple[str, ...]]:
@@ -227,5 +194,4 @@ def _from_table(file: Path, name: str, unit: str | None) -> Recording:
     column = read_columns(file, name)
     kind, values, notes = _in_unit(column.values, column.unit if unit is None else unit)
     fields: dict[str, Any] = {"source": file.name, "topic": column.name, "message_type": "column", "clock": "column"}
-    recording = Recording(stamps=column.stamps, values=values, kind=kind, notes=(*column.notes, *notes), **fields)
-    return _without_idle_values(recording)
+    return Recording(stamps=column.stamps, values=values, kind=kind, notes=(*column.notes, *notes), **fields)

@@ -21,7 +21,8 @@ from .no_object import NoObject
 Kind: TypeAlias = Literal["reading", "distance"]
 Clock: TypeAlias = Literal["header", "receive", "column"]
 
-_LARGEST: Final = 1e30  # of a reading; the squares of larger ones are no numbers any more
+UNBOUNDED: Final = (float("-inf"), float("inf"))
+"""Bounds of a sensor whose messages have none."""
 
 CLOCKS: Final = {
     "header": "header stamps",
@@ -44,7 +45,8 @@ class Recording(Value):
         kind: "distance" or "reading" (of any other sensor output).
         clock: which clock the stamps are from.
         transport: receive time minus header stamp of each reading [s]; empty if only one clock was recorded.
-        no_object: values that were taken as "no object": a distance without an object is infinite.
+        bounds: smallest and largest distance that the sensor can measure, according to its messages [m].
+        no_object: values that were taken as "no object" by a replay: a distance without an object is then infinite.
         notes: remarks on the file, such as that it is truncated.
 
     Examples:
@@ -61,6 +63,7 @@ class Recording(Value):
     kind: Kind = "reading"
     clock: Clock = "receive"
     transport: FloatArray = ()  # type: ignore[assignment]
+    bounds: tuple[float, float] = UNBOUNDED
     no_object: tuple[NoObject, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -97,14 +100,6 @@ class Recording(Value):
         is_header = self.clock == "header"
         received, stamps = (self.stamps + taken, self.stamps) if is_header else (self.stamps, self.stamps - taken)
         return Transport(self.topic, received, stamps)
-
-    @property
-    def plausible(self) -> Recording:
-        """The recording, with NaN in place of readings beyond 1e30, which no sensor has."""
-        if not (beyond := np.isfinite(self.values) & (np.abs(self.values) > _LARGEST)).any():
-            return self
-        note = f"{beyond.sum():,} readings are beyond 1e30, which no sensor measures: they count as NaN."
-        return replace(self, values=np.where(beyond, np.nan, self.values), notes=(*self.notes, note))
 
     def part(self, kept: slice | IntArray) -> Recording:
         """Return the recording with only the selected readings.

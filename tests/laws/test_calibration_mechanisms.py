@@ -77,6 +77,69 @@ def test_an_output_that_rises_is_named_and_never_fitted(seed):
     assert "peaks" not in str(report)
 
 
+PLACES = np.arange(0.0, 0.155, 0.005)
+
+
+def refusal(outputs, unit, places=PLACES, empty=()):
+    outputs = np.repeat(outputs, 3) + np.resize([0.0, 1.0, -1.0], 3 * len(places))
+    report = fit(Calibration(distances=np.repeat(places, 3), outputs=outputs, unit=unit, no_object=empty), MODELS)
+    assert report.verdict == "no usable signal"
+    return report.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("reported", "unit", "words"),
+    [
+        (1e3 * PLACES + 5, "mm", "needs no calibration"),
+        (np.maximum(1e3 * PLACES - 32, 28), "mm", "remains at about 28 mm up to the distance 60 mm"),
+        (np.maximum(1e3 * PLACES, 20), "mm", "remains at about 20 mm up to the distance 20 mm"),
+        (np.full(31, 28.0), "mm", "up to the distance 150 mm it remains at about 28 mm: check power"),
+        (1e3 * PLACES, "cm", "changes by 10 mm per mm: check the units"),
+    ],
+)
+def test_a_sensor_that_reports_distances_needs_no_calibration_only_if_it_follows_them(reported, unit, words):
+    text = refusal(reported, unit)
+    assert words in text
+    assert ("needs no calibration" in text) == (words == "needs no calibration")
+
+
+@pytest.mark.parametrize("turn", [0.015, 0.04, 0.075, 0.12])
+@pytest.mark.parametrize("empty", [(), (2000.0, 2001.0, 1999.0, 2000.0, 2000.0)])
+def test_an_output_that_falls_and_rises_as_a_v_is_named(turn, empty):
+    outputs = np.repeat(20000 * np.abs(PLACES - turn) + 200, 3) + np.resize([0.0, 1.0, -1.0], 3 * len(PLACES))
+    report = fit(
+        Calibration(distances=np.repeat(PLACES, 3), outputs=outputs, unit="counts", no_object=empty), ("exponential-1",)
+    )
+    if report.verdict != "no usable signal":  # enough distances before the turn
+        assert report.window.l_max < turn
+        assert "rises again" in said(report)
+        return
+    text = report.reasons[0]
+    assert text.startswith("PT113: The sensor output falls up to the distance")
+    named = float(text.partition("up to the distance ")[2].partition(" mm")[0]) / 1e3
+    assert abs(named - turn) < 0.0051  # of neighbors as low, the first
+    assert "rises again" in text
+
+
+def test_the_inverse_of_a_decay_time_is_a_signal():
+    """A photocurrent discharges a capacitor, until a timeout of 2500 us; its leakage is the offset."""
+    current = 1 / 60 * (1 + PLACES / 0.03) ** -2.0
+    time = 1 / (1 / 2500 + current)
+    assert "replace each reading by its inverse, 1 / reading [1/us]" in refusal(time, "us", empty=[2500.0] * 4)
+    noise = 1 + 1e-3 * np.random.default_rng(2).standard_normal((5, 31))
+    report = fit(
+        Calibration(
+            distances=np.tile(PLACES, 5),
+            outputs=1 / (time * noise).ravel(),
+            unit="1/us",
+            no_object=1 / (2500 * noise[0]),
+        )
+    )
+    assert report.verdict == "usable"
+    at = np.array([0.02])
+    assert report.best.sensor.log_slope(at)[0] == pytest.approx(-2 / 0.05, rel=0.05)
+
+
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_where_an_amplifier_compresses_the_window_has_not_begun(seed):

@@ -28,6 +28,7 @@ from .averaging import (
 from .ceilings import ERROR, CeilingFits, SampleOptions, fit_under_ceilings
 from .data import Calibration
 from .family_fits import find_noise, outlier_indices
+from .not_a_signal import falls_and_rises, reported_distance, rising_output
 from .possible_curves import PossibleCurves, fit_possible_curves
 from .result import NoiseEstimate, OffsetEstimate, UsableWindow
 from .window import NearEnd, declared_offset, end_of_falling, find_near_end, is_rising, window_of
@@ -127,10 +128,11 @@ def _prepare(
     noise = reading_noise(calibration, curve)
     offset_estimate = _user_offset(calibration, offset, noise)
     no_near_end = NearEnd(index=0, reason="", saturation=None)
-    if is_length(calibration.unit):
-        return _without_signal(calibration, curve, no_near_end, offset_estimate, _reports_distance(calibration))
-    if near_field_peak == "auto" and is_rising(curve, noise):
-        return _without_signal(calibration, curve, no_near_end, offset_estimate, _rising(calibration))
+    other = reported_distance(calibration, curve) if is_length(calibration.unit) else ""
+    if not other and near_field_peak == "auto" and is_rising(curve, noise):
+        other = rising_output(calibration, curve, noise)
+    if other:
+        return _without_signal(calibration, curve, no_near_end, offset_estimate, other)
     near = find_near_end(calibration, curve, saturation, near_field_peak)
     needed = _FEWEST_DISTANCES + (offset_estimate is None)
     count = len(curve.distance) - near.index
@@ -138,6 +140,8 @@ def _prepare(
         remedy = "measure at larger distances, or lower the gain of the sensor"
         clipped = f"No distance is usable, because {near.reason}: {remedy}."
         return _without_signal(calibration, curve, near, offset_estimate, caution("PT110", clipped))
+    if (near.flat or count < needed) and (both := falls_and_rises(calibration, curve, noise)):
+        return _without_signal(calibration, curve, near, offset_estimate, both)
     if count < needed:
         usable = f"{count}, because {near.reason}" if near.index else f"{count}"
         few = caution(
@@ -249,7 +253,14 @@ def _prepared(
         witness=witness_of(curve, offset, noise, ceilings, window.l_max, flattens=math.isfinite(steep_from))
         if window.distances
         else None,
-        no_signal=_why_no_signal(tail, window, offset, noise, calibration.unit),
+        no_signal=_why_no_signal(
+            tail,
+            window,
+            offset,
+            noise,
+            calibration.unit,
+            rises_again=falls_and_rises(calibration, curve, raw) if last else "",
+        ),
     )
 
 
@@ -323,28 +334,6 @@ def _steep_end(
     return NearEnd(index=int(place[first]), reason=reason, saturation=near.saturation), True
 
 
-def _reports_distance(calibration: Calibration) -> str:
-    """Return the warning about a sensor that outputs distances."""
-    return caution(
-        "PT113",
-        f"The sensor output is a distance in {calibration.unit} and needs no calibration: write a scenario file with "
-        "`pretouch init --part VL53L0X`. Correct rate and noise in `[chain]` of this file.",
-    )
-
-
-def _rising(calibration: Calibration) -> str:
-    """Return the warning about a sensor whose output rises with distance."""
-    top = float(max([calibration.outputs.max(), *calibration.no_object]))
-    step = 10.0 ** (math.floor(math.log10(float(np.ptp(calibration.outputs)))) - 1)
-    highest = f"{(math.floor(top / step) + 1) * step:g} {calibration.unit}".rstrip()  # above all, since 0 means lost
-    return caution(
-        "PT113",
-        "The sensor output rises with the distance: if the electronics invert the signal, replace each reading by "
-        f"{highest} minus the reading, in the file and on the robot; if the sensor reports a distance, write a "
-        "scenario file with `pretouch init --part VL53L0X`. Correct rate and noise in `[chain]` of this file.",
-    )
-
-
 def _user_offset(calibration: Calibration, offset: OffsetChoice, noise: ReadingNoise) -> OffsetEstimate | None:
     """Return the sensor offset measured or declared by the user. The offset is None if it must be fitted."""
     if offset == "fit" or (offset == "auto" and not len(calibration.no_object)):
@@ -398,9 +387,21 @@ def _without_signal(
 
 
 def _why_no_signal(
-    tail: AveragedCurve, window: UsableWindow, offset: OffsetEstimate, noise: NoiseEstimate, unit: str
+    tail: AveragedCurve,
+    window: UsableWindow,
+    offset: OffsetEstimate,
+    noise: NoiseEstimate,
+    unit: str,
+    *,
+    rises_again: str,
 ) -> tuple[str, ...]:
-    """Explain why the readings contain no usable signal. The result is empty if there is a usable signal."""
+    """Explain why the readings contain no usable signal.
+
+    `rises_again` says that the output falls and rises again; it explains why there are few distances.
+
+    Returns:
+        The reasons; empty if there is a usable signal.
+    """
     reasons = []
     count = len(window.distances)
     chance = chance_of_falling(tail.output[: 2 * count])  # a long plateau does not inform about the window
@@ -414,7 +415,9 @@ def _why_no_signal(
                 "check power, orientation and range of the sensor.",
             )
         )
-    if count < _FEWEST_POINTS:
+    if count < _FEWEST_POINTS and rises_again:
+        reasons.append(rises_again)
+    elif count < _FEWEST_POINTS:
         largest = f" The largest usable distance is {format_quantity(window.distances[-1], 'm')}." if count else ""
         digits = supported_digits(window.floor, abs(window.floor - offset.value))
         level, sigma = f"{window.floor:.{digits}g}", f"{noise.output:.{supported_digits(noise.output, least=2)}g}"

@@ -29,6 +29,7 @@ from .result import OffsetEstimate, UsableWindow
 _RISEN: Final = 2.0  # ratio of rise to later fall from which on the output counts as rising
 _SURE: Final = 5.0  # standard deviations of a significant rise
 _SMALL: Final = 0.01  # share of the output's range below which a rise is ignored
+_PART: Final = 0.05  # share of the output's range from which on a fall and a rise make a valley
 _SHARE: Final = 0.2  # share of the rise: outputs less far above the lowest output may already belong to the rise
 
 
@@ -44,6 +45,21 @@ def is_rising(curve: AveragedCurve, noise: ReadingNoise) -> bool:
     if risen <= _SURE * _error(curve, noise) or risen <= 0.3 * float(np.ptp(steady)):
         return False
     return risen > _RISEN * fallen or (risen > fallen and bool(beyond_middle))
+
+
+def valley(curve: AveragedCurve, noise: ReadingNoise) -> int | None:
+    """Return the index of the lowest output if the output falls before it and rises again behind it.
+
+    Both changes must be significant, and a large part of the range of the output.
+
+    Returns:
+        The index; None for an output that rises or falls only.
+    """
+    steady = curve.steady
+    lowest = int(np.argmin(steady))
+    fallen, risen = (float(part.max() - steady[lowest]) for part in (steady[: lowest + 1], steady[lowest:]))
+    least = max(_SURE * _error(curve, noise), _PART * float(np.ptp(steady)))
+    return lowest if min(fallen, risen) > least else None
 
 
 def end_of_falling(curve: AveragedCurve, noise: ReadingNoise) -> int:
@@ -281,6 +297,8 @@ def window_of(
             f"from the distance {beyond} on, the output is less than {least}, or {floor_sigmas:g} standard errors, "
             f"above the offset of {base}"
         )
+        if last is not None:
+            reason += f"; {last[1]}"
     return UsableWindow(
         distances=tuple(float(curve.distance[i]) for i in used),
         start_reason=near.reason,

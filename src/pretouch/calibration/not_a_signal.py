@@ -1,0 +1,133 @@
+"""Recognize outputs that do not fall with the distance, such as distances or decay times, and say what to do."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.errors import UnitError
+from pretouch._core.numbers import FloatArray
+from pretouch._core.units import format_quantity, parse_unit, supported_digits
+from pretouch._core.warning_codes import caution
+
+from .averaging import AveragedCurve, ReadingNoise
+from .data import Calibration
+from .window import valley
+
+_SCENARIO: Final = (
+    "write a scenario file with `pretouch init --part VL53L0X`. Correct rate and noise in `[chain]` of this file."
+)
+_FOLLOWS: Final = 0.5, 2.0  # change of the reported distance, over that of the distance, between which it follows
+_CORNER: Final = 0.05  # share of the largest lag of the reported distance within which the corner lies
+_TIME: Final = parse_unit("s").exponents
+_RESISTANCES: Final = ("ohm", "\u03a9", "\u2126")
+
+
+def reported_distance(calibration: Calibration, curve: AveragedCurve) -> str:
+    """Return the warning about a sensor that outputs distances."""
+    unit = calibration.unit
+    reported = curve.output * parse_unit(unit).factor
+    text = f"The sensor output is a distance in {unit}"
+    if len(reported) > 1:
+        end = stuck_until(curve.distance, reported)
+        far = format_quantity(float(curve.distance[end]), "m")
+        if end == len(reported) - 1:
+            level = format_quantity(float(np.median(reported)), "m", 3)
+            return caution(
+                "PT113",
+                f"{text}, but up to the distance {far} it remains at about {level}: check power and wiring, the units "
+                "of both columns, and whether the sensor sees the object.",
+            )
+        rate = _rate(curve.distance[end:], reported[end:])
+        if not _FOLLOWS[0] <= rate <= _FOLLOWS[1]:
+            return caution(
+                "PT113",
+                f"{text}, but it changes by {rate:.2g} mm per mm: check the units of both columns.",
+            )
+        if end:
+            level = format_quantity(float(np.median(reported[:end])), "m", 3)
+            return caution(
+                "PT113",
+                f"{text}, but it remains at about {level} up to the distance {far}: the robot cannot see an object "
+                f"that is nearer. Use a sensor with a smaller minimum distance, or mount this sensor {far} or more "
+                f"behind the contact surface. Then {_SCENARIO}",
+            )
+    return caution("PT113", f"{text} and needs no calibration: {_SCENARIO}")
+
+
+def stuck_until(distance: FloatArray, reported: FloatArray) -> int:
+    """Return the index of the last distance up to which a reported distance does not follow; 0 if it always follows.
+
+    A sensor that follows the distance reports at least half of any change. Near the sensor, many report their smallest
+    distance.
+    """
+    changed = reported - reported[0]
+    stays = np.abs(changed) < _FOLLOWS[0] * (distance - distance[0])
+    stays[0] = False
+    rest = np.flatnonzero(stays)
+    if not len(rest):
+        return 0
+    # the last of them is beyond the corner, because the output has to catch up; from the corner on, it lags most
+    last = int(rest[-1])
+    if last == len(distance) - 1 and abs(changed[-1]) < _FOLLOWS[0] * (distance[-1] - distance[len(distance) // 2]):
+        return last
+    lag = (distance - distance[0] - changed)[: last + 1]
+    return int(np.argmax(lag >= (1 - _CORNER) * lag.max()))
+
+
+def _rate(distance: FloatArray, reported: FloatArray) -> float:
+    """Return the median change of a reported distance per change of the distance."""
+    first, second = np.triu_indices(len(distance), 1)
+    return float(np.median((reported[second] - reported[first]) / (distance[second] - distance[first])))
+
+
+def rising_output(calibration: Calibration, curve: AveragedCurve, noise: ReadingNoise) -> str:
+    """Return the warning about a sensor whose output rises with distance."""
+    both = falls_and_rises(calibration, curve, noise)
+    if both:
+        return both
+    if _is_inverse(calibration.unit):
+        return caution(
+            "PT113",
+            f"The sensor output is in {calibration.unit} and rises with the distance, as a decay time or a resistance "
+            f"does: replace each reading by its inverse, 1 / reading [1/{calibration.unit}], in the file and on the "
+            "robot.",
+        )
+    top = float(max([calibration.outputs.max(), *calibration.no_object]))
+    step = 10.0 ** (math.floor(math.log10(float(np.ptp(calibration.outputs)))) - 1)
+    highest = f"{(math.floor(top / step) + 1) * step:g} {calibration.unit}".rstrip()  # above all, since 0 means lost
+    return caution(
+        "PT113",
+        "The sensor output rises with the distance: if the electronics invert the signal, replace each reading by "
+        f"{highest} minus the reading, in the file and on the robot; if it is a decay time or a resistance, replace it "
+        f"by its inverse instead; if the sensor reports a distance, {_SCENARIO}",
+    )
+
+
+def falls_and_rises(calibration: Calibration, curve: AveragedCurve, noise: ReadingNoise) -> str:
+    """Return the warning about an output that falls and rises again; empty if it does not."""
+    turn = valley(curve, noise)
+    if turn is None:
+        return ""
+    outputs = curve.steady[[turn, turn + int(np.argmax(curve.steady[turn:]))]]
+    low, high = (f"{v:.{supported_digits(float(v))}g} {calibration.unit}".rstrip() for v in outputs)
+    at = format_quantity(float(curve.distance[turn]), "m")
+    return caution(
+        "PT113",
+        f"The sensor output falls up to the distance {at}, and rises again from {low} to {high} at larger distances, "
+        "so an output does not determine the distance: find the cause, such as a wall, a second reflection or an "
+        f"object that leaves the beam, and measure again. To use only approaches from nearer than {at}, remove the "
+        "readings beyond.",
+    )
+
+
+def _is_inverse(unit: str) -> bool:
+    """Return True for units of quantities that are inversely proportional to a photocurrent."""
+    if unit.lower().endswith(_RESISTANCES):
+        return True
+    try:
+        return parse_unit(unit).exponents == _TIME
+    except UnitError:
+        return False

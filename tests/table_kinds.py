@@ -27,7 +27,7 @@ def readings(seed: int) -> Readings:
     distances = np.sort(rng.choice(np.arange(1, 40), 9, replace=False)) * 2.0
     falling = (20 / (20 + distances)) ** (1.5 + rng.random())
     volts = np.round(3.2 * falling + 0.1, 3)
-    return Readings(tuple(distances), tuple(map(float, volts)), tuple(int(v) for v in 4000 * falling + 57))
+    return Readings(tuple(map(float, distances)), tuple(map(float, volts)), tuple(int(v) for v in 4000 * falling + 57))
 
 
 def table(header: str, *columns: Sequence[object], mark: str = ",") -> str:

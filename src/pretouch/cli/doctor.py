@@ -20,6 +20,7 @@ _EXTRAS: Final = {
     "sweep": "datasets of pretouch sweep",
     "dask": "sweeps on several machines",
     "ros": "ROS 2 bags, MCAP files and live topics",
+    "files": "spreadsheets and measurement files (TDMS)",
     "mujoco": "robot models",
     "fmu": "running exported FMUs",
     "record": "serial port and I2C of pretouch record",

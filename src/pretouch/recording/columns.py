@@ -11,13 +11,14 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.tables.cells import TextTable
+from pretouch.tables.documents import DOCUMENTS
 from pretouch.tables.names import is_named, split_title
 from pretouch.tables.text_table import read_table
 from pretouch.tables.times import read_times
 
 LINE = "line as received"
 """Header of the column with the lines of a recording at the bench as they came."""
-_TABLES = frozenset({".csv", ".tsv", ".txt", ".log", ".dat", ".json", ".jsonl", ".ndjson", ".lvm"})
+_TABLES = frozenset({".csv", ".tsv", ".txt", ".log", ".dat", ".json", ".jsonl", ".ndjson", ".lvm"}) | DOCUMENTS
 
 
 class RecordedColumn(NamedTuple):
@@ -34,7 +35,7 @@ class RecordedColumn(NamedTuple):
 
 
 def is_table(path: Path) -> bool:
-    """Return True if the file is a table of text.
+    """Return True if the file is a table: text, or a document such as a spreadsheet.
 
     Only the ending of the file name counts.
 

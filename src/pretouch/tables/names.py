@@ -63,7 +63,7 @@ _INNER = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]")
 _INDEX = re.compile(r"[-+]?\d+")
 _IN_UNIT = re.compile(r"(.*\S)\s+in\s+(\S.*)", re.IGNORECASE)
 _PER_UNIT = re.compile(r"(.*\S)\s+/\s+(\S+)|([^\W\d_]+)/(\S+)")
-_LAST_WORD = re.compile(r"(.*?[^\s_,:.-])[\s_,:.-]+(\S+)")
+_LAST_WORD = re.compile(r"(.*[^\s_,:.-])[\s_,:.-]+([^\s_,:.-]+\.?)")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _PATH = re.compile(r"(?=.*[^\W\d_])[\w ./%\[\]]*[./][\w ]+")  # a field of an exported topic, such as field.header.stamp
 _LONGEST = 200  # characters of a header

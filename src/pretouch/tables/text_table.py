@@ -20,6 +20,7 @@ from .cell_forms import plain_columns
 from .cells import TextTable, is_missing, is_number, is_row, quoted
 from .column_options import ColumnOptions, columns_hint
 from .dialect import BLANK, BRACKETED, cells_of, delimiter_of_header, delimiter_of_row
+from .documents import export_for, text_of_document
 from .line_forms import form_lines
 from .names import is_length, is_named, is_unit, names_a_distance
 
@@ -44,7 +45,7 @@ _NO_OBJECT = re.compile("no object", re.IGNORECASE)  # two words, one cell
 def read_table(
     path: str | os.PathLike[str], options: ColumnOptions | None = None, *, is_recording: bool = False
 ) -> TextTable:
-    """Read a text table such as a CSV file.
+    """Read a table: text such as CSV, or a document such as a spreadsheet.
 
     Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. An error is raised for
     unreadable or too large files, and for files without a table. Rows with another number of cells are an error in a
@@ -58,7 +59,8 @@ def read_table(
         content = read_regular_file(path, most=_MOST_BYTES, refuse=_refusal)
     except OSError as error:
         raise _refusal(f"{path}: cannot be read ({error.strerror or error})") from None
-    text, encoding = _decode(content, path.name)
+    document = text_of_document(path.name, content)
+    text, encoding = _decode(content, path.name) if document is None else (document, path.suffix.lower()[1:])
     digest = hashlib.sha256(content).hexdigest()
     del content  # to save memory with large files
     numbers: Sequence[int]
@@ -196,7 +198,9 @@ def _decode(content: bytes, file: str) -> tuple[str, str]:
     """Decode the bytes of a text file. Also return the name of the encoding."""
     marked = content.startswith((b"\xff\xfe", b"\xfe\xff"))
     if b"\0" in content and not marked:
-        raise _refusal(f"{file}: the file contains binary data, but a calibration must be a text table such as CSV")
+        raise _refusal(
+            f"{file}: the file contains binary data, but must be a table of text such as CSV; {export_for(file)}"
+        )
     for encoding in ("utf-16",) if marked else ("utf-8-sig", "cp1252", "latin-1"):
         with suppress(UnicodeDecodeError):
             return content.decode(encoding), encoding

@@ -97,7 +97,7 @@ def test_an_unverified_export_says_what_nobody_knows(gain: float, count: int, tm
 def test_a_number_that_no_law_can_have_is_not_exported(tmp_path: Path) -> None:
     drag = pt.load_scenario(LOOP.with_name("drag.toml"))
     for task in (pt.load_scenario(LOOP).replace(gain=float("nan")), drag.replace(gain=-0.01)):
-        with pytest.raises(InvalidInputError, match=r"must be finite|must not be negative"):
+        with pytest.raises(InvalidInputError):
             export(task, tmp_path / "law", verify=False, toward_object=True)
     assert not list(tmp_path.iterdir())
 
@@ -160,7 +160,7 @@ def test_a_mistake_is_one_sentence_and_writes_nothing(words: list[str], told: st
 def test_an_earlier_export_is_replaced_only_on_demand_and_only_unchanged(tmp_path: Path) -> None:
     target = tmp_path / "law"
     write_folder(target, {"law.c": b"old", "a/b.c": b"old"})
-    with pytest.raises(OutputExistsError, match="already exists"):
+    with refused(str(target), error=OutputExistsError, remedy="--force"):
         write_folder(target, {"law.c": b"new"})
     (target / "build").mkdir()
     (target / "build/test_law").write_bytes(b"compiled")
@@ -182,7 +182,7 @@ def test_an_export_that_cannot_be_finished_leaves_nothing(tmp_path: Path, monkey
         return written(path, content)
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(OutputError, match="No space left"):
+    with refused(error=OutputError, value="No space left on device"):
         write_folder(tmp_path / "law", {"first": b"1", "second": b"2"})
     assert not list(tmp_path.iterdir())
 

@@ -39,6 +39,7 @@ from pretouch.motion import Admittance, Obstacle, Plant, Scenario
 from pretouch.report import plots, report_html, write_report
 from pretouch.report.style import log_ticks, scale_for
 from pretouch.sensors import ExponentialFirstOrder, InversePower, Recessed
+from refusals import refused
 from scenario_text import ENCOUNTER
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -297,7 +298,7 @@ def test_reports_repeat_and_recognize_themselves(letter: GainDesign, tmp_path: P
 def test_reports_do_not_overwrite_unasked(usable: CalibrationReport, tmp_path: Path) -> None:
     path = tmp_path / "fit.html"
     path.write_text("mine", encoding="utf-8")
-    with pytest.raises(OutputExistsError, match=r"fit\.html"):
+    with refused(str(tmp_path / "fit.html"), error=OutputExistsError, remedy="--force"):
         write_report(usable, path)
     assert path.read_text(encoding="utf-8") == "mine"
     write_report(usable, path, overwrite=True)

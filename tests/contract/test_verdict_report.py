@@ -14,6 +14,7 @@ from pretouch._core.errors import OutputExistsError
 from pretouch._core.files import is_own_unchanged
 from pretouch.report import report_html, write_report
 from pretouch.uncertainty.ensemble import share_in_words
+from refusals import refused
 from verdict_cases import CASES, DRAWERS, STATUS, case, drawn
 from verification_samples import loop_of, verdict
 
@@ -186,7 +187,7 @@ def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
     assert path.read_text(encoding="utf-8") == page
     assert is_own_unchanged(path)
     (tmp_path / "mine.html").write_text("mine", encoding="utf-8")
-    with pytest.raises(OutputExistsError, match=r"mine\.html"):
+    with refused(str(tmp_path / "mine.html"), error=OutputExistsError, remedy="--force"):
         write_report(made, tmp_path / "mine.html")
 
 

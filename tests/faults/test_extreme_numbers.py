@@ -14,6 +14,7 @@ import pretouch as pt
 from pretouch.designs import excursion_objective
 from pretouch.motion import ContactStatus, CustomLaw, LawNumber, Reference
 from pretouch.sensors import SensorModel
+from refusals import refused
 
 SENSORS: dict[str, SensorModel] = {
     "inverse-power": pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
@@ -87,10 +88,10 @@ def test_custom_laws_need_few_evaluations(extreme: tuple[str, str, float]) -> No
 
 @pytest.mark.parametrize("value", [1e30, 1e200])
 def test_a_distance_lost_to_rounding_is_refused_by_the_value(value: float) -> None:
-    for name, unit in (("position", "m"), ("velocity", "m/s")):
+    for name in ("position", "velocity"):
         scenario = replace(SCENARIO, reference=Reference(**{name: value}))
         for law, number in (("virtual-damper", -0.7), ("virtual-drag", 0.01)):
-            with pytest.raises(pt.errors.InvalidInputError, match=f"reference {name}: found .* {unit},"):
+            with refused(f"reference {name}"):
                 pt.find_contact(scenario, SENSORS["inverse-power"], number, law=law)
 
 

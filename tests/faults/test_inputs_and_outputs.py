@@ -16,6 +16,7 @@ from pretouch._core.errors import OutputError
 from pretouch._core.files import is_own_unchanged, write_text
 from pretouch.cli import main
 from pretouch.report import write_report
+from refusals import refused
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 VERBS = {
@@ -163,7 +164,7 @@ def test_nor_by_a_sweep_its_figure_or_python(run: Any, folder: Path) -> None:
     task = pt.load_scenario("fingertip.toml")
     design = pt.design(task)
     for path in ("sensor.png", "fingertip.toml"):
-        with pytest.raises(pt.errors.OutputExistsError, match="the output would overwrite the input file "):
+        with refused(path, error=pt.errors.OutputExistsError, remedy="--output"):
             write_report(design, path, source=task.source, overwrite=True)
     assert Path("sensor.png").read_bytes() == before
     assert Path("fingertip.toml").read_text(encoding="utf-8") == text

@@ -163,11 +163,7 @@ def test_a_library_that_is_not_installed_is_named_with_what_installs_it(
 
     monkeypatch.setattr(sys, "meta_path", [Hidden(), *sys.meta_path])
     extra = "dask" if library == "distributed" else "sweep"
-    with pytest.raises(
-        MissingExtraError,
-        match=rf"{library}: this Python library is required, but it is not installed; "
-        rf"install it with: pip install 'pretouch\[{extra}\]'",
-    ):
+    with refused(library, error=MissingExtraError, remedy=f"pip install 'pretouch[{extra}]'"):
         pt.sweep(
             pt.Task(SCENARIO, CURVED),
             {"gain": [-0.5]},

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from control_samples import controller
 from plain_law.motion import limit_motion
-from pretouch._core.errors import InvalidInputError
 from pretouch.control import Limits, Sample
 from pretouch.control.components import NO_LIMIT, stopping_distance
 from pretouch.control.structures import MotionLimits
 from properties import examples
+from refusals import refused
 
 limits = st.builds(
     MotionLimits,
@@ -92,7 +92,7 @@ def test_nothing_winds_up_behind_a_limit() -> None:
 @pytest.mark.parametrize("name", ["force", "speed", "acceleration", "excursion"])
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, 2 * NO_LIMIT])
 def test_a_limit_that_is_none_is_refused(name: str, value: float) -> None:
-    with pytest.raises(InvalidInputError, match=f"largest {name}"):
+    with refused(f"largest {name}"):
         Limits(**{name: value})
 
 
@@ -100,6 +100,5 @@ def test_a_start_from_which_limits_cannot_be_held_is_refused() -> None:
     made = controller(limits=Limits(excursion=0.1, speed=1.0, acceleration=5.0))
     made.start(position=0.09, velocity=0.3)  # 9 mm to rest
     for position, velocity in ((0.2, 0.0), (0.0, 1.5), (0.09, 0.4)):
-        words = rf"cannot stay within its limits from the position {position:g} m .*velocity {velocity:g} m/s\."
-        with pytest.raises(InvalidInputError, match=words):
+        with refused("start"):
             made.start(position=position, velocity=velocity)

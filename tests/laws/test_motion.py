@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from encounters import CURVES, KINDS, random_encounters
-from pretouch._core.errors import InvalidInputError, ResultUnavailableError
+from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.fields import declared
 from pretouch.designs.later_contact import never_touches
 from pretouch.motion import (
@@ -415,12 +415,12 @@ def test_an_encounter_that_makes_no_sense_is_refused(make: object, fields: dict[
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"gain": np.inf}, "gain: found inf"),
+        ({"gain": np.inf}, "gain"),
         ({"gain": [[1.0], [2.0]], "velocity": [-0.1, -0.2, -0.3], "shape": True}, None),
-        ({"method": "euler"}, "method: found 'euler'"),
-        ({"method": "closed-form"}, "needs a sensor curve of constant slope"),
-        ({"horizon": 0.0}, "horizon: found 0 s"),
-        ({"position": 0.2}, "valid only from 0 m to 0.1 m"),
+        ({"method": "euler"}, "method"),
+        ({"method": "closed-form"}, "method"),
+        ({"horizon": 0.0}, "horizon"),
+        ({"position": 0.2}, "obstacle position"),
     ],
 )
 def test_a_solve_that_makes_no_sense_is_refused(change: dict, message: str | None) -> None:
@@ -433,7 +433,7 @@ def test_a_solve_that_makes_no_sense_is_refused(change: dict, message: str | Non
     if message is None:
         assert np.shape(find_contact(scenario, sensor, change["gain"]).status) == (2, 3)
         return
-    with pytest.raises(InvalidInputError, match=message):
+    with refused(message):
         find_contact(scenario, sensor, change.get("gain", -1.0), **options)
 
 

@@ -15,7 +15,7 @@ from hypothesis import Phase, assume, given
 from hypothesis import strategies as st
 from scipy.special import erfcx
 
-from pretouch._core.errors import InvalidInputError, OutOfRangeError
+from pretouch._core.errors import OutOfRangeError
 from pretouch._core.units import parse_unit
 from pretouch.motion.curve import curve_pieces
 from pretouch.sensors import (
@@ -294,13 +294,11 @@ class TestSecondOrder:
         assert TABLE_I.turning_point == pytest.approx(0.07806, abs=5e-6)  # as printed: four digits
         assert TABLE_I.valid_range == (0.0, TABLE_I.turning_point)
         assert TABLE_I.log_slope(TABLE_I.turning_point) == pytest.approx(0.0, abs=74 * 2 * EPS)
-        with pytest.raises(OutOfRangeError, match=r"0\.0781 m, but .* valid only from 0 m to 0\.0780591 m"):
+        with refused("distance", error=OutOfRangeError, value=0.0781, limit=(0.0, 0.0780591)):
             TABLE_I.log_slope(0.0781)
 
     def test_a_range_behind_the_turning_point_is_refused(self) -> None:
-        with pytest.raises(
-            InvalidInputError, match=r"found 0\.08 m, expected less than 0\.0780591 m, the turning point of the curve"
-        ):
+        with refused("minimum_distance", value=0.08, limit=0.0780591):
             replace(TABLE_I, minimum_distance=0.08)
 
     def test_a_range_that_ends_before_the_turning_point_is_kept(self) -> None:
@@ -416,17 +414,17 @@ class TestMittagLeffler:
             assert ((-1) ** n * np.diff(value, n) > 0).all()
 
     @pytest.mark.parametrize(
-        ("order", "argument", "message"),
+        ("order", "argument", "name"),
         [
-            (0.0, -1.0, "order: found 0, which must lie in"),
-            (1.1, -1.0, "order: found 1.1, which must lie in"),
-            (np.nan, -1.0, "order: found nan"),
-            (0.5, 1.0, "argument: found 1, but this function is defined only for 0 and negative numbers"),
-            (0.5, [-1.0, np.nan], "argument: found nan"),
+            (0.0, -1.0, "order"),
+            (1.1, -1.0, "order"),
+            (np.nan, -1.0, "order"),
+            (0.5, 1.0, "argument"),
+            (0.5, [-1.0, np.nan], "argument"),
         ],
     )
-    def test_what_it_is_not_defined_for_is_refused(self, order: float, argument: object, message: str) -> None:
-        with pytest.raises(InvalidInputError, match=message):
+    def test_what_it_is_not_defined_for_is_refused(self, order: float, argument: object, name: str) -> None:
+        with refused(name):
             mittag_leffler(order, np.array(argument))
 
 
@@ -448,13 +446,11 @@ class TestRecessed:
         assert bare.log_slope(0.03) == TABLE_I.log_slope(0.03)
 
     def test_a_recess_beyond_the_end_of_the_curve_is_refused(self) -> None:
-        with pytest.raises(
-            InvalidInputError, match=r"recess: found 0\.1 m, expected less than .* m\. The .* curve of the sensor ends"
-        ):
+        with refused("recess", value=0.1, limit=TABLE_I.turning_point):
             Recessed(sensor=TABLE_I, recess=0.1)
 
     def test_something_else_than_a_curve_is_refused(self) -> None:
-        with pytest.raises(InvalidInputError, match="sensor: found 5, expected a sensor curve"):
+        with refused("sensor", value=5):
             Recessed(sensor=5, recess=0.1)  # type: ignore[arg-type]
 
 
@@ -495,41 +491,41 @@ class TestTable:
         np.testing.assert_allclose(table.log_slope(between), -61.0, rtol=64 * EPS * 5 / 0.61)
 
     @pytest.mark.parametrize(
-        ("distances", "outputs", "message"),
+        ("distances", "outputs", "argument"),
         [
             (
                 (0.0, 0.02, 0.01),
                 (3.0, 2.0, 1.0),
-                "distances: found the value 0.02 followed by the value 0.01, expected strictly increasing values",
+                "distances",
             ),
             (
                 (0.0, 0.01, 0.01),
                 (3.0, 2.0, 1.0),
-                "distances: found the value 0.01 followed by the value 0.01, expected strictly increasing values",
+                "distances",
             ),
             (
                 (0.0, 0.01, 0.02),
                 (3.0, 1.0, 2.0),
-                "outputs: found the value 1 followed by the value 2, expected strictly decreasing values",
+                "outputs",
             ),
             (
                 (0.0, 0.01, 0.02),
                 (3.0, 2.0, 2.0),
-                "outputs: found the value 2 followed by the value 2, .* smooth the table or fit a curve first",
+                "outputs",
             ),
-            ((0.0, 0.01), (1.0, 0.0), "outputs: found 0, which must be positive"),
-            ((0.0, 0.01), (1.0, -1.0), "outputs: found -1, which must be positive"),
-            ((0.0, np.nan), (2.0, 1.0), "distances: found nan m, which must be finite"),
-            ((0.0, 0.01), (2.0, np.inf), "outputs: found inf, which must be finite"),
-            ((0.0, 0.01, 0.02), (2.0, 1.0), "outputs: found 2 values for 3 distances"),
-            ((0.0,), (2.0,), "distances: found .* expected a list of two or more numbers"),
-            (0.0, 2.0, "distances: found .* expected a list of two or more numbers"),
-            (((0.0, 0.01), (0.02, 0.03)), (2.0, 1.0), "(?s)distances: found .* expected a list of two or more numbers"),
-            (("a", "b"), (2.0, 1.0), "distances: found .* expected a number in m"),
+            ((0.0, 0.01), (1.0, 0.0), "outputs"),
+            ((0.0, 0.01), (1.0, -1.0), "outputs"),
+            ((0.0, np.nan), (2.0, 1.0), "distances"),
+            ((0.0, 0.01), (2.0, np.inf), "outputs"),
+            ((0.0, 0.01, 0.02), (2.0, 1.0), "outputs"),
+            ((0.0,), (2.0,), "distances"),
+            (0.0, 2.0, "distances"),
+            (((0.0, 0.01), (0.02, 0.03)), (2.0, 1.0), "distances"),
+            (("a", "b"), (2.0, 1.0), "distances"),
         ],
     )
-    def test_what_is_no_falling_curve_is_refused(self, distances: object, outputs: object, message: str) -> None:
-        with pytest.raises(InvalidInputError, match=message):
+    def test_what_is_no_falling_curve_is_refused(self, distances: object, outputs: object, argument: str) -> None:
+        with refused(argument):
             Table(distances=distances, outputs=outputs)  # type: ignore[arg-type]
 
 

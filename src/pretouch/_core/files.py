@@ -50,7 +50,7 @@ def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callab
     with open(path, "rb") as stream:
         content = stream.read(most + 1)
     if len(content) > most:
-        raise refuse(f"{path}: this file is too large; the largest allowed size is {most / 1e6:,.0f} MB")
+        raise refuse(f"{path}: this file is too large; the largest allowed size is {most / 1e6:,.0f} MB", limit=most)
     return content
 
 

@@ -50,7 +50,8 @@ def write_folder(
             path.write_bytes(content)
         _move(temporary, target)
     except OSError as error:
-        raise OutputError(f"{target}: the folder cannot be written ({error.strerror or error})") from None
+        reason = error.strerror
+        raise OutputError(f"{target}: the folder cannot be written ({reason or error})", value=reason) from None
     finally:
         remove_tree(temporary)
     return tuple(target / name for name in files)

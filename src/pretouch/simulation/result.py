@@ -114,7 +114,9 @@ def _refuse(span: float, step: float, name: str, what: str) -> None:
         raise InvalidInputError(
             f"{name}: found a simulated time of {_time(span)}, expected at most {_time(_MOST_STEPS * step)}. "
             f"This time takes {span / step:.3g} steps of {what}. At most {_MOST_STEPS:,} steps are allowed. "
-            "Reduce the simulated time to the longest possible duration of an encounter"
+            "Reduce the simulated time to the longest possible duration of an encounter",
+            value=span,
+            limit=_MOST_STEPS * step,
         )
 
 

@@ -125,7 +125,8 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
     except OSError as error:
         raise OutputError(
             f"{path}: the file cannot be written ({error.strerror or error}). The computed results are kept. To finish "
-            "the sweep, run the same command again"
+            "the sweep, run the same command again",
+            value=error.strerror,
         ) from None
     finally:
         temporary.unlink(missing_ok=True)

@@ -228,7 +228,8 @@ class ZarrStore(Store):
         except OSError as error:
             raise OutputError(
                 f"{self.path}: the folder cannot be written ({error.strerror or error}). Finished results are kept. To "
-                "finish the sweep, run the same command again"
+                "finish the sweep, run the same command again",
+                value=error.strerror,
             ) from None
 
     @classmethod
@@ -285,7 +286,9 @@ class ZarrStore(Store):
             temporary.rename(target)
         except OSError as error:
             if not target.exists():
-                raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from None
+                raise OutputError(
+                    f"{path}: cannot be written ({error.strerror or error})", value=error.strerror
+                ) from None
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
         return cls(path, plan)

@@ -14,9 +14,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from figure_checks import assert_legible, visible_texts
-from pretouch._core.errors import InvalidInputError
 from pretouch.report import Curve, Map, Mark, Panel, Span, panel_figure
 from pretouch.report.style import CURVES, MARKERS
+from refusals import refused
 
 X = np.linspace(0.0, 10.0, 200)
 LONG = (
@@ -303,82 +303,88 @@ def test_every_contour_line_with_room_carries_its_number() -> None:
     assert sorted(map(float, texts)) == [1.5, 3.0, 4.5, 6.0, 7.5, 9.0]  # upright lines, as far apart as can be
 
 
-WRONG: dict[str, tuple[Callable[[], object], str]] = {
+WRONG: dict[str, tuple[Callable[[], object], dict[str, Any]]] = {
     "no unit": (
         lambda: panel(line(), x_label="time"),
-        r"^x_label: found the text 'time', expected a text with a unit in brackets",
+        {"argument": "x_label"},
     ),
     "lengths": (
         lambda: line(x=[0, 1], y=[1], label="a"),
-        r"^curve 'a': found 2 values of x, 1 values of y, expected the same number of values",
+        {"argument": "curve 'a'"},
     ),
-    "length of low": (lambda: line(low=[1], high=[1]), r"200 values of y, 1 values of low"),
-    "no values": (lambda: line(x=[], y=[]), r"curve: x: found "),
-    "all missing": (lambda: line(y=np.full(200, np.nan)), r"this curve has no point with finite numbers x and y"),
-    "infinite": (lambda: line(x=[0, 1], y=[0, np.inf]), r"the value at index 1 is inf"),
-    "words": (lambda: line(x=["a"], y=[0]), r"expected a list of numbers"),
-    "different shapes": (lambda: line(x=[1, 2], y=[[1, 2], [1]]), r"found values of different shapes, expected a list"),
-    "two rows": (lambda: line(x=[[0, 1]], y=[0, 1]), r"of shape \(1, 2\), expected a list"),
-    "kind": (lambda: line(kind="dots"), r"kind: found 'dots', expected one of line, points, both"),
-    "style": (lambda: line(style=5), r"found the style 5, expected an index"),
-    "low alone": (lambda: line(low=X), r"the argument low is given without the argument high; give both"),
-    "high alone": (lambda: line(high=X), r"the argument high is given without the argument low; give both"),
-    "low above": (lambda: line(low=X + 1, high=X), r"low = 1 above high = 0 at index 0"),
-    "mark": (lambda: Mark(x=np.nan, y=0.0, label="m"), r"^mark 'm': x: found nan"),
-    "mark of two": (lambda: Mark(x=[0.0, 1.0], y=0.0), r"shape \(2,\), expected a single number"),
-    "shape": (lambda: Mark(x=0.0, y=0.0, shape="star"), r"found 'star', expected one of dot, ring, square"),
-    "log x": (lambda: panel(line(label="a"), x_log=True), r"^curve 'a': x: found 0, but a logarithmic axis"),
-    "log level": (lambda: panel(line(), y_log=True, levels={"z": -1}), r"^levels: z: found -1, but a logarithmic axis"),
-    "log limits": (lambda: panel(line(), y_log=True, y_limits=(0, 1)), r"^y_limits: found 0, but a logarithmic axis"),
-    "limits": (lambda: panel(line(), x_limits=(1, 0)), r"^x_limits: found \(1, 0\)"),
-    "mark outside": (lambda: panel(line(), marks=[Mark(x=20, y=0)], x_limits=(0, 1)), r"^mark: x: .* outside x_limits"),
+    "length of low": (lambda: line(low=[1], high=[1]), {"argument": "curve"}),
+    "no values": (lambda: line(x=[], y=[]), {"argument": "curve"}),
+    "all missing": (lambda: line(y=np.full(200, np.nan)), {"argument": "curve"}),
+    "infinite": (lambda: line(x=[0, 1], y=[0, np.inf]), {"argument": "curve"}),
+    "words": (lambda: line(x=["a"], y=[0]), {"argument": "curve"}),
+    "different shapes": (lambda: line(x=[1, 2], y=[[1, 2], [1]]), {"argument": "curve"}),
+    "two rows": (lambda: line(x=[[0, 1]], y=[0, 1]), {"argument": "curve"}),
+    "kind": (lambda: line(kind="dots"), {"argument": "curve", "value": "dots", "limit": ("line", "points", "both")}),
+    "style": (lambda: line(style=5), {"argument": "curve", "value": 5}),
+    "low alone": (lambda: line(low=X), {"argument": "curve"}),
+    "high alone": (lambda: line(high=X), {"argument": "curve"}),
+    "low above": (lambda: line(low=X + 1, high=X), {"argument": "curve", "value": (1.0, 0.0)}),
+    "mark": (lambda: Mark(x=np.nan, y=0.0, label="m"), {"argument": "mark 'm'"}),
+    "mark of two": (lambda: Mark(x=[0.0, 1.0], y=0.0), {"argument": "mark"}),
+    "shape": (
+        lambda: Mark(x=0.0, y=0.0, shape="star"),
+        {"argument": "mark", "value": "star", "limit": ("dot", "ring", "square")},
+    ),
+    "log x": (lambda: panel(line(label="a"), x_log=True), {"argument": "curve 'a'"}),
+    "log level": (lambda: panel(line(), y_log=True, levels={"z": -1}), {"argument": "levels"}),
+    "log limits": (lambda: panel(line(), y_log=True, y_limits=(0, 1)), {"argument": "y_limits"}),
+    "limits": (lambda: panel(line(), x_limits=(1, 0)), {"argument": "x_limits", "value": (1, 0)}),
+    "mark outside": (lambda: panel(line(), marks=[Mark(x=20, y=0)], x_limits=(0, 1)), {"argument": "mark"}),
     "span outside": (
         lambda: panel(line(), spans=[Span(start=20, end=30)], x_limits=(0, 1)),
-        r"^span: .* outside x_lim",
+        {"argument": "span"},
     ),
-    "span reversed": (lambda: Span(start=2, end=1, label="a"), r"^span 'a': found \(2, 1\), expected two numbers"),
-    "span kind": (lambda: Span(start=1, end=2, kind="red"), r"^span: kind: found 'red', expected one of blocked"),
-    "log span": (lambda: panel(line(x=X + 1), x_log=True, spans=[Span(start=0, end=2)]), r"^span: found 0, but a log"),
+    "span reversed": (lambda: Span(start=2, end=1, label="a"), {"argument": "span 'a'", "value": (2, 1)}),
+    "span kind": (
+        lambda: Span(start=1, end=2, kind="red"),
+        {"argument": "span", "value": "red", "limit": ("blocked", "missing", "used")},
+    ),
+    "log span": (lambda: panel(line(x=X + 1), x_log=True, spans=[Span(start=0, end=2)]), {"argument": "span"}),
     "curve outside": (
         lambda: panel(line(label="a"), y_limits=(5, 6)),
-        r"^curve 'a': y: all values lie outside y_limits; .* The values range from",
+        {"argument": "curve 'a'"},
     ),
-    "no curves": (panel, r"^curves: found none"),
-    "one curve": (lambda: panel(curves=line()), r"^curves: found a single Curve, expected a list"),
-    "no curve": (lambda: panel(curves=[X]), r"^curves: found ndarray, expected Curve"),
+    "no curves": (panel, {"argument": "curves"}),
+    "one curve": (lambda: panel(curves=line()), {"argument": "curves"}),
+    "no curve": (lambda: panel(curves=[X]), {"argument": "curves"}),
     "six": (
         lambda: panel(*[line()] * 6),
-        r"^curves: found 6 curves in one panel, but there are only 5 line styles\. Use quiet=True",
+        {"argument": "curves"},
     ),
     "map without unit": (
         lambda: panel(map=Map(x=[0, 1], y=[0, 1], values=np.eye(2)), title="height"),
-        r"^title: found the text 'height', expected a text with a unit in brackets",
+        {"argument": "title"},
     ),
-    "map of a row": (lambda: Map(x=[0, 1], y=[0], values=[[0, 1]]), r"^map: values: found .* with 2 finite values"),
+    "map of a row": (lambda: Map(x=[0, 1], y=[0], values=[[0, 1]]), {"argument": "map"}),
     "map turned": (
         lambda: Map(x=[0, 1], y=[0, 1, 2], values=np.ones((2, 3))),
-        r"found .* of shape \(2, 3\) with 6 finite values, expected the shape \(3, 2\).*one row for each y",
+        {"argument": "map"},
     ),
     "map of nothing": (
         lambda: Map(x=[0, 1], y=[0, 1], values=np.full((2, 2), np.nan)),
-        r"found .* with 0 finite values",
+        {"argument": "map"},
     ),
     "map on log": (
         lambda: panel(map=Map(x=[0, 1], y=[0, 1], values=np.eye(2)), title="h [m]", x_log=True),
-        r"^map: x: found 0, but a logarithmic axis",
+        {"argument": "map"},
     ),
-    "no panels": (panel_figure, r"^panels: found none"),
-    "columns": (lambda: panel_figure(tiny(), columns=0), r"^columns: found 0"),
+    "no panels": (panel_figure, {"argument": "panels"}),
+    "columns": (lambda: panel_figure(tiny(), columns=0), {"argument": "columns", "value": 0}),
     "height": (
         lambda: panel_figure(tiny(), height=0.2),
-        r"^height: found a row height of 0.2 inch, but .* at least 1 inch",
+        {"argument": "height", "value": 0.2},
     ),
 }
 
 
 @pytest.mark.parametrize("case", WRONG)
 def test_what_makes_no_sense_is_said_in_one_line(case: str) -> None:
-    make, message = WRONG[case]
-    with pytest.raises(InvalidInputError, match=message) as caught:
+    make, fields = WRONG[case]
+    with refused(**fields) as caught:
         make()
     assert "\n" not in str(caught.value)

@@ -13,9 +13,12 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from command_text import as_in_a_terminal, in_this_process
 
+import pretouch
 from loop_text import LOOPED
 from scenario_text import ADMITTANCE, SENSOR, STILL, WHOLE
 
@@ -29,7 +32,7 @@ SCENARIOS = {"whole.toml": WHOLE, "looped.toml": LOOPED, "alone.toml": SENSOR + 
 """Scenario files that are written next to the examples for a snapshot: complete, with a loop, and without a design."""
 
 _FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-_STEP = re.compile(r"^\$ (.+)\n((?:(?!\$ |```).*\n)*)", re.MULTILINE)
+_STEP = re.compile(r"^(?:\$|>>>) (.+)\n((?:(?!\$ |>>> |```).*\n)*)", re.MULTILINE)
 _BLOCK = re.compile(r"^```console\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _MASK = re.compile(r"(\d[\d.]*?)\.\.\.")
 
@@ -101,18 +104,33 @@ def run_snapshot(snapshot: Path, folder: Path) -> Iterator[tuple[Step, str]]:
     shutil.copytree(ROOT / "examples", folder, dirs_exist_ok=True)
     for name, text in SCENARIOS.items():
         (folder / name).write_text(text, encoding="utf-8")
-    for step in steps_of(snapshot.read_text(encoding="utf-8")):
-        edit, pretouch, words = step.command.rpartition("pretouch ")
-        if not pretouch:
+    names: dict[str, Any] = {"pt": pretouch, "np": np}
+    text = snapshot.read_text(encoding="utf-8")
+    for step in steps_of(text):
+        if text[: step.start].splitlines()[-1].startswith(">>> "):
+            yield step, _in_python(step.command, folder, names)
+            continue
+        edit, called, words = step.command.rpartition("pretouch ")
+        if not called:
             edit, words = words, ""
         status, printed = 0, ""
         if edit:
             status, printed = _in_a_shell(edit.removesuffix("&& "), folder)
-        if pretouch and not status:
+        if called and not status:
             line, _, given = words.partition(" < ")
             more = {"stdin": folder / given} if given else {}
             status, printed = as_in_a_terminal(*shlex.split(line), folder=folder, **more)
         yield step, printed + (f"exit status {status}\n" if status else "")
+
+
+def _in_python(line: str, folder: Path, names: dict[str, Any]) -> str:
+    """Run a line of Python, and return the value or the error that Python shows."""
+    with contextlib.chdir(folder):
+        try:
+            value = eval(line, names) if " = " not in line.partition("(")[0] else exec(line, names)  # noqa: S307, S102 - our own page
+        except (pretouch.errors.PretouchError, TypeError) as error:
+            return f"{type(error).__name__}: {error}\n"
+    return "" if value is None else f"{value!r}\n"
 
 
 def _in_a_shell(line: str, folder: Path) -> tuple[int, str]:

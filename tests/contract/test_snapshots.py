@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from sessions import SNAPSHOTS, prints_the_same, renewed, run_snapshot
 
-NEEDED = {"project": "mujoco", "sweep": "xarray", "replay": "mcap"}
+NEEDED = {"project": "mujoco", "sweep": "xarray", "python": "xarray", "replay": "mcap"}
 """Libraries of extras, by the command that needs them."""
 
 VERBS = sorted(path.stem for path in SNAPSHOTS.glob("*.md"))

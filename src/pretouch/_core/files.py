@@ -28,7 +28,7 @@ _LEFTOVER: Final = re.compile(r"\.[0-9a-f]{12}\.tmp")
 _ABANDONED: Final = 3600.0  # s without a change, after which a temporary file is considered abandoned
 
 
-def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callable[[str], InvalidInputError]) -> bytes:
+def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callable[..., InvalidInputError]) -> bytes:
     """Read a regular file of limited size.
 
     Devices and pipes are refused, because reading them may never end.

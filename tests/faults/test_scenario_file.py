@@ -71,7 +71,7 @@ VALUES = [
     ('"1 kg"', '"1 kg\x85\u2028\x9b2J"', "mass", "admittance.mass"),
     ('"1 kg"', '""', "mass", "admittance.mass"),
     ('"25 N/m"', '"25 furlong"', "stiffness", "admittance.stiffness"),
-    ('"-0.3 m/s"', '"-0,3 m/s"', "velocity", "obstacle.velocity"),
+    ('"-0.3 m/s"', '"-1,250 m/s"', "velocity", "obstacle.velocity"),
     ("exponent = 3.32", "exponent = -3.32", "exponent", "sensor.exponent"),
     ("exponent = 3.32", 'exponent = "3.32 m"', "exponent", "sensor.exponent"),
     ("1.30e-5", '"1 kg"', "scale", "sensor.scale"),

@@ -227,7 +227,7 @@ def _reason(value: Any) -> str:
     if not isinstance(value, str):
         return ""
     if re.search(r"\d,\d", value):
-        return " (with a decimal point instead of the comma)"
+        return " (with a decimal point, and no separator of thousands)"
     match = re.fullmatch(rf"\s*{_NUMBER}\s*(\S.*?)\s*", value, re.DOTALL)
     if match is None:
         return ""

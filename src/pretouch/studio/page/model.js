@@ -131,7 +131,7 @@ export function readByRule(text, { key, unit }) {
     try {
         value = parseQuantity(text, unit);
     } catch {
-        refuse(expectedValue(key) + (/\d,\d/.test(text) ? " (with a decimal point instead of the comma)" : ""));
+        refuse(expectedValue(key) + (/\d,\d/.test(text) ? " (with a decimal point, and no separator of thousands)" : ""));
     }
     if (bare && Math.abs(value) > largestBare) {
         refuse(`expected a quantity with its unit. Without a unit, the number means ${value} ${unit}, which is implausibly large. Did you mean "${value} m${unit}"? Otherwise write "${value} ${unit}"`);

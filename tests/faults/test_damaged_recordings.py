@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sqlite3
 import sys
@@ -117,15 +118,32 @@ def test_a_truncated_mcap_file_keeps_its_beginning(recorded, tmp_path, chunks):
             read_recording(file, "/j")
 
 
-def test_a_damaged_chunk_ends_the_recording(recorded, tmp_path):
+def test_a_damaged_chunk_is_left_out(recorded, tmp_path):
+    """Its checksum is wrong; the chunks before and after it are read."""
     rows = [(i, {"v": i}) for i in range(3000)]
     file = recorded.write_json_mcap(tmp_path / "x.mcap", {"/j": rows}, chunk_size=4096)
     content = bytearray(file.read_bytes())
-    content[len(content) // 2] ^= 0xFF
+    third = [match.start() for match in re.finditer(rb"\x28\xb5\x2f\xfd", content)][2]  # the start of compressed data
+    content[third + 100] ^= 0xFF
     file.write_bytes(bytes(content))
     recording = read_recording(file, "/j")
+    assert np.all(np.diff(recording.values) > 0)
+    assert recording.values[[0, -1]].tolist() == [0, 2999]
+    assert 2700 < len(recording.values) < 3000
+    assert "damaged" in recording.notes[0]
+
+
+def test_the_last_chunk_of_a_recorder_that_lost_its_power_is_read(recorded, tmp_path):
+    """A single chunk without compression and without its end: no index, no footer, no checksum to compare."""
+    from mcap.writer import CompressionType
+
+    rows = [(i, {"v": i}) for i in range(3000)]
+    file = recorded.write_json_mcap(tmp_path / "x.mcap", {"/j": rows}, compression=CompressionType.NONE)
+    file.write_bytes(file.read_bytes()[:60_000])
+    recording = read_recording(file, "/j")
     assert recording.values.tolist() == list(range(len(recording.values)))
-    assert len(recording.values) == 3000 or "damaged" in recording.notes[0]
+    assert len(recording.values) > 1000
+    assert "truncated" in recording.notes[0]
 
 
 @pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])
@@ -155,6 +173,41 @@ def test_a_receive_time_that_is_impossible_is_a_damaged_message(recorded, tmp_pa
     recording = read_recording(recorded.write_json_mcap(tmp_path / "x.mcap", {"/j": rows}), "/j")
     assert len(recording.values) == 49
     assert any("1 of 50 messages" in note for note in recording.notes)
+
+
+def test_a_beam_of_a_laser_scan_is_a_distance_with_bounds(task, recorded, tmp_path):
+    types = recorded.store()
+    kind = types.types["sensor_msgs/msg/LaserScan"]
+    numbers = dict.fromkeys(("angle_min", "angle_max", "angle_increment", "time_increment", "scan_time"), 0.0)
+    rows = [
+        (
+            10**18 + i * 10**7,
+            kind(
+                header=recorded.stamp(types, 10**18 + i * 10**7),
+                range_min=0.05,
+                range_max=8.0,
+                ranges=np.array([1.0, 8.0 if i % 2 else 0.1], dtype=np.float32),
+                intensities=np.zeros(0, dtype=np.float32),
+                **numbers,
+            ),
+        )
+        for i in range(100)
+    ]
+    bag = recorded.write_bag(tmp_path / "bag", {"/scan": ("sensor_msgs/msg/LaserScan", rows)}, types=types)
+    recording = read_recording(bag, "/scan.ranges[1]")
+    assert (recording.kind, recording.bounds) == ("distance", pytest.approx((0.05, 8.0)))
+    assert replay(task, recording).counts["no object"] == 50
+
+
+def test_some_messages_without_a_stamp_are_a_remark(recorded, tmp_path):
+    """A simulator stamps with 0 until its clock arrives."""
+    types, time = recorded.store(), np.arange(100) * 0.01
+    messages = recorded.range_messages(types, time, time, stamp_time=np.maximum(time - 0.05, 0.0))
+    recording = read_recording(
+        recorded.write_bag(tmp_path / "b", {"/r": (recorded.RANGE, messages)}, types=types), "/r"
+    )
+    assert recording.clock == "receive"
+    assert any("lack a header stamp" in note for note in recording.notes)
 
 
 def test_damaged_json_is_a_missing_reading(recorded, tmp_path):

@@ -30,6 +30,9 @@ _SQLITE: Final = b"SQLite format 3\0"
 _ROS1: Final = b"#ROSBAG V"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS = 2, 3, 4, 5, 6, 11  # opcodes of MCAP records
 _RECORD: Final = struct.Struct("<BQ")
+_CHUNK_HEAD: Final = struct.Struct(
+    "<QQQII"
+)  # first and last time, size, checksum, length of the name of the compression
 _MESSAGE_HEAD: Final = struct.Struct("<xQH4xQ8x")  # opcode, length, channel, sequence, receive time, publish time
 _LEAST: Final = _MESSAGE_HEAD.size - _RECORD.size  # length of a message without content
 _YAML_COUNT: Final = re.compile(r"^  message_count:\s*(\d+)", re.MULTILINE)  # of all topics
@@ -140,38 +143,50 @@ def _read_compressed(path: Path, stream: Any, wanted: Collection[str], contents:
 
 
 def _read_mcap(name: str, stream: Any, wanted: Collection[str], contents: Contents) -> None:
-    """Read the messages of an MCAP file. Of a truncated or damaged file, the messages before the damage are kept."""
-    reader = require("mcap.stream_reader", extra=EXTRA)
+    """Read the messages of an MCAP file. Of a truncated or damaged file, the messages that are whole are kept."""
     records = require("mcap.records", extra=EXTRA)
     state, before = _Channels(wanted, contents), sum(contents.counts.values())
     size = stream.seek(0, os.SEEK_END)
-    place, complete, expected = len(_MCAP), False, 0
-    try:
-        while place + _RECORD.size <= size and not complete:
-            stream.seek(place)
-            opcode, length = _RECORD.unpack(stream.read(_RECORD.size))
-            place += _RECORD.size + length
+    place, complete, damaged, expected = len(_MCAP), False, False, 0
+    while place + _RECORD.size <= size and not complete:
+        stream.seek(place)
+        opcode, length = _RECORD.unpack(stream.read(_RECORD.size))
+        place += _RECORD.size + length
+        try:
             if place > size:
+                if opcode == _CHUNK:
+                    _read_records(_start_of_chunk(stream.read()), state)
                 break
             if opcode == _CHUNK:
-                chunk = records.Chunk.read(_fields(stream.read(length)))
-                data, _ = reader.get_chunk_data_stream(chunk, validate_crc=True)
-                _read_records(data.read(chunk.uncompressed_size), state)
+                _read_chunk(stream.read(length), state)
             elif opcode == _STATISTICS:
                 expected = int(records.Statistics.read(_fields(stream.read(length))).message_count)
             elif opcode in {_SCHEMA, _CHANNEL, _MESSAGE}:
                 _read_records(_RECORD.pack(opcode, length) + stream.read(length), state)
-            complete = opcode == _FOOTER  # indexes are not read
-    except Exception as error:  # each library for compression has errors of its own
-        if isinstance(error, MemoryError | InvalidInputError | MissingExtraError):
-            raise
+        except Exception as error:  # each library for compression has errors of its own
+            if isinstance(error, MemoryError | InvalidInputError | MissingExtraError):
+                raise
+            damaged = True  # the records after it may be whole
+        complete = opcode == _FOOTER  # indexes are not read
     count = sum(contents.counts.values()) - before
     if complete and count < expected:
         contents.notes.append(_describe_loss(name, count, expected))
-    if not complete:
-        contents.notes.append(
-            f"The file {name} is truncated or damaged; pretouch read only its first {count:,} messages."
-        )
+    elif not complete or damaged:
+        contents.notes.append(f"The file {name} is truncated or damaged; pretouch found {count:,} messages in it.")
+
+
+def _read_chunk(content: bytes, state: _Channels) -> None:
+    """Read a chunk of an MCAP file, if its checksum is right."""
+    chunk = require("mcap.records", extra=EXTRA).Chunk.read(_fields(content))
+    reader = require("mcap.stream_reader", extra=EXTRA)
+    data, _ = reader.get_chunk_data_stream(chunk, validate_crc=True)
+    _read_records(data.read(chunk.uncompressed_size), state)
+
+
+def _start_of_chunk(content: bytes) -> bytes:
+    """Return the records of a chunk whose end is missing; nothing if the chunk is compressed."""
+    _, _, _, _, compression = _CHUNK_HEAD.unpack_from(content)
+    return b"" if compression else content[_CHUNK_HEAD.size + 8 :]  # the size of the records precedes them
 
 
 def _describe_loss(name: str, count: int, expected: int) -> str:
@@ -222,6 +237,8 @@ def _read_records(data: bytes, state: _Channels) -> None:
         if data[place] == _MESSAGE and place + _MESSAGE_HEAD.size <= end:
             length, channel, received = unpack(data, place)
             following = place + _RECORD.size + length
+            if following > end:  # the end of the chunk is missing
+                break
             if length >= _LEAST:  # otherwise, the message is damaged
                 counts[channel] = counts.get(channel, 0) + 1
                 if channel in state.kept:

@@ -32,6 +32,7 @@ from .messages import Messages, Topic
 
 _ZSTD: Final = b"\x28\xb5\x2f\xfd"
 _STAMP: Final = ("header.stamp", "stamp", "timestamp")
+_BOUNDS: Final = (("min_range", "max_range"), ("range_min", "range_max"))  # of Range and LaserScan
 _USUAL: Final = ("range", "data", "value", "distance")
 _NAMES_FROM: Final = 12  # bytes of the encoding and of the stamp of a message with a header
 _NANOSECONDS: Final = ("nanosec", "nsec", "nsecs")
@@ -213,9 +214,10 @@ def _decode_cdr(
                 with np.errstate(invalid="ignore"):  # the bits of a damaged number can be those of a signaling NaN
                     columns.values[places] = column(part, layout.fields[name])
             columns.stamps[places] = _stamps(part, layout)
-            if np.isnan(bounds[0]) and {"min_range", "max_range"} <= set(layout.fields):
-                low, high = (float(column(part[:1], layout.fields[f"{end}_range"])[0]) for end in ("min", "max"))
-                bounds = low, high
+            for low, high in _BOUNDS:
+                if np.isnan(bounds[0]) and {low, high} <= set(layout.fields):
+                    ends = (float(column(part[:1], layout.fields[end])[0]) for end in (low, high))
+                    bounds = (next(ends), next(ends))
             if same.all():
                 break
             rest, table = rest[~same], table[~same]
@@ -273,7 +275,8 @@ def _decode_json(
             continue
         if example is None:
             example = message
-            bounds = _as_number(_part_of(message, "min_range")), _as_number(_part_of(message, "max_range"))
+            given = [[_as_number(_part_of(message, end)) for end in ends] for ends in _BOUNDS]
+            bounds = next(((low, high) for low, high in given if low < high), bounds)
         if not field and isinstance(message, dict):
             field = _field_of(field, _numbers_in(message), topic)
         columns.values[i] = _as_number(_part_of(message, field) if field else message)

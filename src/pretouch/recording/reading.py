@@ -28,7 +28,8 @@ from .recording import UNBOUNDED, Clock, Kind, Recording
 
 _WITH_UNIT: Final = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")
 _LENGTH: Final = parse_unit("m").exponents
-_RANGES: Final = ("sensor_msgs/msg/Range", "sensor_msgs/Range")
+_RANGE: Final = re.compile(r"sensor_msgs/(msg/)?(Range|LaserScan)")
+_RANGE_FIELD: Final = re.compile(r"range|ranges\[\d+\]")
 _LATEST: Final = 2**62 / 1e9  # s, in the year 2116
 
 
@@ -39,8 +40,8 @@ def read_recording(path: str | os.PathLike[str], topic: str = "", *, clock: str 
     Args:
         path: folder or file of a ROS 2 bag (MCAP or sqlite3), an MCAP file with JSON messages, or a CSV file.
         topic: the topic, with a field if its messages have several numbers, such as "/joints.position[0]"; with a unit
-            of length for distances, such as "/laser [mm]". Distances of sensor_msgs/Range need no unit. For a CSV file,
-            the header of a column.
+            of length for distances, such as "/laser [mm]". Distances of sensor_msgs/Range and LaserScan need no unit.
+            For a CSV file, the header of a column.
         clock: "header" for the stamps in the messages, or "receive" for the times at which they were recorded; None
             for the stamps if all messages have one, and if those of several topics are from one clock.
 
@@ -105,8 +106,13 @@ def _choose_clock(
         raise InvalidInputError(
             f"{name}: {share} messages of this topic lack a header stamp; use the receive times with --clock receive"
         )
-    if clock == "receive" or not stamped:
+    if clock == "receive":
         return "receive", ()
+    if not stamped:
+        mixed = [n for n, (_, e) in zip(names, decoded, strict=True) if e.stamps.any() and not e.stamps.all()]
+        return "receive", tuple(
+            f"Some messages of {name} lack a header stamp: the receive times are used for all topics." for name in mixed
+        )
     first, *others = (Transport(m.topic.name, each.received, each.stamps) for m, each in decoded)
     different = [each for each in (compare_clocks(first, other) for other in others) if each.is_large]
     if clock == "header" or not different:
@@ -151,7 +157,7 @@ def _recording(
 ) -> Recording:
     transport = (decoded.received - decoded.stamps) / 1e9 if decoded.stamps.all() else np.empty(0)
     message_type = messages.topic.message_type or messages.topic.encoding
-    is_range = message_type in _RANGES and decoded.field == "range"
+    is_range = bool(_RANGE.fullmatch(message_type) and _RANGE_FIELD.fullmatch(decoded.field))
     kind, values, remarks = _in_unit(decoded.values, "m" if unit is None and is_range else unit)
     if decoded.damaged:
         total = decoded.damaged + len(values)
@@ -169,7 +175,7 @@ def _recording(
         kind=kind,
         clock=clock,
         transport=transport,
-        bounds=decoded.bounds if is_range else UNBOUNDED,
+        bounds=decoded.bounds if is_range and unit in {None, "m"} else UNBOUNDED,
         notes=(*notes, *remarks),
     )
 

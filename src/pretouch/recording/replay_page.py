@@ -31,6 +31,7 @@ _LISTED: Final = 50  # detections in a table
 _SAME_CLOCK: Final = 1e-3  # s between two clocks, above which the lag depends on the clock
 _DRIFTED: Final = 0.5  # of the noise of a reading: a smaller drift is lost in it
 _DRIFTED_SIGNAL: Final = 0.03  # change of ln xi that matters for a calibration
+_IDLE: Final = 0.1  # share of NaN, above which it probably means that there is no object
 _FEW: Final = 1e-3  # share of readings below which a fault is a remark, and not a warning
 _OPEN_LOOP: Final = (
     "The replay is open loop: on a robot, the motion that the law commands changes later readings. Detections and the "
@@ -299,6 +300,8 @@ def _fault_warnings(replay: Replay) -> Iterator[str]:
     }
     for name, text in texts.items():
         if counts[name]:
+            if name == "invalid" and counts[name] > _IDLE * total:
+                text += "; if NaN means that there is no object, let the driver publish infinity"  # noqa: PLW2901
             yield caution("PT603", f"{counts[name]:,} of {total:,} readings {text}.")
     if replay.noise.clipped and not counts["saturated"] and replay.recording.kind == "reading":
         yield caution(

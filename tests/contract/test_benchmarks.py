@@ -243,6 +243,21 @@ def test_a_wrong_design_with_limits_is_noticed(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.slow
+def test_the_reader_of_recordings_finds_as_many_messages_as_the_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As soon as a library finds as many in all cases, it can replace the reader of pretouch."""
+    pytest.importorskip("rosbags", reason="needs the extra ros")
+    pytest.importorskip("mcap", reason="needs the extra ros")
+    from benchmarks import replaying
+
+    monkeypatch.setattr(replaying, "DAMAGED", 3000)
+    shares = replaying.compare_readers(1000, 6, 2)
+    for found in shares.values():
+        assert found["pretouch"] == max(found.values())
+    for library in ("rosbags", "mcap"):
+        assert any(found["pretouch"] > found[library] for found in shares.values() if library in found)
+
+
+@pytest.mark.slow
 def test_the_chain_of_each_recording_is_that_of_its_sensor() -> None:
     pytest.importorskip("rosbags", reason="needs the extra ros")
     from benchmarks import recordings

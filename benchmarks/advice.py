@@ -146,16 +146,22 @@ def _draw_limits(document: Document, rng: np.random.Generator) -> None:
             document["robust"]["required"][name] = float(rng.choice([0.9, 0.95, 0.99]))
 
 
-def drawn_that_fails(rng: np.random.Generator, folder: Path) -> tuple[Document, pt.verification.Verdict]:
-    """Return a random scenario file whose gain does not hold, and its verdict."""
+def drawn_that_fails(rng: np.random.Generator, folder: Path) -> tuple[Document, pt.verification.Verdict, float]:
+    """Return a random scenario file whose gain does not hold, its verdict, and the time of the verdict [s]."""
     while True:
         try:
             document = draw(rng)
             task = load(document, folder)
             if pt.verify(task, changes=False).status is VerdictStatus.DOES_NOT_HOLD:
-                return document, pt.verify(task)
+                return document, *timed_verdict(task)
         except pt.errors.PretouchError:
             continue
+
+
+def timed_verdict(task: pt.Task) -> tuple[pt.verification.Verdict, float]:
+    """Return the verdict on a task with advice, and the processor time that it took [s]."""
+    start = time.process_time()
+    return pt.verify(task), time.process_time() - start
 
 
 def shares(task: pt.Task, gain: float, runs: int) -> tuple[bool, list[tuple[float, float]]]:
@@ -200,13 +206,13 @@ def advised(count: int, seed: int, runs: int, gains: int, *, verbose: bool) -> t
     rng, ends, seconds = np.random.default_rng(seed), Counter[str](), [0.0, 0.0]
     with tempfile.TemporaryDirectory() as name:
         for number in range(count):
-            document, verdict = drawn_that_fails(rng, Path(name))
+            document, verdict, taken = drawn_that_fails(rng, Path(name))
             lines, end, first = [], "", (document, verdict)
             for step in range(STEPS + 1):
                 task = load(document, Path(name))
-                start = time.process_time()
-                verdict = pt.verify(task)
-                seconds[verdict.status is VerdictStatus.DOES_NOT_HOLD] += time.process_time() - start
+                if step:
+                    verdict, taken = timed_verdict(task)
+                seconds[verdict.status is VerdictStatus.DOES_NOT_HOLD] += taken
                 lines.append(f"    {verdict.headline}")
                 advice = verdict.to_dict()["advice"]
                 lines.append(f"    Next: {None if advice is None else advice['sentence']}")

@@ -69,6 +69,7 @@ def documented(board: str, precision: str) -> dict[str, float]:
     return dict(zip(("code", "state", "stack", "instructions"), numbers, strict=True))
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize(("board", "precision", "design"), RUNS)
 def test_the_law_computes_its_vectors_within_the_documented_resources(
     board: str, precision: str, design: str, exports: dict[str, Path], tmp_path: Path

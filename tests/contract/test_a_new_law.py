@@ -19,6 +19,8 @@ from pretouch.motion.laws import LAWS
 from refusals import refused
 from verification_samples import OBJECTIVE, SCENARIO, SENSOR, loop_of
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 BOUNDS = (1e-4, 0.1)
 TASK = pt.Task(SCENARIO, SENSOR, OBJECTIVE, law="virtual-drag", bounds=BOUNDS)
 LOOP = loop_of(noise=1e-3, relative_noise=2e-3)

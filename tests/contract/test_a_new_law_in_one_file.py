@@ -21,6 +21,8 @@ from pretouch.report import write_report
 from refusals import refused
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, verdict
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 MANY = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.linspace(-0.35, -0.25, 5)))
 SHARE = 0.5
 

@@ -18,6 +18,8 @@ import scenario_text
 from refusals import refused
 from verification_samples import BOUNDS, NOISY, SCENARIO, SENSOR, velocity_limit
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 FILE = '''
 """What a user's file may look like: pretouch is named in no line of it."""
 from dataclasses import dataclass

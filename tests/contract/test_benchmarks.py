@@ -140,12 +140,12 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
         ("verdicts", ["--quick"], [r"verdicts over 20 runs", r"s with changes", r"which loses -?\d+\.\d\d \+- "]),
         (
             "calibrations",
-            ["--count", "13"],
+            ["--count", "6"],
             [r"within 15 % of the predicted contact speed: (\d+) of \1 ", r"without a warning: 0", r"ms a fit"],
         ),
         (
             "calibrations",
-            ["--sparse", "--count", "6"],
+            ["--sparse", "--count", "3"],
             [
                 r"within 15 % of the predicted contact speed: (\d+) of \1 ",
                 r"without a warning: 0",

@@ -57,7 +57,7 @@ def near_end() -> tuple[str, str]:
 
 
 @pytest.fixture
-def run(tmp_path, monkeypatch, capsys):
+def run(tmp_path, monkeypatch, capsys, short_rest):
     """Lay out `sensor.csv`, which falls from contact to 56 mm, and `clipped.csv`, the same clipped up to 8 mm."""
     lay_out(tmp_path, monkeypatch)
     head, *rows = Path("sensor.csv").read_text().splitlines()

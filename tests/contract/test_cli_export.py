@@ -22,6 +22,8 @@ from pretouch.exports.folder import MANIFEST, write_folder
 from pretouch.report.pages import page_of
 from refusals import refused
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 ROOT = Path(__file__).parents[2]
 LOOP = ROOT / "examples/loop.toml"
 PARAMETERS = "src/pretouch_controller_parameters.yaml"

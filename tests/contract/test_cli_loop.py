@@ -11,6 +11,8 @@ from command_text import SCENARIO, command, lay_out, stand_in_for_reports, stric
 import pretouch as pt
 from pretouch._core.files import is_own_unchanged
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 LOOP = (
     SCENARIO.replace("scale = 0.458", 'scale = "0.458 V"')
     + """\

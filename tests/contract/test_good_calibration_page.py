@@ -87,6 +87,7 @@ def slopes(drawn, name, distance):
     return float(found.best.sensor.log_slope(distance)), float(drawn.cases()[name].slope(np.array([distance]))[0])
 
 
+@pytest.mark.slow
 def test_the_numbers_that_the_page_tells_beside_its_quotes(drawn):
     known = drawn.report("offset measured").slope.largest
     assert f"determines the slope g to {100 * known:.2g} %" in plain(PAGE)

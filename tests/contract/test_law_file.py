@@ -17,6 +17,8 @@ from pretouch.motion import DAMPER, DRAG
 from refusals import refused
 from scenario_text import ADMITTANCE, GAIN, SENSOR, STILL, WHOLE, replaced
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 EXAMPLE = Path(__file__).parents[2] / "examples" / "drag.toml"
 TEXT = EXAMPLE.read_text(encoding="utf-8")
 LAW = 'kind = "virtual-drag"\n'

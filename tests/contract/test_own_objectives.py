@@ -23,6 +23,8 @@ from pretouch.report import write_report
 from refusals import refused
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, verdict
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 WEIGHTS = (40.0, 11.0)
 
 

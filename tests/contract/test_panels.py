@@ -237,6 +237,7 @@ def test_the_same_chart_gives_the_same_bytes(kind: str) -> None:
     assert drawn(charts[0], kind) == drawn(charts[1], kind)
 
 
+@pytest.mark.slow
 def test_charts_show_themselves_in_a_notebook_and_need_no_pyplot() -> None:
     assert panel_figure(tiny())._repr_png_().startswith(b"\x89PNG")
     code = (

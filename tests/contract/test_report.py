@@ -196,6 +196,7 @@ def test_trade_off_names_what_blocks_a_gain() -> None:
     assert "no contact" in " ".join(text for text, _ in visible_texts(plots.trade_off(DESIGNS["no-contact"]())))
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
 def test_the_same_design_gives_the_same_bytes(kind: str, letter: GainDesign) -> None:
     def drawn() -> bytes:
@@ -320,6 +321,7 @@ def test_reports_escape_what_users_wrote(letter: GainDesign) -> None:
     assert "<gentle" not in custom
 
 
+@pytest.mark.slow
 def test_source_may_be_an_object_or_a_mapping(letter: GainDesign) -> None:
     text = "[sensor]\n"
     found = SimpleNamespace(path=Path("/home/me/approach.toml"), text=text, sha256="0123abcd")

@@ -14,6 +14,7 @@ from verification_samples import NOISY, velocity_limit, verdict
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
+@pytest.mark.slow
 def test_results_show_one_line_and_print_a_report() -> None:
     report = pt.fit(pt.read_calibration(EXAMPLES / "sensor.csv"))
     problem = pt.load_scenario(EXAMPLES / "approach.toml")

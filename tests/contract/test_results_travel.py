@@ -126,6 +126,7 @@ def test_a_result_travels_before_and_after_it_was_printed(name: str) -> None:
         assert numbers(other) == known
 
 
+@pytest.mark.slow
 def test_every_public_class_is_among_the_samples() -> None:
     """A class that a room offers, and that no sample holds, is one whose journey nobody has tried."""
     offered = set()

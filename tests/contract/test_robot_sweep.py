@@ -96,6 +96,7 @@ def test_each_encounter_is_one_of_simulate_robot(dataset: Any) -> None:
     assert count
 
 
+@pytest.mark.slow
 def test_a_ball_on_the_axis_meets_the_arm_as_in_a_scene_of_its_own() -> None:
     model = load_model(ARM)
     posture = dict(zip(("shoulder", "elbow", "wrist"), make_data(model, keyframe="bent").qpos.tolist(), strict=True))
@@ -116,6 +117,7 @@ def test_a_robot_on_a_floating_base_falls_with_its_ball(tmp_path: Path) -> None:
     assert share([float(found["relative_velocity"][0])], found["predicted_relative_velocity"].values) < 0.01
 
 
+@pytest.mark.slow
 def test_the_dataset_has_units_and_predictions_that_hold(dataset: Any) -> None:
     assert dataset["status"].attrs["flag_meanings"].split() == ["contact", "no_contact", "refused"]
     assert dataset["excursion"].attrs["units"] == "m"

@@ -112,6 +112,7 @@ def test_figures_are_legible(draw: Any, found: RobustDesign) -> None:
     assert_legible(draw(found))
 
 
+@pytest.mark.slow
 def test_figures_show_the_numbers_of_the_design(one: RobustDesign) -> None:
     texts = " ".join(text for text, _ in visible_texts(plots.robust(one)))
     for gain in (one.gain, one.nominal_gain):
@@ -174,6 +175,7 @@ def test_a_report_contains_the_numbers_of_the_design(one: RobustDesign, page: st
         assert number in tiles
 
 
+@pytest.mark.slow
 def test_text_and_page_say_the_same(one: RobustDesign, page: str) -> None:
     text = str(one)
     for label in ("end in contact", "time of contact, median", "scan", "seed"):

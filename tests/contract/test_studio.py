@@ -13,6 +13,7 @@ from io import BytesIO
 from pathlib import Path
 
 import pytest
+from command_text import in_this_process
 
 import pretouch as pt
 from page_core import built_core
@@ -199,11 +200,11 @@ def test_a_simulated_run_and_a_cloud_are_those_of_python(studio, scenario):
     assert missing["status"] == 422
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("error", [0.1, 0.27], ids=["a range", "not supported"])
 def test_the_range_of_contact_speeds_is_that_of_the_command(tmp_path, error):
     file = write_task(tmp_path, error)
-    command = [sys.executable, "-m", "pretouch", "design", str(file), "--json", "--no-report"]
-    design = json.loads(subprocess.run(command, capture_output=True, text=True, check=False).stdout)
+    design = json.loads(in_this_process("design", file, "--json", "--no-report", folder=tmp_path).stdout)
     with running_studio(file) as server:
         answer = server.answer("reservations", {"text": file.read_text(encoding="utf-8"), "gain": design["gain"]})
     assert (answer["headline"] is None) == (answer["spread"] is not None) == (error < 0.2)
@@ -292,8 +293,7 @@ def test_the_page_is_written_to_a_file(tmp_path):
 def test_a_page_without_server_refuses_what_it_cannot_compute(tmp_path, name, reason):
     built_core()
     target = tmp_path / "page.html"
-    command = [sys.executable, "-m", "pretouch", "studio", str(EXAMPLES / name), "--output", str(target)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = in_this_process("studio", EXAMPLES / name, "--output", target, folder=tmp_path)
     assert (done.returncode, target.exists()) == (2, False)
     assert reason in done.stderr
     assert "Traceback" not in done.stderr
@@ -302,8 +302,8 @@ def test_a_page_without_server_refuses_what_it_cannot_compute(tmp_path, name, re
 def test_the_page_does_not_replace_the_scenario(tmp_path):
     scenario = Path(shutil.copy(EXAMPLES / "loop.toml", tmp_path))
     before = scenario.read_bytes()
-    command = [sys.executable, "-m", "pretouch", "studio", str(scenario), "--output", str(scenario), "--force"]
-    assert subprocess.run(command, capture_output=True, check=False).returncode == 2
+    words = ["studio", scenario, "--output", scenario, "--force"]
+    assert in_this_process(*words, folder=tmp_path).returncode == 2
     assert scenario.read_bytes() == before
 
 

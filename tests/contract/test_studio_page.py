@@ -117,6 +117,7 @@ def test_the_page_shows_the_design_of_python(open_page, static_file):
     assert [url for url in page.requests if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("error", [0.1, 0.27], ids=["a range", "not supported"])
 def test_the_range_of_contact_speeds_stands_next_to_the_result(open_page, tmp_path, error):
     with running_studio(write_task(tmp_path, error)) as running:
@@ -132,6 +133,7 @@ def test_the_range_of_contact_speeds_stands_next_to_the_result(open_page, tmp_pa
         assert page.mistakes == []
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("kind", ["model", "calibration", "drag"])
 def test_a_page_without_server_starts_with_the_scenario_of_a_file(open_page, tmp_path, kind):
     built_core()

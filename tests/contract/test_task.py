@@ -135,6 +135,7 @@ def test_options_are_checked_when_they_are_made(make: Callable[[], Any], fields:
         make()
 
 
+@pytest.mark.slow
 def test_each_verb_reads_its_own_confidence() -> None:
     sure = TASK.replace(
         robust=pt.designs.RobustOptions(samples=16, validation=16, confidence=0.6),

@@ -39,6 +39,7 @@ def test_figures_are_legible(draw: Any, found: pt.verification.Verdict) -> None:
         assert_legible(figure)
 
 
+@pytest.mark.slow
 def test_the_cases_have_every_status() -> None:
     assert {case(name).status.value for name in ("no gain", "ideal robot")} == {"no-gain", "holds"}
     assert case("8x8 that is too slow").status is pt.verification.VerdictStatus.DOES_NOT_HOLD
@@ -47,6 +48,7 @@ def test_the_cases_have_every_status() -> None:
     assert case("a law of one's own").stability is None
 
 
+@pytest.mark.slow
 def test_curves_of_shares_are_the_distribution_of_the_runs(one: pt.verification.Verdict) -> None:
     """Every point of a staircase says in how many runs the quantity is no larger, or just smaller."""
     figure = plots.verdict(one)

@@ -120,6 +120,7 @@ def mutated(mutations):
     return "\n".join(lines)
 
 
+@pytest.mark.slow
 @examples(200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(MUTATION, min_size=1, max_size=4).map(mutated))
 def test_a_damaged_file_is_read_or_refused_with_a_line_and_nothing_else(tmp_path, text):

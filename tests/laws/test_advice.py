@@ -24,6 +24,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.advice import Document, follow, load, shares
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 SPEED = {"obstacle.velocity": pt.uncertainty.TruncatedNormal(location=-0.3, deviation=0.05, low=-0.4, high=-0.2)}
 FILE = """\
 [sensor]
@@ -220,7 +222,7 @@ def test_no_seed_draws_encounters_that_are_too_easy(seed: int) -> None:
         assert abs(int((speed <= slower).sum()) - 500 * p) <= 2
 
 
-@pytest.mark.slow(keep=1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("limit", "kind"), [("0.06 m/s", "readings"), ("0.1 m/s", "change")])
 def test_a_verdict_on_a_noise_that_is_a_guess_first_asks_for_repeated_readings(
     limit: str, kind: str, tmp_path: Path
@@ -250,7 +252,7 @@ def test_a_verdict_on_a_noise_that_is_a_guess_first_asks_for_repeated_readings(
     assert known.calibration is task.calibration
 
 
-@pytest.mark.slow(keep=1)
+@pytest.mark.slow
 @pytest.mark.parametrize("floor", ["100 counts", "1000 counts"])
 def test_a_start_that_differs_from_the_detection_distance_is_advised_first_and_the_chain_goes_on(
     floor: str, tmp_path: Path

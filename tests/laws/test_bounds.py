@@ -87,6 +87,7 @@ def test_a_design_at_a_bound_has_that_bound(ends: tuple[float, float], which: in
     assert found == {name: {ends[which]} if name == "several" else ends[which] for name in found}
 
 
+@pytest.mark.slow
 def test_a_front_ends_at_the_bounds() -> None:
     """The stronger the gain, the slower the contact and the larger the excursion: both bounds are ends of the front."""
     for free in ({}, {"damping_ratio": (0.7, 1.3)}):

@@ -227,6 +227,7 @@ def test_a_sure_rise_is_kept_as_it_was_read() -> None:
     assert first.log_output(at) == pytest.approx(np.log(1500 - witness.offset))
 
 
+@pytest.mark.slow
 def test_contacts_on_many_piecewise_curves_are_those_of_each_alone() -> None:
     report = fit(WITH_EMPTY)
     sensor, start = sunk(report)

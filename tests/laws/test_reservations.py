@@ -13,6 +13,8 @@ import pretouch as pt
 from pretouch.sensors.recessed import recess_in_words
 from pretouch.uncertainty import reservations_of
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 TRUTH = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 
 

@@ -21,6 +21,8 @@ from pretouch.report import report_html
 from scenario_text import ENCOUNTER
 from verification_samples import BOUNDS, OBJECTIVE, SCENARIO, SENSOR, loop_of, velocity_limit
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 SCENE = (
     """\
 [sensor]

@@ -18,6 +18,8 @@ from pretouch.simulation import ClosedLoop
 from pretouch.verification.stability import candidates_of, chain_at, loop_at, told_period
 from verification_samples import NOISY, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 APPROACH = {"quickest": 24.0, "noise": 0.0}
 SLOW = loop_of(rate=100.0, delay=0.02, relative_noise=2e-3, random_phase=True)
 

@@ -19,6 +19,8 @@ from pretouch.verification.stability import limit_of
 from refusals import refused
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, verdict
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 WILD = loop_of(rate=60.0, exposure=1 / 60, delay=0.004, distance_noise=0.008, measures_distance=True, random_phase=True)
 ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
 

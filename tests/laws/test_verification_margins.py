@@ -19,6 +19,8 @@ from pretouch.simulation.stability import passed_distances
 from pretouch.verification.stability import candidates_of, check_stability, limit_of
 from verification_samples import BOUNDS, OBJECTIVE, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
+pytestmark = pytest.mark.usefixtures("short_rest")
+
 LATE = loop_of(rate=30.0, delay=0.02)
 APPROACH = {"quickest": 24.0, "noise": 0.0}
 DISTANCE = passed_distances(SENSOR, 0.0422)

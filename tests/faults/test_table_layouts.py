@@ -6,6 +6,7 @@ import shlex
 import numpy as np
 import pytest
 
+from fuzz.mutated_tables import finds
 from pretouch._core.errors import CalibrationDataError, InvalidInputError, SourceError
 from pretouch.calibration import read_calibrations
 from pretouch.recording import read_recording
@@ -142,6 +143,7 @@ def parsed(lines: str, **layout: str) -> list[tuple[float, float | None]]:
         ("2,5 3,392", {"distance_column": "1", "column": "2"}),
         ("2.5,3.392", {"distance_column": "1", "column": "2"}),
         ("2.5 mm\t3.392 V", {"distance_column": "1", "column": "2"}),
+        ("0.25 cm;3.392", {"distance_column": "1", "column": "2"}),
         ("d:2.5,v:3.392", {"distance_column": "d", "column": "v"}),
         ("d=0.25cm v=3.392", {"distance_column": "d", "column": "v"}),
         ('{"d": 2.5, "v": 3.392}', {"distance_column": "d", "column": "v"}),
@@ -177,3 +179,8 @@ def test_a_unit_of_the_lines_that_contradicts_the_option_is_refused() -> None:
 def test_the_readings_differ_between_seeds() -> None:
     assert len({readings(seed) for seed in SEEDS}) == len(SEEDS)
     assert isinstance(readings(1), Readings)
+
+
+def test_mutated_tables_are_read_or_refused_and_lose_nothing_in_silence(tmp_path) -> None:
+    """`make fuzz` tries many more, from other seeds."""
+    assert finds(300, 5, tmp_path) == []

@@ -14,7 +14,7 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import WORKABLE, has_workable_magnitude
 
-from .unit_words import LENGTH, dimension
+from .unit_words import LENGTH, dimension, unit_in_words
 
 _MISSING = {
     *("", "nan", "na", "n/a", "null", "missing", "-", "--", "---", "?", "ol", "o.l", "overload", "overflow", "timeout"),
@@ -69,7 +69,7 @@ class TextTable:
         A cell that says "no object" is infinite, and one without a number is NaN.
         """
         floats = self.floats[index]
-        return np.array([_float(cell) for cell in self.columns[index]]) if floats is None else floats
+        return np.array([float_of(cell) for cell in self.columns[index]]) if floats is None else floats
 
     def title(self, index: int) -> str:
         """Return the header of a column for messages.
@@ -117,6 +117,12 @@ def is_quantity(cell: str, exponents: tuple[int, ...] = ()) -> bool:
     match = _QUANTITY.fullmatch(cell) if cell[-1:] and not cell[-1:].isdigit() else None
     found = dimension(match[1]) if match else ()
     return bool(found) and exponents in {(), found}
+
+
+def unit_of(cell: str) -> str | None:
+    """Return the unit in a table cell such as `5 mm`, or None."""
+    match = _QUANTITY.fullmatch(cell.strip())
+    return unit_in_words(match[1]) if match else None
 
 
 def is_missing(cell: str) -> bool:
@@ -196,7 +202,8 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
     )
 
 
-def _float(cell: str) -> float:
+def float_of(cell: str) -> float:
+    """Return the number in a cell; NaN without one, and infinity if it says that there is no object."""
     if is_number(cell):
         return float(_ascii(cell).replace(",", "."))
     return math.inf if cell and is_no_object(cell) else math.nan

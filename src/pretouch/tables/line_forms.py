@@ -288,6 +288,7 @@ def _without_frames(numbers: Sequence[int], texts: list[str]) -> tuple[Sequence[
     if _share(_is_framed(text) or _RULE.fullmatch(text) for text in texts) < _MOST:
         return numbers, texts
     kept = [(i, text.strip()) for i, text in zip(numbers, texts, strict=True) if not _RULE.fullmatch(text)]
+    kept = [(i, text) for i, text in kept if text.strip("()[]|, ")]
     rows = []
     for _, text in kept:
         if text.startswith("|") or text.endswith("\\\\"):

@@ -264,7 +264,9 @@ def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -
     width = len(cells_of(lines[index + 1][1], delimiter))
     for i, line in lines[:index]:
         cells = cells_of(line, delimiter)
-        names_itself = cells[0][:1].isalpha() and not is_missing(cells[0])  # such as the setting "Samples 100 100"
+        names_itself = (
+            bool(cells) and cells[0][:1].isalpha() and not is_missing(cells[0])
+        )  # such as the setting "Samples 100 100"
         if len(cells) == width and sum(is_number(cell) for cell in cells) > 1 and not names_itself:
             raise CalibrationDataError(
                 f"{file}, line {i}: found the numbers {quoted(line)} above the header in line "

@@ -14,7 +14,7 @@ from typing import Final
 from pretouch._core.errors import InvalidInputError, SourceError
 from pretouch._core.units import parse_unit
 from pretouch._core.values import Value
-from pretouch.tables.cells import is_no_object, is_number, is_quantity
+from pretouch.tables.cells import float_of, is_no_object, is_number, is_quantity, unit_of
 from pretouch.tables.dialect import BLANK, cells_of, delimiter_of_header, delimiter_of_row
 from pretouch.tables.line_forms import labeled_cells, without_stamp
 from pretouch.tables.names import is_length, split_title
@@ -188,7 +188,7 @@ class LineParser:
         if whole and is_open and not self._format.column and not self._format.distance_column:
             raise SourceError(
                 f"{self._name}: the line {text!r} is one number, {whole[1]}.{whole[2]}, or two numbers, {whole[1]} and "
-                f'{whole[2]}. Nothing was kept. Choose --decimal "," for one number, or --column 1 or 2 for two numbers'
+                f'{whole[2]}. The line was not kept. Choose --decimal "," for one number, or --column 1 or 2 for two'
             )
         if is_open and delimiter != "," and "," in text:
             cells = [cell for cell in cells_of(text, delimiter) if "," in cell]
@@ -196,8 +196,8 @@ class LineParser:
                 cell = cells[0]
                 raise SourceError(
                     f"{self._name}: the number {cell} in the line {text!r} is {cell.replace(',', '.')} or "
-                    f'{cell.replace(",", "")}. Nothing was kept. Choose --decimal "," for the first, or --decimal "." '
-                    "for the second"
+                    f'{cell.replace(",", "")}. The line was not kept. Choose --decimal "," for the first, or '
+                    '--decimal "." for the second'
                 )
         return delimiter
 
@@ -222,6 +222,9 @@ class LineParser:
             cell = cells.get(self._format.distance_column)
             if cell is None:
                 return None
+            unit = unit_of(cell)
+            if unit:
+                self._take_unit(unit)
             value = math.inf if is_no_object(cell) else self._number(cell)
             if value is None or value < 0:
                 return None
@@ -249,7 +252,7 @@ class LineParser:
             return None
         if self._format.decimal_mark == ".":
             text = text.replace(",", "") if _THOUSANDS.fullmatch(text) else text
-        value = float(text.replace(",", "."))
+        value = float_of(text)
         return value if math.isfinite(value) else None
 
     @property

@@ -27,32 +27,25 @@ def printed(command: str, folder: Path) -> list[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("command", "first"),
+    "command",
     [
-        ("fit EXAMPLES/sensor.csv", "sensor.csv: the readings are usable from 5 mm to 90 mm."),
-        ("design EXAMPLES/approach.toml", "Optimal gain D_p = -0.7463 N s: contact at 0.07906 m/s instead of 0.3 m/s"),
-        ("design EXAMPLES/drag.toml", "With the virtual drag"),
-        ("design EXAMPLES/fingertip.toml", "Optimal gain"),
-        ("design EXAMPLES/tradeoff.toml", "The optimal admittance"),
-        ("pareto EXAMPLES/tradeoff.toml", "The knee of the Pareto front"),
-        ("robust EXAMPLES/robust.toml --samples 256", "Robust gain"),
-        ("simulate EXAMPLES/loop.toml", "Contact on the loop at 0.078 m/s; predicted 0.0791 m/s"),
-        (
-            "simulate EXAMPLES/loop.toml --gain 0.5",
-            "Contact is harder than without mitigation: the contact speed on the simulated loop is ",
-        ),
-        ("verify EXAMPLES/loop.toml --runs 40", "Does not hold: relative velocity at contact above 0.1 m/s"),
-        ("verify EXAMPLES/loop.toml --runs 40 --gain 0.5", "Does not hold: D_p = 0.5 N s makes the robot chase the"),
-        (
-            "verify EXAMPLES/loop.toml --runs 40 --gain -3",
-            "Does not hold: the sampled loop is unstable with this gain, because ",
-        ),
+        "fit EXAMPLES/sensor.csv",
+        "design EXAMPLES/approach.toml",
+        "design EXAMPLES/drag.toml",
+        "design EXAMPLES/fingertip.toml",
+        "design EXAMPLES/tradeoff.toml",
+        "pareto EXAMPLES/tradeoff.toml",
+        "robust EXAMPLES/robust.toml --samples 256",
+        "simulate EXAMPLES/loop.toml",
+        "simulate EXAMPLES/loop.toml --gain 0.5",
+        "verify EXAMPLES/loop.toml --runs 40",
+        "verify EXAMPLES/loop.toml --runs 40 --gain 0.5",
+        "verify EXAMPLES/loop.toml --runs 40 --gain -3",
     ],
 )
-def test_a_verb_prints_the_answer_first_in_few_lines(command: str, first: str, tmp_path: Path) -> None:
+def test_a_verb_prints_few_lines(command: str, tmp_path: Path) -> None:
     lines = printed(command, tmp_path)
     verb = command.partition(" ")[0]
-    assert lines[0].startswith(first)
     assert len(lines) <= LINES.get(verb, 15), "\n".join(lines)
     assert max(map(len, lines)) <= WIDTH
     assert "All numbers: --verbose" in lines
@@ -155,63 +148,14 @@ def test_the_next_step_is_always_printed(length: int, reservations: int) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("verb", ["design", "pareto", "robust"])
-def test_the_next_step_without_a_solution_can_be_taken(verb: str, tmp_path: Path) -> None:
-    text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")
-    (tmp_path / "small.toml").write_text(text.replace('excursion = "0.2 m"', 'excursion = "1 mm"'), encoding="utf-8")
-    lines = printed(f"{verb} small.toml", tmp_path)
-    step = next(line for line in lines if line.startswith("Next: "))
-    assert "raise the limit" in step
-    assert "point of the front" not in " ".join(lines)
-
-
-@pytest.mark.slow
-def test_pareto_robust_and_simulate_say_that_the_object_moves_away(tmp_path: Path) -> None:
-    text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8").replace('velocity = "-0.3 m/s"', 'velocity = "0.3 m/s"')
-    spread = 'obstacle.velocity = { normal = ["0.3 m/s", "0.1 m/s"], between = ["0.05 m/s", "0.6 m/s"] }'
-    text = "\n".join(spread if line.startswith("obstacle.velocity") else line for line in text.splitlines())
-    (tmp_path / "away.toml").write_text(text, encoding="utf-8")
-    step = "Next: give the obstacle a negative velocity: this object moves away"
-    assert f"{step}." in printed("pareto away.toml --no-report", tmp_path)
-    assert step in " ".join(printed("robust away.toml --no-report", tmp_path))
-    answer = in_this_process("simulate", "away.toml", folder=tmp_path)
-    assert answer.returncode == 2
-    assert "because the object moves away from the robot. Give the obstacle a negative velocity" in answer.stderr
-
-
-def test_a_robot_that_recedes_faster_than_the_object_is_named(tmp_path: Path) -> None:
-    text = (EXAMPLES / "approach.toml").read_text(encoding="utf-8")
-    away = '[plant]\nvelocity = "-0.4 m/s"\n[reference]\nvelocity = "-0.4 m/s"\n'
-    (tmp_path / "away.toml").write_text(text + away, encoding="utf-8")
-    lines = printed("design away.toml --no-report", tmp_path)
-    assert "Next: let the robot recede more slowly: it recedes faster than the object approaches." in lines
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["design", "verify", "simulate --gain -0.7"])
-def test_the_next_step_for_a_receding_object_is_its_sign(verb: str, tmp_path: Path) -> None:
+def test_identifiers_of_statuses_are_not_printed(verb: str, tmp_path: Path) -> None:
     text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")
     away = text.split("[uncertainty]")[0].replace('velocity = "-0.3 m/s"', 'velocity = "0.3 m/s"')
-    rest = text[text.index("[chain]") :]
-    (tmp_path / "away.toml").write_text(away + rest, encoding="utf-8")
-    lines = printed(f"{verb} away.toml --no-report", tmp_path)
-    assert "Next: give the obstacle a negative velocity: this object moves away." in lines
+    (tmp_path / "away.toml").write_text(away + text[text.index("[chain]") :], encoding="utf-8")
+    lines = [line for more in ("", " --verbose") for line in printed(f"{verb} away.toml --no-report{more}", tmp_path)]
     for identifier in ("implausible", "not within horizon", "never-in-contact"):
-        assert identifier not in " ".join([*lines, *printed(f"{verb} away.toml --no-report --verbose", tmp_path)])
-
-
-@pytest.mark.parametrize("verb", ["design", "simulate --gain -0.7"])
-def test_the_next_step_for_an_object_at_rest_is_its_motion(verb: str, tmp_path: Path) -> None:
-    text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")
-    rest = text.split("[uncertainty]")[0].replace('velocity = "-0.3 m/s"', 'velocity = "0 m/s"')
-    (tmp_path / "rest.toml").write_text(rest + text[text.index("[chain]") :], encoding="utf-8")
-    lines = printed(f"{verb} rest.toml --no-report", tmp_path)
-    assert "Next: give the obstacle a negative velocity: this object does not move." in lines
-
-
-def test_the_next_step_for_a_gain_with_the_wrong_sign_is_the_sign(tmp_path: Path) -> None:
-    lines = printed("verify EXAMPLES/loop.toml --gain 0.7 --runs 20 --no-changes --no-report", tmp_path)
-    assert "Next: use a negative gain, such as D_p = -0.7 N s." in lines
+        assert identifier not in " ".join(lines)
 
 
 @pytest.mark.slow

@@ -177,7 +177,7 @@ def test_a_sweep_whose_answer_is_no_ends_with_1(run: Any) -> None:
 @pytest.mark.parametrize(
     ("axes", "sentence"),
     [
-        (["obstacle.velocity"], "--axis: found 'obstacle.velocity', expected NAME=START:STOP:COUNT"),
+        (["obstacle.velocity"], "--axis: found 'obstacle.velocity'"),
         (["obstacle.velocity=1:2"], "expected NAME=START:STOP:COUNT"),
         (["obstacle.velocity=-1:-2:3:linear"], "expected NAME=START:STOP:COUNT"),
         (

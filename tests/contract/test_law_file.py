@@ -140,7 +140,7 @@ def test_a_gain_of_the_command_line_has_the_unit_of_the_law(run):
     for verb in (("simulate",), ("verify",), ("sweep", "--axis", "obstacle.velocity=-0.3,-0.2")):
         code, _, err = run(*verb, "drag.toml", "--gain", "-0.7 N*s")
         assert code == 2
-        assert "--gain: found '-0.7 N*s', expected a quantity in N*s²" in err
+        assert "--gain: found '-0.7 N*s'" in err
         assert err.endswith("the unit of law kind virtual-drag\n")
     code, out, err = run("sweep", "drag.toml", "--axis", "gain=0.01 N*s^2,0.02 N*s^2", "--json")
     assert (code, err) == (0, "")

@@ -127,6 +127,14 @@ def test_outputs_in_millivolts_are_volts_as_in_a_calibration(tmp_path) -> None:
     assert read_recording(tmp_path / "x.csv").values[0] == pytest.approx(0.5, rel=1e-12)
 
 
+@pytest.mark.parametrize(("unit", "is_doubted"), [("mm", True), ("cm", False), ("m", True)])
+def test_an_unlikely_unit_of_the_distances_is_doubted(tmp_path, unit: str, is_doubted: bool) -> None:
+    rows = "".join(f"{0.5 * i},{900 / (1 + i)}\n" for i in range(1, 9 if unit != "m" else 12))
+    (tmp_path / "x.csv").write_text(f"distance [{unit}],output [V]\n{rows}")
+    notes = read_calibrations(tmp_path / "x.csv")[0].source.notes
+    assert any("check the unit of the distances" in note for note in notes) == is_doubted
+
+
 # --- the lines of a recording at the bench
 
 

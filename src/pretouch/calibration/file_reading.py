@@ -14,6 +14,7 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.units import format_quantity
 from pretouch.tables.cells import Column, TextTable, is_missing, is_no_object, number
 from pretouch.tables.column_options import find_label_columns, parse_column_options
 from pretouch.tables.names import split_title
@@ -23,6 +24,8 @@ from .data import IF_NEGATIVE, Calibration, Provenance
 from .table_layout import Layout, long_layout, output_column, wide_layout
 
 _FEW: Final = 5  # number of distances from which on a stray one is searched for
+_NEAR: Final = 5e-3  # largest distance [m] of a calibration below which its unit is doubted
+_FAR: Final = 5.0  # the same, above
 _STRAY: Final = 50.0  # smallest ratio of a stray distance to the next smaller distance
 _SENSOR: Final = "sensor"  # label of curves whose outputs are in columns side by side
 _COLUMN: Final = "column"  # the same, if the file has labels of that name
@@ -278,6 +281,9 @@ def _curve(
     dropped = int((~present).sum())
     missing = f"Number of rows or cells without an output (empty, nan or -): {dropped}. They are not used."
     _refuse_stray_distance(table, readings.distances[present & ~without_object])
+    farthest = float(np.max(readings.distances[present & ~without_object], initial=0.0))
+    doubt = f"The largest distance is {format_quantity(farthest, 'm')}: check the unit of the distances."
+    is_doubtful = np.unique(readings.distances[present & ~without_object]).size >= _FEW and not _NEAR < farthest < _FAR
     if not (present & ~without_object).any():
         raise CalibrationDataError(
             f"{table.file}{f', {label}' if label else ''}: every reading was taken without an object; add at "
@@ -302,7 +308,12 @@ def _curve(
             label_columns=tuple(labels),
             rows=len(present),
             dropped=dropped,
-            notes=(*table.notes, *((missing,) if dropped else ()), *layout.notes),
+            notes=(
+                *table.notes,
+                *((missing,) if dropped else ()),
+                *layout.notes,
+                *((doubt,) if is_doubtful else ()),
+            ),
         ),
     )
 

@@ -92,9 +92,9 @@ class CalibrationDataError(InvalidInputError):
         self.problem = problem
 
     @classmethod
-    def without_content(cls, message: str) -> CalibrationDataError:
+    def without_content(cls, message: str, **fields: Any) -> CalibrationDataError:
         """Create an error without any content of the calibration file."""
-        return cls(message, problem=message)
+        return cls(message, problem=message, **fields)
 
 
 class FileMistake(NamedTuple):

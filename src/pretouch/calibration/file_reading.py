@@ -283,7 +283,9 @@ def _curve(
     _refuse_stray_distance(table, readings.distances[present & ~without_object])
     farthest = float(np.max(readings.distances[present & ~without_object], initial=0.0))
     doubt = f"The largest distance is {format_quantity(farthest, 'm')}: check the unit of the distances."
-    is_doubtful = np.unique(readings.distances[present & ~without_object]).size >= _FEW and not _NEAR <= farthest <= _FAR
+    is_doubtful = (
+        np.unique(readings.distances[present & ~without_object]).size >= _FEW and not _NEAR <= farthest <= _FAR
+    )
     if not (present & ~without_object).any():
         raise CalibrationDataError(
             f"{table.file}{f', {label}' if label else ''}: every reading was taken without an object; add at "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from importlib.util import find_spec
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower
 from properties import register_profiles
+from verification_samples import short_rest
 
 register_profiles(times=20)
 
@@ -40,12 +42,11 @@ def letter_encounter() -> Scenario:
     )
 
 
-@pytest.fixture
-def short_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a robot rest for 0.3 s instead of 30 s: two thirds of the time of a verdict of few runs, and in all but the
-    tests of that rest not what is under test.
-    """
-    monkeypatch.setattr("pretouch.verification.at_rest._REST", 0.3)
+@pytest.fixture(name="short_rest")
+def _short_rest() -> Iterator[None]:
+    """Verdicts with a short rest, for tests of which the rest is not the subject."""
+    with short_rest():
+        yield
 
 
 @pytest.hookimpl(tryfirst=True)

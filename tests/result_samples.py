@@ -19,7 +19,17 @@ from pretouch.sensors import PiecewiseCubic
 from pretouch.sweeps import Axis, Progress
 from pretouch.verification import calibration_check, compare
 from robust_samples import with_robust_options
-from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, controller, velocity_limit, verdict
+from verification_samples import (
+    BOUNDS,
+    NOISY,
+    OBJECTIVE,
+    SCENARIO,
+    SENSOR,
+    controller,
+    short_rest,
+    velocity_limit,
+    verdict,
+)
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CONSTANT = pt.ExponentialFirstOrder(scale=0.458, rate=-61.0)
@@ -80,7 +90,7 @@ def _robust(**options: Any) -> pt.designs.RobustDesign:
 
 def _calibrated_verdict() -> pt.verification.Verdict:
     """Judge a gain on a calibrated sensor, with fewer possible sensor curves than usual."""
-    with mock.patch.object(calibration_check, "_DRAWS", 20):
+    with mock.patch.object(calibration_check, "_DRAWS", 20), short_rest():
         return verdict(NOISY, calibration=_report(), runs=4, changes=False)
 
 

@@ -23,6 +23,7 @@ from verification_samples import (
     SENSOR,
     controller,
     loop_of,
+    short_rest,
     velocity_limit,
     verdict,
 )
@@ -104,7 +105,8 @@ CASES: dict[str, Callable[[], pt.verification.Verdict]] = {
 
 @cache
 def case(name: str) -> pt.verification.Verdict:
-    return CASES[name]()
+    with short_rest():
+        return CASES[name]()
 
 
 def drawn(draw: Any, of: pt.verification.Verdict) -> Any:

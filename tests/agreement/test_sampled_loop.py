@@ -54,8 +54,8 @@ def limit_of(law: Any, chain: pt.SensorChain, guess: float, plant: Any = None, p
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", [bare, full])
-@pytest.mark.parametrize("rate", [15.0, 50.0, 250.0, 1000.0])
-@pytest.mark.parametrize("part", [0.0, 0.5, 1.0, 2.5])
+@pytest.mark.parametrize("rate", [15.0, 50.0, 1000.0])
+@pytest.mark.parametrize("part", [0.0, 0.5, 2.5])
 def test_the_stability_limit_is_that_of_the_simulation(law: Any, rate: float, part: float) -> None:
     """The goal is 5 %; the bisection ends at 0.14 %, and within 400 periods growth below 0.5 % of it goes unseen."""
     predicted = pt.simulation.largest_damping(LETTER, pt.simulation.LoopTiming(rate=rate, delay=part / rate)).damping

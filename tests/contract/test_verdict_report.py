@@ -18,8 +18,6 @@ from refusals import refused
 from verdict_cases import CASES, DRAWERS, STATUS, case, drawn
 from verification_samples import loop_of, verdict
 
-pytestmark = pytest.mark.usefixtures("short_rest")
-
 
 @pytest.fixture(scope="module", params=CASES)
 def found(request: pytest.FixtureRequest) -> pt.verification.Verdict:

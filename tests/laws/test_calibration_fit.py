@@ -128,7 +128,7 @@ def test_the_slope_of_a_table_is_known_as_well_as_it_scatters(points):
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("model", SENSORS)
-@pytest.mark.parametrize("factor", [1e-3, 7.3, 1e4])
+@pytest.mark.parametrize("factor", [1e-3, 7.3])
 def test_the_scale_of_the_output_changes_no_shape(model, factor):
     measured = noisy(model, 5)
     scaled = Calibration(
@@ -359,9 +359,7 @@ def copied(measured, times):
 
 
 @pytest.mark.slow(keep=1)
-@pytest.mark.parametrize("repeats", [1, 3])
-@pytest.mark.parametrize("times", [2, 5])
-@pytest.mark.parametrize("no_object", [0, 6])
+@pytest.mark.parametrize(("repeats", "times", "no_object"), [(1, 2, 0), (3, 5, 0), (1, 5, 6), (3, 2, 6)])
 def test_copies_of_readings_change_no_fit_and_are_reported(repeats, times, no_object):
     measured = noisy("inverse-power", 8, repeats=repeats, no_object=no_object)
     once, again = fit(measured), fit(copied(measured, times))

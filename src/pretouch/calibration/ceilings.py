@@ -26,7 +26,7 @@ from pretouch.sensors import Family, PiecewiseCubic, sensor_curves
 
 from .averaging import AveragedCurve, ReadingNoise
 from .family_fits import families_of, forward_change, lowest_offset
-from .least_squares import Fits, minimize_many
+from .least_squares import Fits, Residuals, minimize_many
 from .result import DrawnCurve, OffsetEstimate
 
 _ABOVE: Final = (0.003, 0.01, 0.03, 0.08, 0.15, 0.3, 0.5, 0.8, 1.2)  # ln of the ceiling over the largest signal
@@ -288,17 +288,35 @@ class _Problem:
 
         Residuals are differences of asinh(signal / tau), as in `family_fits.Problem`.
         """
+        return self.function()(u, which)
+
+    def function(self) -> Residuals:
+        """Return the residuals as a function, with everything computed that does not depend on the parameters."""
         curve, reach = self.curve, float(np.ptp(self.curve.output))
         sigma = self.noise.sigma or 1e-3 * reach
         sigma = max(sigma, self.noise.resolution / np.sqrt(12.0), 1e-9 * reach)
         tau = sigma / np.sqrt(curve.count) / ERROR
-        offset = u[:, -1] if self.offsets is None else self.offsets[which]
-        level = self.family.log_output(u[:, : self.family.size], curve.distance)
-        ceiling = self.ceilings(offset, self.above[which])
-        level, _ = _under(level, ceiling[:, None], self.sharpness[which, None])
-        measured = np.arcsinh((curve.output - offset[:, None]) / tau)
-        residuals = (measured - np.arcsinh(np.exp(np.minimum(level, 300.0)) / tau)) / ERROR
-        return np.asarray(np.where(curve.distance == self.ignored[which, None], 0.0, residuals))
+        output, distance, size = curve.output, curve.distance, self.family.size
+        ignores = distance == self.ignored[:, None]
+        ignores_none = not ignores.any()
+        known = None
+        if self.offsets is not None:
+            known = np.arcsinh((output - self.offsets[:, None]) / tau), self.ceilings(self.offsets, self.above)
+
+        def residuals(u: FloatArray, which: IntArray) -> FloatArray:
+            if known is None:
+                offset = u[:, -1]
+                measured = np.arcsinh((output - offset[:, None]) / tau)
+                ceiling = self.ceilings(offset, self.above[which])
+            else:
+                measured, ceiling = known[0][which], known[1][which]
+            level = _level_under(
+                self.family.log_output(u[:, :size], distance), ceiling[:, None], self.sharpness[which, None]
+            )
+            rows = (measured - np.arcsinh(np.exp(np.minimum(level, 300.0)) / tau)) / ERROR
+            return np.asarray(rows if ignores_none else np.where(ignores[which], 0.0, rows))
+
+        return residuals
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Return bounds of the fit parameters.
@@ -330,15 +348,15 @@ class _Problem:
                 slope = times * steepest
                 rows = [self.family.start(m, g, bend * g**2) for m, g in zip(middle, slope, strict=True)]
                 starts.append(np.column_stack([rows, offset]) if self.offsets is None else np.array(rows))
-        which = np.tile(np.arange(count), len(starts))
+        which, residuals = np.tile(np.arange(count), len(starts)), self.function()
 
         def each(u: FloatArray, number: IntArray) -> FloatArray:
-            return self.residuals(u, which[number])
+            return residuals(u, which[number])
 
         rough = minimize_many(each, np.concatenate(starts), self.bounds(), tolerance=1e-3, most=12)
         best = rough.costs.reshape(len(starts), count).argmin(axis=0)
         start = rough.x.reshape(len(starts), count, -1)[best, np.arange(count)]
-        return minimize_many(self.residuals, start, self.bounds(), tolerance=1e-8, most=40)
+        return minimize_many(residuals, start, self.bounds(), tolerance=1e-8, most=40)
 
     def lanes(self, known_offset: OffsetEstimate | None) -> _Lanes:
         """Fit one curve family for every saturation level.
@@ -364,7 +382,7 @@ class _Problem:
             offsets=(all_offsets := np.repeat(offsets, ceilings)),
         )
         start = np.tile(first_fits.x[:, : self.family.size], (len(offsets), 1))
-        fits = minimize_many(problems.residuals, start, problems.bounds(), tolerance=1e-8, most=40)
+        fits = minimize_many(problems.function(), start, problems.bounds(), tolerance=1e-8, most=40)
         return _Lanes(
             family=self.family,
             offsets=all_offsets,
@@ -419,6 +437,11 @@ def _under(level: FloatArray, ceiling: Any, sharpness: Any) -> tuple[FloatArray,
     `level` and `ceiling` are logarithms of the ideal signal and of the saturation level.
     """
     above = np.where(np.isinf(ceiling), -np.inf, sharpness * (level - np.where(np.isinf(ceiling), 0.0, ceiling)))
-    return np.asarray(level - np.logaddexp(0.0, above) / sharpness), np.asarray(
-        1 / (1 + np.exp(np.minimum(above, 700.0)))
-    )
+    share = 1 / (1 + np.exp(np.minimum(above, 700.0)))
+    return _level_under(level, ceiling, sharpness), np.asarray(share)
+
+
+def _level_under(level: FloatArray, ceiling: Any, sharpness: Any) -> FloatArray:
+    """Return the logarithm of a sensor output with gradual saturation."""
+    above = np.where(np.isinf(ceiling), -np.inf, sharpness * (level - np.where(np.isinf(ceiling), 0.0, ceiling)))
+    return np.asarray(level - np.logaddexp(0.0, above) / sharpness)

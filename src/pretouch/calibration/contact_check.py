@@ -410,8 +410,7 @@ def _points_of(sensor: SensorModel, places: FloatArray) -> Points:
 def _observed_points(drawn: DrawnCurve, low: float, high: float, offset: float, recess: float) -> Points:
     """Return points of a sensor curve after subtraction of the offset."""
     if isinstance(drawn.sensor, PiecewiseCubic):
-        part = drawn.sensor.part(low, high)
-        places, level, slopes = np.array(part.distances), np.array(part.log_outputs), np.array(part.slopes)
+        places, level, slopes = drawn.sensor.points(low, high)
     else:
         places, level, slopes = _points_of(drawn.sensor, np.linspace(low, high, _SAMPLES))
     shift = drawn.offset - offset

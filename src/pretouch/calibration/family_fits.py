@@ -13,7 +13,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch.sensors import Family, sensor_curves
 
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, two_components
-from .least_squares import Fits, minimize_many
+from .least_squares import Fits, Residuals, minimize_many
 from .result import NoiseEstimate, OffsetEstimate
 
 _STEP: Final = 1e-5  # step of a family's parameter for finite differences
@@ -40,13 +40,23 @@ class Problem:
 
         Residuals are (h(y - o) - h(xi)) / c with h(z) = asinh(z / tau) and tau = sigma / (c sqrt n).
         """
+        return self.function()(u, which)
+
+    def function(self) -> Residuals:
+        """Return the residuals as a function, with everything computed that does not depend on the parameters."""
         relative = self.noise.relative_of_means(self.curve.count)
         tau = np.maximum(self.noise.output, 1e-300) / np.sqrt(self.curve.count) / relative
-        offset = u[:, -1:] if self.offsets is None else self.offsets[which][:, None]
-        measured = np.arcsinh((self.curve.output - offset) / tau)
-        log_ratio = self.family.log_output(u[:, : self.family.size], self.curve.distance) - np.log(tau)
-        residuals = (measured - np.arcsinh(np.exp(np.minimum(log_ratio, 300)))) / relative
-        return np.asarray(residuals if self.weights is None else residuals * self.weights[which])
+        log_tau, size, weights, output = np.log(tau), self.family.size, self.weights, self.curve.output
+        log_output, distance = self.family.log_output, self.curve.distance
+        known = None if self.offsets is None else np.arcsinh((output - self.offsets[:, None]) / tau)
+
+        def residuals(u: FloatArray, which: IntArray) -> FloatArray:
+            measured = np.arcsinh((output - u[:, -1:]) / tau) if known is None else known[which]
+            log_ratio = log_output(u[:, :size], distance) - log_tau
+            rows = (measured - np.arcsinh(np.exp(np.minimum(log_ratio, 300)))) / relative
+            return np.asarray(rows if weights is None else rows * weights[which])
+
+        return residuals
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Return the lower and upper bounds of the fit parameters."""
@@ -57,7 +67,7 @@ class Problem:
 
     def minimize(self, start: FloatArray) -> Fits:
         """Solve each fit problem from a single start point."""
-        return minimize_many(self.residuals, start, self.bounds())
+        return minimize_many(self.function(), start, self.bounds())
 
     def minimize_from_afar(self, count: int, bounds: tuple[FloatArray, FloatArray]) -> Fits:
         """Solve the first `count` fit problems from several start points.
@@ -68,14 +78,14 @@ class Problem:
             The fits.
         """
         rows, problems = self._starts(), np.arange(count)
-        which = np.tile(problems, len(rows))
+        which, residuals = np.tile(problems, len(rows)), self.function()
 
         def each(u: FloatArray, number: IntArray) -> FloatArray:
-            return self.residuals(u, which[number])
+            return residuals(u, which[number])
 
         rough = minimize_many(each, np.repeat(rows, count, axis=0), bounds, tolerance=1e-3, most=15)
         best = rough.costs.reshape(len(rows), count).argmin(axis=0)
-        return minimize_many(self.residuals, rough.x.reshape(len(rows), count, -1)[best, problems], bounds)
+        return minimize_many(residuals, rough.x.reshape(len(rows), count, -1)[best, problems], bounds)
 
     def _starts(self) -> FloatArray:
         """Return several start points of a fit, one in each row.

@@ -22,6 +22,7 @@ _STEP: Final = 1e-6  # step of a parameter for finite differences
 _DOUBLINGS: Final = 5  # a profile that has not risen at 2^5 times the half width of the linear interval is unbounded
 _ATTEMPTS: Final = 12  # iterations for the end of an interval
 _LARGEST_DAMPING: Final = 1e12  # largest damping of the normal equations; with more, no step improves the cost
+_FEW: Final = 40  # problems that are evaluated together with their derivatives
 _HUGE: Final = 1e150  # replaces residuals that are not finite
 
 
@@ -76,9 +77,8 @@ def minimize_many(
     if not len(x):
         return Fits(x=x, residuals=np.empty((0, 0)), jacobian=np.empty((0, 0, x.shape[1])), costs=np.empty(0))
     problems = np.arange(len(x))
-    residual = _finite(residuals(x, problems))
+    residual, slope = _with_derivative(residuals, x, problems, high)
     cost = np.einsum("bn,bn->b", residual, residual)
-    slope = _derivative(residuals, x, residual, problems, high)
     damping, active = np.full(len(x), 1e-3), problems
     for _ in range(most):
         if not len(active):
@@ -86,7 +86,11 @@ def minimize_many(
         at, here = x[active], slope[active]
         step = _step(at, here, residual[active], damping[active], (low[active], high[active]))
         new_x = np.clip(at + step, low[active], high[active])
-        new_residual = _finite(residuals(new_x, active))
+        few = len(active) <= _FEW  # one call of the residuals costs more than some derivatives that are not used
+        if few:
+            new_residual, new_slope = _with_derivative(residuals, new_x, active, high[active])
+        else:
+            new_residual = _finite(residuals(new_x, active))
         new_cost = np.einsum("bn,bn->b", new_residual, new_residual)
         better = new_cost < cost[active]
         moved = np.abs(new_x - at).max(axis=1)
@@ -95,7 +99,9 @@ def minimize_many(
         damping[active] = np.where(better, np.maximum(0.2 * damping[active], 1e-9), 8 * damping[active])
         improved = active[better]
         x[improved], residual[improved], cost[improved] = new_x[better], new_residual[better], new_cost[better]
-        if len(improved):
+        if few:
+            slope[improved] = new_slope[better]
+        elif len(improved):
             slope[improved] = _derivative(residuals, x[improved], residual[improved], improved, high[improved])
         active = active[~converged & (damping[active] < _LARGEST_DAMPING)]
     at_bound = _at_bound(x, np.einsum("bnp,bn->bp", slope, residual), low, high)
@@ -103,6 +109,8 @@ def minimize_many(
 
 
 def _finite(values: FloatArray) -> FloatArray:
+    if (np.abs(values) <= _HUGE).all():
+        return values
     return np.where(np.isfinite(values), np.clip(values, -_HUGE, _HUGE), _HUGE)
 
 
@@ -111,14 +119,32 @@ def _at_bound(x: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatA
     return np.asarray(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
 
 
+def _with_derivative(
+    residuals: Residuals, x: FloatArray, which: IntArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return residuals and their derivatives by one call of the function of the residuals."""
+    count, size = x.shape
+    moved = np.repeat(x[:, None, :], size + 1, axis=1)
+    step = _steps(x, high)
+    moved[:, np.arange(size) + 1, np.arange(size)] += step
+    rows = _finite(residuals(moved.reshape(count * (size + 1), size), np.repeat(which, size + 1)))
+    rows = rows.reshape(count, size + 1, -1)
+    slopes = (rows[:, 1:] - rows[:, :1]) / step[:, :, None]
+    return np.ascontiguousarray(rows[:, 0]), np.ascontiguousarray(np.swapaxes(slopes, 1, 2))
+
+
+def _steps(x: FloatArray, high: FloatArray) -> FloatArray:
+    step = _STEP * np.maximum(1.0, np.abs(x))
+    return np.where(x + step > high, -step, step)
+
+
 def _derivative(
     residuals: Residuals, x: FloatArray, value: FloatArray, which: IntArray, high: FloatArray
 ) -> FloatArray:
     """Differentiate residuals by finite differences. The steps respect the upper bounds of the parameters."""
     count, size = x.shape
     moved = np.repeat(x[:, None, :], size, axis=1)
-    step = _STEP * np.maximum(1.0, np.abs(x))
-    step = np.where(x + step > high, -step, step)
+    step = _steps(x, high)
     moved[:, np.arange(size), np.arange(size)] += step
     moved_residuals = _finite(residuals(moved.reshape(count * size, size), np.repeat(which, size)))
     rows = (moved_residuals.reshape(count, size, -1) - value[:, None, :]) / step[:, :, None]
@@ -142,15 +168,18 @@ def _step(
 def _newton_step(
     x: FloatArray, slope: FloatArray, value: FloatArray, damping: FloatArray, bounds: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    size = x.shape[1]
-    gradient = np.einsum("bnp,bn->bp", slope, value)
-    square = np.einsum("bnp,bnq->bpq", slope, slope)
-    diagonal = np.maximum(np.einsum("bpp->bp", square), 1e-30)
+    corner = np.arange(x.shape[1])
+    transposed = slope.swapaxes(1, 2)
+    gradient = (transposed @ value[:, :, None])[:, :, 0]
+    square = transposed @ slope
+    damped = damping[:, None] * np.maximum(square[:, corner, corner], 1e-30)
     at_bound = _at_bound(x, gradient, *bounds)
     free = ~at_bound
-    square = np.where(free[:, :, None] & free[:, None, :], square, 0.0)
-    square[:, np.arange(size), np.arange(size)] += np.where(free, damping[:, None] * diagonal, 1.0)
-    scale = 1 / np.sqrt(np.einsum("bpp->bp", square))
+    if at_bound.any():
+        square = np.where(free[:, :, None] & free[:, None, :], square, 0.0)
+        damped = np.where(free, damped, 1.0)
+    square[:, corner, corner] += damped
+    scale = 1 / np.sqrt(square[:, corner, corner])
     scaled = square * scale[:, :, None] * scale[:, None, :]
     return np.asarray(np.linalg.solve(scaled, (-gradient * free * scale)[:, :, None])[:, :, 0] * scale)
 

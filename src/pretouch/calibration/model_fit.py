@@ -113,13 +113,13 @@ def estimates(
     place = np.array([family.middle])
 
     def coordinates(u: FloatArray) -> FloatArray:
-        rows = [family.coordinates(row) for row in u]
-        return np.column_stack([rows, np.log(np.maximum(-family.slope(u, place)[:, 0], 1e-9))])
+        slope = np.log(np.maximum(-family.slope(u, place), 1e-9))
+        return np.concatenate([family.coordinates(u), slope], axis=-1)
 
     center, moved = coordinates(best.x)[0], [coordinates(u[None])[0] for u in shifted]
     lowest_of_ends, highest_of_ends = np.min([center, *moved], axis=0), np.max([center, *moved], axis=0)
     ends = []
-    profile_intervals = intervals(problem.residuals, best, problem.bounds(), coordinates, rise)
+    profile_intervals = intervals(problem.function(), best, problem.bounds(), coordinates, rise)
     for at, lowest, highest, (low, high, *reached) in zip(
         center, lowest_of_ends, highest_of_ends, profile_intervals, strict=True
     ):

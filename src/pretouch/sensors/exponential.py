@@ -42,7 +42,8 @@ class _FirstOrderFamily(Family):
         return np.asarray(-np.exp(u[..., 1, None]) + np.zeros_like(distance))
 
     def coordinates(self, u: FloatArray) -> FloatArray:
-        return np.array([u[0] + math.exp(u[1]) * self.middle, -math.exp(u[1])])
+        rate = np.exp(u[..., 1])
+        return np.stack([u[..., 0] + rate * self.middle, -rate], axis=-1)
 
     def parameters(self, coordinates: FloatArray) -> FloatArray:
         with np.errstate(over="ignore"):
@@ -73,19 +74,22 @@ class _SecondOrderFamily(Family):
         last = min(slope + curvature * self.span / 2, 0.2 * slope)
         return np.array([log_middle, math.log(-first), math.log(last / first)])
 
-    def coordinates(self, u: FloatArray) -> FloatArray:
+    def _columns(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         first = -np.exp(u[..., 1])
         b = first * np.expm1(u[..., 2]) / (2 * self.span)
         c = first - 2 * b * self.first
-        return np.stack([u[..., 0] - (b * self.middle + c) * self.middle, c, b], axis=-1)
+        return u[..., 0] - (b * self.middle + c) * self.middle, c, b
+
+    def coordinates(self, u: FloatArray) -> FloatArray:
+        return np.stack(self._columns(u), axis=-1)
 
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        log_scale, c, b = np.moveaxis(self.coordinates(u), -1, 0)[..., None]
-        return np.asarray(log_scale + (b * distance + c) * distance)
+        log_scale, c, b = self._columns(u)
+        return np.asarray(log_scale[..., None] + (b[..., None] * distance + c[..., None]) * distance)
 
     def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        _, c, b = np.moveaxis(self.coordinates(u), -1, 0)[..., None]
-        return np.asarray(2 * b * distance + c)
+        _, c, b = self._columns(u)
+        return np.asarray(2 * b[..., None] * distance + c[..., None])
 
     def parameters(self, coordinates: FloatArray) -> FloatArray:
         with np.errstate(over="ignore"):

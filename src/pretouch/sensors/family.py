@@ -9,6 +9,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, ClassVar, Final, Self
 
 import numpy as np
@@ -60,7 +61,7 @@ class Family(ABC):
     @property
     def size(self) -> int:
         """The number of fit parameters of the curve family."""
-        return len(self.parameter_names)
+        return _count_parameters(self.curve)
 
     @property
     def middle(self) -> float:
@@ -103,7 +104,8 @@ class Family(ABC):
     def coordinates(self, u: FloatArray) -> FloatArray:
         """Transform fit parameters to numbers that are always finite.
 
-        Examples are logarithms. Each is a monotonic function of one of the curve's own parameters.
+        Examples are logarithms. Each is a monotonic function of one of the curve's own parameters. Parameters of shape
+        (..., p) give coordinates of the same shape.
         """
 
     @abstractmethod
@@ -227,15 +229,20 @@ class PlainFamily(Family):
 
     def coordinates(self, u: FloatArray) -> FloatArray:
         """Replace the first fit parameter by the logarithmic scale."""
-        curve = self._curve(u)
-        level = 0.0 if curve is None else float(curve.log_output(self.middle))
-        return np.array([u[0] - level, *u[1:]])
+        curves = [self._curve(row) for row in u.reshape(-1, u.shape[-1])]
+        levels = [0.0 if curve is None else float(curve.log_output(self.middle)) for curve in curves]
+        return np.concatenate([u[..., :1] - np.reshape(levels, (*u.shape[:-1], 1)), u[..., 1:]], axis=-1)
 
     def parameters(self, coordinates: FloatArray) -> FloatArray:
         """Convert transformed fit parameters to the sensor curve's own parameters."""
         with np.errstate(over="ignore"):
             values = [_decoded(float(v), sign) for v, sign in zip(coordinates[1:], self._signs, strict=True)]
             return np.array([np.exp(coordinates[0]), *values])
+
+
+@cache
+def _count_parameters(curve: Any) -> int:
+    return len(curve._declared())
 
 
 def _encoded(value: float, sign: str) -> float:

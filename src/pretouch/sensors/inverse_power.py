@@ -74,8 +74,8 @@ class _InversePowerFamily(Family):
         return np.asarray(-1 / (self._radius(u)[..., None] + u[..., 2, None] * (distance - self.middle)))
 
     def coordinates(self, u: FloatArray) -> FloatArray:
-        inverse = float(u[2] / self._radius(u))  # 1 / (l_m + l_0)
-        return np.array([u[0] - math.log(inverse) / u[2], math.log(inverse), math.log(u[2])])
+        inverse = np.log(u[..., 2] / self._radius(u))  # of 1 / (l_m + l_0)
+        return np.stack([u[..., 0] - inverse / u[..., 2], inverse, np.log(u[..., 2])], axis=-1)
 
     def parameters(self, coordinates: FloatArray) -> FloatArray:
         q = np.asarray(coordinates, dtype=np.float64)

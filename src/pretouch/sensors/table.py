@@ -117,9 +117,9 @@ class PiecewiseCubic(SensorModel):
         (0.6, -100.0)
     """
 
-    distances: tuple[float, ...]
-    log_outputs: tuple[float, ...]
-    slopes: tuple[tuple[float, float], ...]
+    distances: tuple[float, ...] = field(metadata={"checked": False})  # checked by __post_init__, quicker
+    log_outputs: tuple[float, ...] = field(metadata={"checked": False})
+    slopes: tuple[tuple[float, float], ...] = field(metadata={"checked": False})
     minimum_distance: float = -np.inf
 
     name: ClassVar[str] = "piecewise-cubic"
@@ -163,22 +163,21 @@ class PiecewiseCubic(SensorModel):
             ]
         )
 
-    def part(self, low: float, high: float) -> PiecewiseCubic:
-        """Return the section of this sensor curve between two valid distances [m]."""
+    def points(self, low: float, high: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the points of the section between two valid distances [m], as the arguments of this class."""
         if low <= self.distances[0] and high >= self.distances[-1]:
-            return self
+            return np.array(self.distances), np.array(self.log_outputs), np.array(self.slopes)
         inside = [d for d in self.distances if low < d < high]
         edges = np.array([low, *inside, high])
-        _, c1, c2, c3 = (c := self.coefficients()).T
+        c0, c1, c2, c3 = (c := self.coefficients()).T
         knots = np.array(self.distances)
         at = np.clip(np.searchsorted(knots, (edges[:-1] + edges[1:]) / 2, side="right") - 1, 0, len(c) - 1)
         middle = (knots[at] + knots[at + 1]) / 2
-        near, far = (c1[at] + z * (2 * c2[at] + z * 3 * c3[at]) for z in (edges[:-1] - middle, edges[1:] - middle))
-        return PiecewiseCubic(
-            distances=tuple(edges),
-            log_outputs=tuple(np.atleast_1d(self.log_output(edges))),
-            slopes=tuple(zip(near, far, strict=True)),
-        )
+        first, last = edges[:-1] - middle, edges[1:] - middle
+        near, far = (c1[at] + z * (2 * c2[at] + z * 3 * c3[at]) for z in (first, last))
+        levels = c0[at] + first * (c1[at] + first * (c2[at] + first * c3[at]))
+        at, z = at[-1], last[-1]
+        return edges, np.append(levels, c0[at] + z * (c1[at] + z * (c2[at] + z * c3[at]))), np.column_stack([near, far])
 
     def _terms(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
         edges = np.array(self.distances)

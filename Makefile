@@ -90,6 +90,7 @@ fuzz: $(STAMP)
 	PYTHONPATH=tests:tools $(BIN)/python -m fuzz.encounters --count $(ENCOUNTERS) $(if $(SEED),--seed $(SEED))
 	PYTHONPATH=tests:tools $(BIN)/python -m fuzz.mutated_files --count $(FILES) $(if $(SEED),--seed $(SEED))
 	PYTHONPATH=tests:tools $(BIN)/python -m fuzz.mutated_tables --count $(FILES) $(if $(SEED),--seed $(SEED))
+	PYTHONPATH=tests:tools $(BIN)/python -m fuzz.mutated_recordings --count $(FILES) $(if $(SEED),--seed $(SEED))
 
 # tried on the tests that reach the changed line; stopped and started again, it goes on where it was
 mutants: $(STAMP)

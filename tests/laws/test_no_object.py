@@ -162,6 +162,6 @@ def test_an_output_that_is_limited_without_an_object_has_the_noise_of_an_object(
     assert idle_codes(readings) == ()
     flags = np.ones(len(readings), bool)
     noise = noise_of(readings, flags, there, ~flags, 0.0, approaches=~flags)
-    assert noise.offset == 0.0
+    assert (noise.offset, noise.limited) == (0.0, True)
     assert noise.noise == pytest.approx(6.0, rel=0.2)
     assert noise.relative_noise == pytest.approx(0.01, rel=0.2)

@@ -85,10 +85,13 @@ def _level_rows(
         if noise.resolution:
             yield "distance_resolution", _quoted(noise.resolution, "m"), "step of the distances"
         return
+    where = "with an object" if noise.limited else "without an object"
+    remarks = {"noise": where, "offset": "median without an object"}
     for key, value in (("noise", noise.noise), ("relative_noise", noise.relative_noise), ("offset", noise.offset)):
         own = getattr(declared, key) + (declared.crosstalk if key == "offset" else 0.0)
-        remark = {"noise": "without an object", "offset": "median without an object"}.get(key, "of xi")
-        yield key, _number(own if value is None else value), kept if value is None else remark
+        yield key, _number(own if value is None else value), kept if value is None else remarks.get(key, "of xi")
+    if noise.limited and noise.offset is not None:
+        yield "lowest", _number(noise.offset), "the readings stay at this value without an object"
     if noise.drift is not None:
         yield "drift", _number(noise.drift.rate), "per second, of the readings without an object"
     if noise.resolution:

@@ -12,6 +12,7 @@ import sqlite3
 import struct
 import tempfile
 from collections.abc import Callable, Collection, Iterator
+from itertools import compress
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
@@ -304,15 +305,17 @@ def _read_database(connection: sqlite3.Connection, wanted: Collection[str], cont
         if not is_wanted(topic.name, wanted):
             continue
         kept = contents.messages_of(topic)
-        before = len(kept.data)
-        for received, data in _rows(connection, i):
-            kept.received.append(received)
-            kept.data.append(data)
-        kept.damaged += count - (len(kept.data) - before)
+        pairs: list[tuple[Any, Any]] = []
+        try:
+            pairs.extend(_rows(connection, i))
+        finally:  # of a damaged database, the rows before the damage
+            usable = [isinstance(received, int) and isinstance(data, bytes) for received, data in pairs]
+            whole = pairs if all(usable) else list(compress(pairs, usable))
+            kept.received += [received for received, _ in whole]
+            kept.data += [data for _, data in whole]
+            kept.damaged += count - len(whole)
 
 
-def _rows(connection: sqlite3.Connection, topic: int) -> Iterator[tuple[int, bytes]]:
-    """Yield the receive time and content of each recorded message that has both."""
-    usable = "typeof(timestamp) = 'integer' AND typeof(data) = 'blob'"
-    text = f"SELECT timestamp, data FROM messages WHERE topic_id = ? AND {usable} ORDER BY id"  # noqa: S608 - constants
-    yield from connection.execute(text, (topic,))
+def _rows(connection: sqlite3.Connection, topic: int) -> Iterator[tuple[Any, Any]]:
+    """Return the receive time and content of each recorded message."""
+    return iter(connection.execute("SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id", (topic,)))

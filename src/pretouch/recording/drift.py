@@ -48,12 +48,13 @@ def trend_of(time: FloatArray, values: FloatArray) -> Drift | None:
     Returns:
         The change from the first to the last time; None if it is not significant, or if there are too few values.
     """
-    block = _blocks(time)
-    used = [i for i in range(_BLOCKS) if (block == i).sum() >= _FEWEST]
-    if len(used) < _FEWEST_BLOCKS:
+    order = np.argsort(time, kind="stable")
+    parts = np.split(order, np.searchsorted(_blocks(time)[order], np.arange(1, _BLOCKS)))
+    parts = [part for part in parts if len(part) >= _FEWEST]
+    if len(parts) < _FEWEST_BLOCKS:
         return None
-    middle = np.array([time[block == i].mean() for i in used])
-    median = np.array([np.median(values[block == i]) for i in used])
+    middle = np.array([time[part].mean() for part in parts])
+    median = np.array([np.median(values[part]) for part in parts])
     spread = middle - middle.mean()
     rate = float(spread @ median / (spread @ spread))
     rest = median - median.mean() - rate * spread

@@ -94,7 +94,8 @@ def replay(
     offset = controller.conditioning.offset
     codes = tuple(idle.value for idle in used.no_object) if used.kind == "reading" else ()
     new = _new_values(used.values, timing.held)  # a repeated value has no noise of its own
-    steady = np.logical_and.reduce([regular[np.minimum(new + i, len(time) - 1)] for i in range(timing.held)])
+    index = np.arange(len(time))[new]
+    steady = np.logical_and.reduce([regular[np.minimum(index + i, len(time) - 1)] for i in range(timing.held)])
     noise = noise_of(
         used.values[new],
         steady,
@@ -187,10 +188,10 @@ def _one_clock(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     )
 
 
-def _new_values(values: FloatArray, held: int) -> IntArray:
+def _new_values(values: FloatArray, held: int) -> slice | IntArray:
     """Return the indices of the readings, without those that only repeat the value before."""
     if held == 1:
-        return np.arange(len(values))
+        return slice(None)
     return np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
 
 

@@ -44,6 +44,7 @@ class Noise(Value):
         clipped: whether the largest reading occurs many times in a row, so that it is probably a limit of the sensor.
         quiet: number of readings without an object.
         drift: significant change of the readings without an object over the recording.
+        limited: whether the readings stay at one value without an object; the noise is then that with an object.
     """
 
     offset: float | None
@@ -55,6 +56,7 @@ class Noise(Value):
     clipped: bool
     quiet: int
     drift: Drift | None = None
+    limited: bool = False
 
 
 def noise_of(
@@ -102,8 +104,9 @@ def noise_of(
         center = float(np.median(values))
         wander = _spread(values - center, resolution)
     relative = None if noise is None else _relative(readings, finite & detecting, regular, offset, noise)
-    if is_frozen(values):  # the output is limited without an object, so its noise is known only from an object
-        noise, relative = _both_noises(readings, finite & detecting, regular, offset) or (noise, relative)
+    # an output that is limited without an object has noise only with an object
+    both = _both_noises(readings, finite & detecting, regular, offset) if is_frozen(values) else None
+    noise, relative = both or (noise, relative)
     largest = float(readings[finite].max()) if finite.any() else None
     return Noise(
         offset=center,
@@ -114,6 +117,7 @@ def noise_of(
         largest=largest,
         clipped=_is_clipped(readings[finite]),
         quiet=int(quiet.sum()),
+        limited=both is not None,
         drift=None if time is None or noise is None else trend_of(time[quiet], values),
     )
 

@@ -92,7 +92,8 @@ def _key_figures(replay: Replay) -> Iterator[tuple[str, Cell]]:
             declared = format_quantity(chain.distance_noise, "m", 3)
             yield f"noise of a distance; scenario {declared}", format_quantity(replay.distance_noise, "m", 3)
     elif noise.noise is not None:
-        yield f"noise without an object; scenario {chain.noise:.3g}", f"{noise.noise:.3g} (unit of the readings)"
+        where = "with an object" if noise.limited else "without an object"
+        yield f"noise {where}; scenario {chain.noise:.3g}", f"{noise.noise:.3g} (unit of the readings)"
     if replay.latency is not None and replay.latency.value is not None:
         low, high = (format_quantity(end, "s", 3) for end in (replay.latency.low or 0.0, replay.latency.high or 0.0))
         yield (
@@ -118,6 +119,11 @@ def _findings(replay: Replay) -> Iterator[str]:
         )
     if replay.recording.no_object:
         yield f"Taken as no object: {'; '.join(map(_describe_no_object, replay.recording.no_object))}."
+    if replay.noise.limited and replay.recording.kind == "reading":
+        yield (
+            f"Without an object, the readings stay at exactly {replay.noise.offset:.6g}: the noise was measured while "
+            "an object was there."
+        )
     if replay.latency is not None and replay.latency.value is None:
         yield f"The latency cannot be determined: {replay.latency.reason}."
     elif replay.latency is not None and replay.latency.value is not None:

@@ -19,6 +19,7 @@ from pretouch.recording import Recording, read_recording, replay
 from pretouch.recording.containers import read_contents
 from pretouch.recording.decoding import decode
 from pretouch.recording.layout import UnsupportedLayoutError, layout_of
+from pretouch.recording.measurements import measurements_of
 from pretouch.recording.reading import read_recordings
 from pretouch.recording.stepping import readings_of, run_samples, run_steps
 
@@ -132,8 +133,9 @@ def test_a_bag_is_read_as_rosbags_reads_it(storage: str, compression: str, tmp_p
     stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for _, m in rows]
     assert header.stamps.tolist() == stamps
     assert receive.stamps.tolist() == [t for t, _ in rows]
-    valid = [m.range if m.range >= 0 else -np.inf for _, m in rows]  # below min_range: too near
-    assert np.array_equal(header.values, valid)
+    assert np.array_equal(header.values, [m.range for _, m in rows])
+    assert header.bounds == (0.0, 1.0)  # below min_range: too near, which the replay decides
+    assert np.array_equal(np.isneginf(measurements_of(header).values), header.values < 0)
     assert header.transport == pytest.approx(2.5e-6, abs=1e-12)
     assert (header.kind, header.clock, receive.clock) == ("distance", "header", "receive")
 

@@ -87,10 +87,7 @@ def replay(
     detecting = _detecting_at(steps, time)
     regular = np.diff(time, prepend=-np.inf) <= _REGULAR / timing.rate if timing.rate > 0 else np.zeros(len(time), bool)
     regular &= np.diff(time, prepend=0.0) > 0
-    near, approaches = np.zeros((2, len(time)), dtype=bool)
-    for begin, finish, *_ in intervals:
-        near |= (time > begin - _AROUND) & (time < finish + _AROUND)
-        approaches |= (time > begin - _APPROACH) & (time < finish + _APPROACH)
+    near, approaches = (_around(time, intervals, margin) for margin in (_AROUND, _APPROACH))
     offset = controller.conditioning.offset
     codes = tuple(idle.value for idle in used.no_object) if used.kind == "reading" else ()
     new = _new_values(used.values, timing.held)  # a repeated value has no noise of its own
@@ -193,6 +190,15 @@ def _new_values(values: FloatArray, held: int) -> slice | IntArray:
     if held == 1:
         return slice(None)
     return np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
+
+
+def _around(time: FloatArray, intervals: list[tuple[float, float, float, float]], margin: float) -> BoolArray:
+    """Return which times are during a detection, or shortly before or after it."""
+    if not intervals:
+        return np.zeros(len(time), dtype=bool)
+    begins, ends = np.array([interval[:2] for interval in intervals]).T
+    last = np.searchsorted(begins - margin, time, side="left") - 1  # the last detection that began before
+    return np.asarray((last >= 0) & (time < ends[last] + margin))
 
 
 def _part_between(recording: Recording, start: float, end: float) -> Recording:

@@ -71,7 +71,7 @@ def test_times_of_a_recording_are_read_with_their_unit_and_rate(tmp_path, title:
         np.full(len(VALUES) - 1, 5e6), abs=1100
     )  # clocks have milliseconds
     assert recording.values.tolist() == VALUES
-    assert any("200 Hz" in note for note in recording.notes)
+    assert "200 Hz" in recording.read[0]
 
 
 @pytest.mark.parametrize(

@@ -312,6 +312,7 @@ def _curve(
             dropped=dropped,
             notes=(
                 *table.notes,
+                *table.lost,
                 *((missing,) if dropped else ()),
                 *layout.notes,
                 *((doubt,) if is_doubtful else ()),

@@ -24,13 +24,15 @@ _TABLES = frozenset({".csv", ".tsv", ".txt", ".log", ".dat", ".json", ".jsonl", 
 class RecordedColumn(NamedTuple):
     """A column of a recording with its times.
 
-    `stamps` are in nanoseconds; a cell that is no number is NaN, and one that says "no object" is infinite.
+    `stamps` are in nanoseconds; a cell that is no number is NaN, and one that says "no object" is infinite. `read` says
+    how the file was understood, `notes` what is lost or doubtful.
     """
 
     name: str
     unit: str
     stamps: IntArray
     values: FloatArray
+    read: tuple[str, ...]
     notes: tuple[str, ...]
 
 
@@ -66,10 +68,11 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
     index = _index_of(path, table, wanted, times.columns)
     values = table.numbers(index)
     name, unit = split_title(table.header[index])
-    notes = (*table.notes, *times.notes)
+    read = (f"The times are from {times.read}.", *table.notes)
+    notes = (*table.lost, *times.notes)
     if unit is None and _is_range(table, index):
         unit = "m"
-        notes = (*notes, f"The column {table.title(index)} of a Range message is in m.")
+        read = (*read, f"The column {table.title(index)} of a Range message is in m.")
     usable = times.usable
     lost = int(np.isnan(values[usable]).sum())
     if lost:
@@ -77,7 +80,7 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
             *notes,
             f"{lost:,} cells of the column {table.title(index)} are no numbers: missing readings.",
         )
-    return RecordedColumn(name, unit or "", times.stamps[usable], values[usable], notes)
+    return RecordedColumn(name, unit or "", times.stamps[usable], values[usable], read, notes)
 
 
 def _index_of(path: Path, table: TextTable, wanted: str, times: tuple[int, ...]) -> int:

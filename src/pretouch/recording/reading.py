@@ -200,4 +200,6 @@ def _from_table(file: Path, name: str, unit: str | None) -> Recording:
     column = read_columns(file, name)
     kind, values, notes = _in_unit(column.values, column.unit if unit is None else unit)
     fields: dict[str, Any] = {"source": file.name, "topic": column.name, "message_type": "column", "clock": "column"}
-    return Recording(stamps=column.stamps, values=values, kind=kind, notes=(*column.notes, *notes), **fields)
+    return Recording(
+        stamps=column.stamps, values=values, kind=kind, notes=(*column.notes, *notes), read=column.read, **fields
+    )

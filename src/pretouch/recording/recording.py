@@ -48,6 +48,7 @@ class Recording(Value):
         bounds: smallest and largest distance that the sensor can measure, according to its messages [m].
         no_object: values that were taken as "no object" by a replay: a distance without an object is then infinite.
         notes: remarks on the file, such as that it is truncated.
+        read: how a table was understood: which time column, its unit and rate.
 
     Examples:
         >>> columns = {"stamps": [0, 10**7], "values": [0.5, 0.4]}
@@ -66,6 +67,7 @@ class Recording(Value):
     bounds: tuple[float, float] = UNBOUNDED
     no_object: tuple[NoObject, ...] = ()
     notes: tuple[str, ...] = ()
+    read: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name, kind in (("stamps", np.int64), ("values", np.float64), ("transport", np.float64)):

@@ -83,6 +83,8 @@ def replay_page(replay: Replay) -> Page:
 
 def _key_figures(replay: Replay) -> Iterator[tuple[str, Cell]]:
     timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
+    if replay.recording.read:
+        yield "times", replay.recording.read[0].removeprefix("The times are from ").rstrip(".")
     if timing.rate > 0:
         declared = f"{format_quantity(chain.rate, 'Hz', 4)}, jitter {format_quantity(chain.jitter, 's', 2)}"
         jitter = format_quantity(timing.jitter, "s", 2)
@@ -390,6 +392,8 @@ def _sensor_rows(replay: Replay) -> Iterator[Row]:
     timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
     yield "topic", f"{replay.recording.topic} ({replay.recording.message_type})", ""
     yield "times", CLOCKS[replay.recording.clock], ""
+    for sentence in replay.recording.read:
+        yield "table", sentence, ""
     yield "property", "recording", "scenario"
     yield "readings", f"{timing.count:,}", ""
     yield "rate without gaps", Measured(timing.rate, "Hz"), Measured(chain.rate, "Hz")

@@ -141,6 +141,7 @@ class Replay(Described, Value):
                 "type": self.recording.message_type,
                 "kind": self.recording.kind,
                 "clock": self.recording.clock,
+                "read": self.recording.read,
                 "clock_differences": self.clocks,
                 "no_object": self.recording.no_object,
                 "law": self.law,

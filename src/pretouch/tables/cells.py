@@ -36,7 +36,7 @@ class TextTable:
     """Text table with a header, columns and rows.
 
     It stores the line number of each row in the file. `floats` has the numbers of each column, None for a column with
-    other cells than numbers with a decimal point.
+    other cells than numbers with a decimal point. `notes` say how the file was understood, `lost` what is not read.
     """
 
     file: str
@@ -50,6 +50,7 @@ class TextTable:
     lines: Sequence[int]
     floats: tuple[FloatArray | None, ...]
     notes: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
 
     @property
     def place(self) -> str:

@@ -35,11 +35,15 @@ _COLUMN: Final = "\t"
 
 
 class FormedLines(NamedTuple):
-    """Lines of a file as rows of a table, with the line number of each."""
+    """Lines of a file as rows of a table, with the line number of each.
+
+    `notes` say how the lines were understood, `lost` which lines are not read.
+    """
 
     numbers: Sequence[int]
     texts: list[str]
     notes: tuple[str, ...]
+    lost: tuple[str, ...] = ()
 
 
 def without_stamp(line: str) -> tuple[str, str]:
@@ -139,7 +143,7 @@ def form_lines(numbers: Sequence[int], texts: list[str]) -> FormedLines:
     if _share(labeled_cells(text.rpartition(_COLUMN)[2]) for text in first) >= _MOST:
         labeled = _of_labels(numbers, texts)
         if labeled is not None:
-            return FormedLines(*labeled[:2], (*notes, *labeled.notes))
+            return labeled._replace(notes=(*notes, *labeled.notes))
     blocks = _of_blocks(numbers, texts) if any(":" in text or "=" in text for text in first) else None
     if blocks is not None:
         return blocks
@@ -228,10 +232,12 @@ def _of_labels(numbers: Sequence[int], texts: list[str]) -> FormedLines | None:
     rows = _rows_of(found)
     if not rows or len(rows[0].split(_COLUMN)) < _FEWEST:
         return None
-    notes = ["The names of the columns are the labels in the lines."]
+    lost = []
     if others:
-        notes.append(f"{len(others):,} lines without labels are not read; the first is line {others[0]}.")
-    return FormedLines([lines[0], *lines], rows, tuple(notes))
+        lost.append(f"Lines without labels, which are not read: {len(others):,}. The first is line {others[0]}.")
+    return FormedLines(
+        [lines[0], *lines], rows, ("The names of the columns are the labels in the lines.",), tuple(lost)
+    )
 
 
 def _rows_of(found: Sequence[dict[str, str]]) -> list[str]:

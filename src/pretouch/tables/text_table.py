@@ -67,7 +67,7 @@ def read_table(
     numbers, texts, remark = _lines(path.name, text)
     if not texts:
         raise _refusal(f"{path.name}: the file has no rows, but a header and at least one row of numbers are needed")
-    numbers, texts, notes_on_lines = form_lines(numbers, texts)
+    numbers, texts, notes_on_lines, lost = form_lines(numbers, texts)
     options = replace(options, is_recording=is_recording)
     head = list(zip(numbers[: _SEARCHED + 2], texts, strict=False))
     at, head_lines, notes = _header_at(path.name, head, remark, options)
@@ -82,7 +82,7 @@ def read_table(
     notes_on_units = [f"The units are those of line {numbers[0]}."] if units else []
     rows, numbers = rows[units:], numbers[units:]
     if is_recording:
-        rows, numbers, notes_on_lines = _whole_rows(header, rows, numbers, notes_on_lines)
+        rows, numbers, lost = _whole_rows(header, rows, numbers, lost)
     header = _without_empty_columns(_without_empty_end(header, rows), rows)
     _refuse_other_widths(path.name, header, rows, numbers, delimiter)
     columns = tuple(zip(*rows, strict=True)) or ((),) * len(header)
@@ -100,6 +100,7 @@ def read_table(
         lines=numbers,
         floats=plain.floats,
         notes=(*notes_on_lines, *notes, *notes_on_units, *plain.notes),
+        lost=lost,
     )
 
 
@@ -164,18 +165,18 @@ def _without_empty_columns(header: tuple[str, ...], rows: list[Any]) -> tuple[st
 
 
 def _whole_rows(
-    header: tuple[str, ...], rows: list[Any], numbers: Sequence[int], notes: tuple[str, ...]
+    header: tuple[str, ...], rows: list[Any], numbers: Sequence[int], lost: tuple[str, ...]
 ) -> tuple[list[Any], Sequence[int], tuple[str, ...]]:
     """Leave out the rows of a recording that have another number of cells than the header, and note their number."""
     if set(map(len, rows)) <= {len(header)}:
-        return rows, numbers, notes
+        return rows, numbers, lost
     short = [i for i, row in zip(numbers, rows, strict=True) if len(row) != len(header)]
     kept = [(i, row) for i, row in zip(numbers, rows, strict=True) if len(row) == len(header)]
     note = f"Left out rows with another number of cells than the header: {len(short):,}. The first is line {short[0]}."
     return (
         [row for _, row in kept],
         [i for i, _ in kept],
-        (*notes, note),
+        (*lost, note),
     )
 
 

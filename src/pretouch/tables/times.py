@@ -40,12 +40,13 @@ class Times(NamedTuple):
     """Times of the rows of a table.
 
     `stamps` are in nanoseconds; `usable` tells in which rows there is a time. `columns` are the indices of the columns
-    with times. `notes` say which column was read, in which unit, and what was doubted.
+    with times. `read` says which column was read and in which unit, `notes` what was doubted.
     """
 
     stamps: IntArray
     usable: np.ndarray
     columns: tuple[int, ...]
+    read: str
     notes: tuple[str, ...]
 
 
@@ -79,12 +80,12 @@ def read_times(table: TextTable) -> Times:
         usable = np.isfinite(whole) & np.isfinite(part)
         stamps = np.where(usable, whole, 0).astype(np.int64) * 10**9 + np.where(usable, part, 0).astype(np.int64)
         titles = " and ".join(table.title(i) for i in pair)
-        return _checked(table, Times(stamps, usable, tuple(candidates), ()), f"the columns {titles}", "s and ns")
+        return _checked(table, Times(stamps, usable, tuple(candidates), "", ()), f"columns {titles}", "s and ns")
     read = [_read(table, i) for i in candidates]
     best = max(range(len(read)), key=lambda k: (_is_rising(read[k]), table.header[candidates[k]] != TIME_OF_LINE, -k))
     stamps, usable, unit = read[best]
-    times = Times(stamps, usable, tuple(candidates), ())
-    return _checked(table, times, f"the column {table.title(candidates[best])}", unit)
+    times = Times(stamps, usable, tuple(candidates), "", ())
+    return _checked(table, times, f"column {table.title(candidates[best])}", unit)
 
 
 def _candidates(table: TextTable) -> list[int]:
@@ -201,10 +202,10 @@ def _checked(table: TextTable, times: Times, where: str, unit: str) -> Times:
     steps = np.diff(stamps)
     steps = steps[steps > 0]
     if not len(steps):
-        return times._replace(notes=(f"The times are from {where} ({unit}).",))
+        return times._replace(read=f"{where}, {unit}")
     step = float(np.median(steps)) / 1e9
     rate = format_quantity(1 / step, "Hz", 3)
-    notes = [f"The times are from {where}, in {unit}: {rate}."]
+    notes = []
     if not _QUICK <= step <= _SLOW:
         notes.append(
             f"A rate of {rate} is unusual for a sensor. Check the unit of the times, here {unit}. If it is "
@@ -213,4 +214,4 @@ def _checked(table: TextTable, times: Times, where: str, unit: str) -> Times:
     missing = int((~times.usable).sum())
     if missing:
         notes.append(f"Rows without a time, which are not read: {missing:,}.")
-    return times._replace(notes=tuple(notes))
+    return times._replace(read=f"{where}, {unit}: {rate}", notes=tuple(notes))

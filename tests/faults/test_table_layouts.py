@@ -1,5 +1,6 @@
 """Tables as people have them are read right, or refused with a remedy that leads to the right result."""
 
+import math
 import re
 import shlex
 
@@ -162,6 +163,38 @@ def parsed(lines: str, **layout: str) -> list[tuple[float, float | None]]:
 def test_lines_are_read_by_the_rules_of_files(line: str, layout: dict[str, str]) -> None:
     ((output, distance),) = parsed(f"{line}\n", **layout)
     assert (output, distance) == (pytest.approx(3.392, rel=1e-12), pytest.approx(0.0025, rel=1e-12))
+
+
+LINES = {
+    **dict.fromkeys(
+        ("inches in words", "name and inches", "in inches", "unit alone", "volts in V", "one word"), ("1", "2")
+    ),
+    **dict.fromkeys(
+        ("capital units", "half capital units", "units as in physics", "German", "index in brackets"), ("1", "2")
+    ),
+    **dict.fromkeys(("units in cells", "units glued to cells", "uncertainties", "mean and deviation"), ("1", "2")),
+    **dict.fromkeys(("no header", "no target", "overload", "tabs and a remark", "two outputs"), ("1", "2")),
+    **dict.fromkeys(("monitor", "monitor with header", "left and right"), ("1", "2")),
+    **dict.fromkeys(("serial plotter", "JSON lines"), ("distance_mm", "prox")),
+    "data frame with index": ("distance_mm", "adc"),
+    "time of each reading": ("distance_mm", "prox"),
+    "milliseconds of each reading": ("2", "3"),
+    "labels and units": ("Distance", "ADC"),
+    "short labels": ("d", "v"),
+    "YAML": ("distance_mm", "value"),
+}
+"""The kinds of tables that a sensor can send line by line, with the columns of distance and output."""
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.name in LINES], ids=lambda kind: kind.name)
+def test_the_lines_of_a_table_are_read_as_the_table_is(kind: Kind) -> None:
+    made = readings(2)
+    distance, column = LINES[kind.name]
+    found = [
+        pair for pair in parsed(kind.write(made), distance_column=distance, column=column) if math.isfinite(pair[1])
+    ]
+    assert [pair[1] for pair in found] == pytest.approx(np.array(made.distances) / 1000, rel=kind.tolerance)
+    assert [pair[0] for pair in found] == pytest.approx(kind.output(made), rel=1e-12)
 
 
 @pytest.mark.parametrize("line", ["2,5", "1,250;3,392"])

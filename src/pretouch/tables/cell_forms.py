@@ -85,6 +85,17 @@ def plain_columns(
     return PlainColumns(tuple(titles), tuple(changed), tuple(floats), "," if comma else ".", tuple(notes))
 
 
+def plain_cell(cell: str) -> str:
+    """Return the number in one cell without its uncertainty and its unit, and without separators of thousands.
+
+    Examples:
+        >>> plain_cell("2.5 ± 0.1 mm"), plain_cell("1'250"), plain_cell("0x1F")
+        ('2.5', '1250', '31')
+    """
+    forms, _ = _without_units(_without_spreads({cell: cell.strip()}))
+    return _without_groups(forms)[cell]
+
+
 def _floats(cells: Sequence[str]) -> FloatArray | None:
     """Return the cells as numbers, if all are numbers with a decimal point; this is quick."""
     try:

@@ -144,7 +144,7 @@ def is_no_object(cell: str) -> bool:
 
 def is_row(cells: Sequence[str]) -> bool:
     """Return True if a line contains a distance and an output."""
-    numbers = sum(is_number(cell) for cell in cells)
+    numbers = sum(is_number(cell.partition("±")[0].strip()) for cell in cells)
     quantities = [cell for cell in cells if is_quantity(cell)]
     if len(quantities) < 2 or not all(is_quantity(cell, LENGTH) or is_no_object(cell) for cell in cells):
         numbers += len(quantities)  # otherwise, it is the header of a wide table

@@ -14,7 +14,8 @@ from typing import Final
 from pretouch._core.errors import InvalidInputError, SourceError
 from pretouch._core.units import parse_unit
 from pretouch._core.values import Value
-from pretouch.tables.cells import float_of, is_no_object, is_number, is_quantity, unit_of
+from pretouch.tables.cell_forms import plain_cell
+from pretouch.tables.cells import float_of, is_no_object, is_number, unit_of
 from pretouch.tables.dialect import BLANK, cells_of, delimiter_of_header, delimiter_of_row
 from pretouch.tables.line_forms import labeled_cells, without_stamp
 from pretouch.tables.names import is_length, split_title
@@ -169,7 +170,8 @@ class LineParser:
         if not any(self._number(cell) is not None for cell in cells):
             header = cells_of(text, delimiter_of_header(text))
             self._header = {name: i for i, cell in enumerate(header, start=1) for name in (cell, split_title(cell)[0])}
-            unit = next((split_title(cell)[1] for cell in header if self._names_distance(cell)), None)
+            chosen = (cell for i, cell in enumerate(header, start=1) if self._names_distance(cell, i))
+            unit = next((split_title(cell)[1] for cell in chosen), None)
             if unit:
                 self._take_unit(unit)
             return None
@@ -201,8 +203,9 @@ class LineParser:
                 )
         return delimiter
 
-    def _names_distance(self, cell: str) -> bool:
-        return bool(self._format.distance_column) and self._format.distance_column in {cell, split_title(cell)[0]}
+    def _names_distance(self, cell: str, number: int) -> bool:
+        column = self._format.distance_column
+        return bool(column) and column in {cell, split_title(cell)[0], str(number)}
 
     def _take_unit(self, unit: str) -> None:
         """Use the unit of the distances that the lines state, and refuse another one in the options."""
@@ -245,9 +248,7 @@ class LineParser:
 
     def _number(self, cell: str) -> float | None:
         """Return the finite number in a table cell, with or without a unit, or None."""
-        text = cell.strip()
-        if is_quantity(text):
-            text = text.rstrip("".join(set(text) - set("0123456789.,")))
+        text = plain_cell(cell)
         if not is_number(text):
             return None
         if self._format.decimal_mark == ".":

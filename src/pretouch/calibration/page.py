@@ -136,11 +136,13 @@ def _headline(report: CalibrationReport) -> str:
     low, high = (format_quantity(d, "m") for d in (report.window.l_min, report.window.l_max))
     slope = report.best.middle_slope
     distances = f"{low} to {high}" + ("" if report.verdict == "usable" else ", with reservations")
-    interval = ""
+    is_table, interval = report.best.model == "table", ""
     if math.isfinite(slope.high - slope.low):
-        interval = f" (95 %: {slope.low:.4g} to {slope.high:.4g} 1/m, over all families of curves that fit)"
+        families = "" if is_table else ", over all families of curves that fit"
+        interval = f" (95 %: {slope.low:.4g} to {slope.high:.4g} 1/m{families})"
+    curve = "table through the readings" if is_table else f"{report.best.model} curve"
     return (
-        f"{name}: the readings are usable from {distances}. The {report.best.model} curve fits "
+        f"{name}: the readings are usable from {distances}. The {curve} fits "
         f"best, with a slope g = {slope.value:.4g} 1/m in the middle of the usable range{interval}."
     )
 

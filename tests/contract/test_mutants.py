@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from mutants.drawing import Mutant, draw, mutants_of
-from mutants.reach import Reach, moved
+from mutants.reach import Reach, build_module, marking_jobs, moved
 from mutants.tested_by import seen_by
 
 PYTHON = '''"""Words are 3 and more."""
@@ -121,3 +121,12 @@ def test_lines_that_move_keep_their_tests() -> None:
     before, now = "a\nb\nc\nd", "new\na\nb changed\nmore\nc\nd"
     assert moved(before, now) == {1: 2, 2: 3, 3: 5, 4: 6}
     assert moved(before, before) == {1: 1, 2: 2, 3: 3, 4: 4}
+
+
+def test_every_native_source_is_compiled_with_marks() -> None:
+    """The rest of it runs only in `make mutants`, for minutes."""
+    root = Path(__file__).parents[2]
+    jobs = marking_jobs(build_module(root), (["cc"], ["c++"]))
+    sources = {*root.glob("native/core/*.cpp"), *root.glob("native/law/*.c")}
+    assert {Path(job[-1]) for job in jobs} == sources
+    assert all("-fsanitize-coverage=trace-pc" in job for job in jobs)

@@ -55,6 +55,13 @@ def build_module(root: Path) -> Any:
     return module
 
 
+def marking_jobs(build: Any, compilers: tuple[list[str], list[str]]) -> list[list[str]]:
+    """Return the commands that compile each source such that its blocks are marked, without where the objects go."""
+    flags = ["-fvisibility=hidden", "-fPIC", "-g", "-fsanitize-coverage=trace-pc"]
+    jobs: list[list[str]] = build._jobs(compilers, flags, build.this_target().split("-", 1)[1])
+    return jobs
+
+
 def marking_library(root: Path, folder: Path) -> Path:
     """Return the core of a tree, compiled such that it marks the blocks that it enters; needs gcc and addr2line."""
     native = [text for path, text in sources(root).items() if path.startswith("native/")]
@@ -67,8 +74,7 @@ def marking_library(root: Path, folder: Path) -> Path:
         raise SystemExit("recording what tests reach needs gcc and addr2line")
     made.parent.mkdir(parents=True, exist_ok=True)
     objects = []
-    flags = ["-fvisibility=hidden", "-fPIC", "-g", "-fsanitize-coverage=trace-pc"]
-    for i, job in enumerate(build._jobs(compilers, flags)):
+    for i, job in enumerate(marking_jobs(build, compilers)):
         objects.append(str(made.with_name(f"{i}.o")))
         subprocess.run([*job, "-o", objects[-1]], check=True)
     marks = made.with_name("marks.c")

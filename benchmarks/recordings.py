@@ -261,10 +261,10 @@ def check(count: int, seed: int) -> int:
 def main() -> int:
     """Print the largest error of each property, and the number of properties that are more than 20 % off."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--count", type=int, default=10, help="recordings of each sensor")
+    options.add_argument("--count", type=int, default=1, help="recordings of each sensor")
     options.add_argument("--seed", type=int, default=1, help="seed of the first recording")
     given = options.parse_args()
-    print(f"largest error of [chain] in {given.count} recordings of each sensor")
+    print(f"largest error of [chain], number of recordings of each sensor: {given.count}")
     wrong = check(given.count, given.seed)
     print(f"properties that are more than {100 * TOLERANCE:.0f} % off: {wrong}")
     return int(wrong > 0)

@@ -121,6 +121,16 @@ def test_an_output_that_falls_and_rises_as_a_v_is_named(turn, empty):
     assert "rises again" in text
 
 
+def test_a_peak_near_the_sensor_and_a_rise_far_away_leave_the_part_between():
+    distance = np.repeat(np.arange(0.0, 0.105, 0.004), 3)
+    signal = 3000 / (1 + ((distance - 0.012) / 0.015) ** 2) + 400 * np.clip((distance - 0.08) / 0.02, 0, None) ** 2
+    outputs = 100 + signal + np.resize([0.0, 2.0, -2.0], len(distance))
+    report = fit(Calibration(distances=distance, outputs=outputs, unit="counts", no_object=[100.0] * 5), MODELS)
+    assert report.verdict != "no usable signal"
+    assert 0.012 <= report.window.l_min < report.window.l_max <= 0.09
+    assert "rises again" in said(report)
+
+
 def test_the_inverse_of_a_decay_time_is_a_signal():
     """A photocurrent discharges a capacitor, until a timeout of 2500 us; its leakage is the offset."""
     current = 1 / 60 * (1 + PLACES / 0.03) ** -2.0

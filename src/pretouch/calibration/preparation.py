@@ -140,7 +140,7 @@ def _prepare(
         remedy = "measure at larger distances, or lower the gain of the sensor"
         clipped = f"No distance is usable, because {near.reason}: {remedy}."
         return _without_signal(calibration, curve, near, offset_estimate, caution("PT110", clipped))
-    if (near.flat or count < needed) and (both := falls_and_rises(calibration, curve, noise)):
+    if count < needed and (both := falls_and_rises(calibration, curve, noise)):
         return _without_signal(calibration, curve, near, offset_estimate, both)
     if count < needed:
         usable = f"{count}, because {near.reason}" if near.index else f"{count}"

@@ -119,7 +119,7 @@ def test_a_robot_on_a_floating_base_falls_with_its_ball(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_dataset_has_units_and_predictions_that_hold(dataset: Any) -> None:
-    assert dataset["status"].attrs["flag_meanings"].split() == ["contact", "no_contact", "refused"]
+    assert dataset["status"].attrs["flag_meanings"].split() == ["contact", "no_contact", "refused", "touched_elsewhere"]
     assert dataset["excursion"].attrs["units"] == "m"
     assert dataset["posture.elbow"].attrs["units"] == "rad"
     assert dataset["object.mass"].attrs["units"] == "kg"

@@ -6,7 +6,7 @@ from .encounter import simulate_robot
 from .model import load_model, make_data
 from .path import Excursion
 from .projection import Projection, project_site
-from .result import RobotSimulation, RobotTrace, SiteContact
+from .result import BodyContact, RobotSimulation, RobotTrace, SiteContact
 from .site import SensorSite
 from .site_law import SiteLaw
 from .sweep import sweep_robot
@@ -17,6 +17,7 @@ from .workspace import Workspace, project_workspace, random_postures
 
 __all__ = [
     "AxisLimits",
+    "BodyContact",
     "Centering",
     "ComputedTorque",
     "Excursion",

@@ -9,7 +9,7 @@ from typing import Final
 from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import caution
 
-from .result import SiteContact
+from .result import BodyContact, SiteContact
 
 TURN: Final = math.radians(10.0)
 """Turn of the axis of a sensor [rad] that changes contact speeds with a plate by about 4 %."""
@@ -91,6 +91,18 @@ def report_deviations(
                 f"At the site {site}, the simulated contact speed is {shown} % {more} than the predicted contact "
                 "speed: rely on the simulation. If the reason is known, another warning names it.",
             )
+
+
+def report_touches(touches: Sequence[BodyContact]) -> Iterator[str]:
+    """Yield a warning about each contact of a robot that is not at the surface of a site."""
+    for touch in touches:
+        speed = format_quantity(abs(touch.relative_velocity), "m/s", 3)
+        yield caution(
+            "PT507",
+            f"The body {touch.body} touches {touch.object} at {speed}, "
+            f"with up to {format_quantity(touch.peak_force, 'N', 3)}: change the posture or the approach. The law and "
+            "the prediction only know contacts at the surface of a site.",
+        )
 
 
 def _saturated(contact: SiteContact) -> float:

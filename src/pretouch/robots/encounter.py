@@ -20,16 +20,25 @@ from pretouch.simulation.result import whole
 from pretouch.simulation.sensing import SensorRun
 
 from .centering import Centering, HandMotion, pair_of
-from .deviations import explain_deviations, report_deviations
+from .deviations import explain_deviations, report_deviations, report_touches
 from .drives import Drives, drives_of
 from .dynamics import Drivetrain, drivetrain_of, joined, posture_dynamics
 from .model import Data, Model, check_model, mujoco, site_index
 from .obstruction import refuse_covered_sensor, refuse_overlap
 from .projection import warnings_of_site
 from .reference import JointPath
-from .result import DetectedEncounter, RobotSimulation, RobotTrace, SiteContact, prediction_of
+from .result import (
+    BodyContact,
+    DetectedEncounter,
+    RobotSimulation,
+    RobotTrace,
+    SiteContact,
+    prediction_of,
+    touches_elsewhere,
+)
 from .sight import FARTHEST, Glance, Sight
 from .site_law import SiteLaw
+from .touches import ContactPoint, SiteSurface, Touches, approach_velocity, contact_points
 from .tracking import ComputedTorque, JointState, Tracking
 
 HORIZON: Final = 5.0
@@ -98,15 +107,19 @@ def simulate_robot(
     stiffness = None if contact_stiffness is None else positive(contact_stiffness, "contact_stiffness", "N/m")
     count, seed = whole(runs, "runs", 1, 10**7), whole(seed, "seed", 0, 2**64 - 1)
     results = _simulate(scene, seed, count, whole(workers, "workers", 1, 1024))
+    contacts = tuple(zip(*(result.contacts for result in results), strict=True))
+    touches = tuple(result.touches for result in results)
     predictions = tuple(
-        tuple(None if c.detection is None else prediction_of(law, c.detection, stiffness) for c in contacts)
-        for law, contacts in zip(laws, zip(*results, strict=True), strict=True)
+        tuple(None if c.detection is None else prediction_of(law, c.detection, stiffness) for c in row)
+        for law, row in zip(laws, contacts, strict=True)
     )
     return RobotSimulation(
         sites=tuple(law.site.name for law in laws),
-        contacts=tuple(zip(*results, strict=True)),
+        contacts=contacts,
         predictions=predictions,
-        warnings=tuple(_warnings(scene, tuple(zip(*results, strict=True)), predictions)),
+        touches=touches,
+        robot_forces=tuple(result.robot_force for result in results),
+        warnings=(*report_touches(touches_elsewhere(touches)), *_warnings(scene, contacts, predictions)),
         laws=tuple(laws),
         model=scene.model,
         trace_of=_Tracer(scene, seed),
@@ -129,7 +142,16 @@ def _warnings(
     yield from explanations
 
 
-def _simulate(scene: _Scene, seed: int, runs: int, workers: int) -> list[tuple[SiteContact, ...]]:
+@dataclass(frozen=True, slots=True)
+class _RunResult:
+    """Contacts of one run: those of the sites, those of all bodies, and the largest force on the robot [N]."""
+
+    contacts: tuple[SiteContact, ...]
+    touches: tuple[BodyContact, ...]
+    robot_force: float
+
+
+def _simulate(scene: _Scene, seed: int, runs: int, workers: int) -> list[_RunResult]:
     """Simulate all runs, in several processes if there are several workers."""
     if workers == 1:
         return _simulate_part(scene, seed, range(runs))
@@ -142,7 +164,7 @@ def _simulate(scene: _Scene, seed: int, runs: int, workers: int) -> list[tuple[S
     return [finished[run % len(parts)][run // len(parts)] for run in range(runs)]
 
 
-def _simulate_part(scene: _Scene, seed: int, runs: range) -> list[tuple[SiteContact, ...]]:
+def _simulate_part(scene: _Scene, seed: int, runs: range) -> list[_RunResult]:
     return [_Run(scene, seed, run).finish() for run in runs]
 
 
@@ -303,7 +325,7 @@ class _Site:
 
     __slots__ = (
         *("body", "controller", "detection", "distance", "excursion", "force", "glance", "index", "impulse", "law"),
-        *("mass", "obstacle", "peak", "rate", "saturated", "sensor", "sight", "target", "time", "speed"),
+        *("mass", "obstacle", "peak", "saturated", "sensor", "sight", "surface", "target", "time", "speed"),
         *("drivetrain", "fall", "sideways", "start", "turn"),
     )
 
@@ -326,7 +348,8 @@ class _Site:
         self.controller = law.running.begin()
         self.body = int(scene.model.site_bodyid[self.index])
         self.glance = self.sight.glance(data)
-        self.distance, self.rate = self.glance.distance, math.nan
+        self.distance = self.glance.distance
+        self.surface = SiteSurface(scene.model, data, law.site, self.index)
         self.detection: DetectedEncounter | None = None
         # position and velocity of the reference, at the start and at the end of the period
         self.target = (0.0, law.approach, 0.0, law.approach)
@@ -357,15 +380,18 @@ class _Run:
         self.sites = [_Site(scene, i, self.data, seed, run) for i in range(len(scene.laws))]
         self.places = np.asarray(scene.model.jnt_qposadr)[scene.drivetrains[0].joints]
         self.last_contact = math.nan
+        surfaces, names = [site.surface for site in self.sites], [law.site.name for law in scene.laws]
+        self.touches = Touches(scene.model, self.data, scene.drivetrains, surfaces, names)
         centering = scene.centering
         self.hand = None if centering is None else HandMotion(centering, scene.laws, scene.period)
         self.hand_target = (0.0, 0.0, 0.0, 0.0)
 
-    def finish(self) -> tuple[SiteContact, ...]:
+    def finish(self) -> _RunResult:
         """Simulate the run to its end, and return all contacts.
 
         Returns:
-            The contacts of all sites. The run ends some time after the last contact, or after the longest time.
+            The contacts of all sites and bodies. The run ends some time after the last contact, or after the longest
+            time.
         """
         scene, now = self.scene, 0.0
         for j in range(math.ceil(scene.horizon / scene.period - 1e-9)):
@@ -381,7 +407,7 @@ class _Run:
         for site in self.sites:
             if math.isnan(site.time):
                 self._leave_axis(site, now)
-        return tuple(
+        contacts = tuple(
             SiteContact(
                 time=site.time,
                 relative_velocity=site.speed,
@@ -397,6 +423,7 @@ class _Run:
             )
             for site in self.sites
         )
+        return _RunResult(contacts, self.touches.contacts(), self.touches.peak)
 
     def _move_hand(self, outputs: Sequence[Output]) -> None:
         """Move the hand of a centering law for one control period. Without such a law, do nothing."""
@@ -479,12 +506,15 @@ class _Run:
         data.qfrc_applied[scene.drivetrains[0].driven] = torque
         if self.rows is not None:
             self._record(t + i * h, torque)
+        velocity = np.array(data.qvel)
         library.mj_step2(model, data)
         library.mj_kinematics(model, data)
         library.mj_comPos(model, data)
         now = t + (i + 1) * h
+        points = contact_points(model, data) if data.ncon else []
+        self.touches.watch(data, points, velocity, now - h)
         for site in self.sites:
-            self._watch(site, now, h)
+            self._watch(site, now, h, points, velocity)
 
     def _torques(self, at: float) -> FloatArray:
         """Return the torques, within those of the drives, that make the joints follow their reference."""
@@ -517,7 +547,7 @@ class _Run:
                 site.obstacle = site.obstacle or reference.obstacle
         return torques
 
-    def _watch(self, site: _Site, now: float, h: float) -> None:
+    def _watch(self, site: _Site, now: float, h: float, points: Sequence[ContactPoint], velocity: FloatArray) -> None:
         """Update the reading of a sensor site, and record its contact."""
         model, data = self.scene.model, self.data
         before, site.glance = site.distance, site.sight.glance(data)
@@ -530,19 +560,23 @@ class _Run:
             site.sensor.look(max(distance + shift, 0.0) if math.isfinite(distance) else 2 * FARTHEST)
         if math.isnan(site.time):
             site.excursion = max(site.excursion, abs(site.target[2] - site.law.approach * now))
-        site.force = self._contact_force(site)
+        own = [(push, side) for push in points if (side := site.surface.side(data, push)) is not None]
+        site.force = self._force(site, own)
         site.peak = max(site.peak, site.force)
         site.impulse += site.force * h
         if math.isnan(site.time) and (site.distance <= 0 < before or site.force > 0):
             on_axis = site.distance <= 0 < before < math.inf
-            part = before / (before - site.distance) if on_axis else 1.0
+            part = before / (before - site.distance) if on_axis else 0.0
             site.time = self.last_contact = now - (1 - part) * h
             self._leave_axis(site, site.time)
-            site.speed = (site.distance - before) / h if on_axis else site.rate
+            if on_axis:
+                site.speed = (site.distance - before) / h
+            else:  # no ray has met the object at the contact point
+                strongest = max(own, key=lambda pair: float(np.linalg.norm(pair[0].force)))[0]
+                site.speed = approach_velocity(model, data, strongest, velocity)
             dynamics = posture_dynamics(model, data, site.drivetrain, site.law.site.direction)
             obstacle = math.inf if site.detection is None else site.detection.obstacle_mass
             site.mass = 1 / (1 / dynamics.reflected_mass + 1 / obstacle)
-        site.rate = (site.distance - before) / h if math.isfinite(site.distance) and math.isfinite(before) else math.nan
 
     def _leave_axis(self, site: _Site, now: float) -> None:
         """Record how far a site has moved and turned off its initial axis, which moves with the robot."""
@@ -551,20 +585,10 @@ class _Run:
         turn = float(np.linalg.norm(np.cross(axis, site.sight.axis(self.data))))
         site.turn, site.sideways = math.asin(min(turn, 1.0)), float(np.linalg.norm(np.cross(axis, moved)))
 
-    def _contact_force(self, site: _Site) -> float:
-        """Return the contact force [N] on the body of a site along its axis, positive if it pushes back."""
-        library, model, data = mujoco(), self.scene.model, self.data
-        if not data.ncon:
-            return 0.0
-        total, wrench, u = 0.0, np.zeros(6), site.sight.axis(data)
-        for number in range(data.ncon):
-            contact = data.contact[number]
-            bodies = [int(model.geom_bodyid[g]) for g in contact.geom]
-            if site.body in bodies:
-                library.mj_contactForce(model, data, number, wrench)
-                push = np.array(contact.frame).reshape(3, 3).T @ wrench[:3]
-                total += float(push @ u) * (-1.0 if bodies[1] == site.body else 1.0)
-        return total
+    def _force(self, site: _Site, points: Sequence[tuple[ContactPoint, int]]) -> float:
+        """Return the contact force [N] on the surface of a site along its axis, positive if it pushes back."""
+        u = site.sight.axis(self.data)
+        return math.fsum(float(push.force @ u) * (1.0 if side == 0 else -1.0) for push, side in points)
 
     def _record(self, t: float, torque: FloatArray) -> None:
         """Append the present state of the simulation to the recorded time series."""

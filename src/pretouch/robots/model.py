@@ -136,10 +136,12 @@ def site_index(model: Model, name: str) -> int:
 def names_of(model: Model, kind: str) -> list[str]:
     """Return the names of all elements of one kind in a model.
 
-    Kinds are "site", "joint", "key" and "geom". The order is that of the indices.
+    Kinds are "site", "joint", "key", "geom" and "body". The order is that of the indices.
     """
     library = mujoco()
-    number = {"site": model.nsite, "joint": model.njnt, "key": model.nkey, "geom": model.ngeom}[kind]
+    number = {"site": model.nsite, "joint": model.njnt, "key": model.nkey, "geom": model.ngeom, "body": model.nbody}[
+        kind
+    ]
     code = getattr(library.mjtObj, f"mjOBJ_{kind.upper()}")
     return [library.mj_id2name(model, code, i) or "" for i in range(number)]
 

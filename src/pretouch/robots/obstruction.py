@@ -34,7 +34,7 @@ def refuse_covered_sensor(model: Model, data: Data, site: SensorSite, index: int
     axis = np.array(data.site_xmat[index]).reshape(3, 3) @ site.direction
     touchable = np.asarray(model.geom_contype).astype(bool) | np.asarray(model.geom_conaffinity).astype(bool)
     for geom in np.flatnonzero(touchable):
-        depths = [_distance_to(model, data, int(geom), point, sign * axis) for sign in (1.0, -1.0)]
+        depths = [distance_to(model, data, int(geom), point, sign * axis) for sign in (1.0, -1.0)]
         if min(depths) > _TOLERANCE:
             name = _name_of(model, int(geom))
             raise InvalidInputError(
@@ -82,7 +82,7 @@ def _name_of(model: Model, geom: int) -> str:
     return repr(name) if name else f"number {geom}"
 
 
-def _distance_to(model: Model, data: Data, geom: int, point: FloatArray, direction: FloatArray) -> float:
+def distance_to(model: Model, data: Data, geom: int, point: FloatArray, direction: FloatArray) -> float:
     """Return the distance [m] along a ray to a geometry's surface. It is negative if the ray misses the surface."""
     library = mujoco()
     kinds, kind = library.mjtGeom, int(model.geom_type[geom])

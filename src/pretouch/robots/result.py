@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -50,15 +50,38 @@ class DetectedEncounter(Value):
 
 
 @dataclass(frozen=True, slots=True)
+class BodyContact(Value):
+    """The contact of one body of a robot with another body in one run.
+
+    Args:
+        body: the body of the robot.
+        object: the other body.
+        site: the site at whose surface they touch; empty if they touch elsewhere.
+        time: time of the first contact [s].
+        relative_velocity: normal relative velocity at the contact point before the contact [m/s], negative if both
+            approach.
+        peak_force: largest magnitude of the contact force between both bodies [N].
+    """
+
+    body: str
+    object: str
+    site: str
+    time: float
+    relative_velocity: float
+    peak_force: float
+
+
+@dataclass(frozen=True, slots=True)
 class SiteContact(Value):
     """Contact speed, peak force and other results of one sensor site.
 
     They belong to one run. NaN stands for what does not happen.
 
     Args:
-        time: time of the first contact of the body that carries the site [s], on the axis or beside it.
-        relative_velocity: l' at this contact [m/s].
-        peak_force: largest contact force on the body of the site along the axis [N].
+        time: time of the first contact of the surface at the site [s], on the axis or beside it.
+        relative_velocity: l' at this contact [m/s]; beside the axis, the normal relative velocity at the contact
+            point.
+        peak_force: largest contact force on this surface along the axis [N].
         impulse: impulse of all contact forces [N s].
         excursion: largest excursion of the reference until contact [m], relative to the base.
         energy: energy of the impact, 1/2 mu l'^2 with the reduced mass mu of robot and object [J].
@@ -82,6 +105,20 @@ class SiteContact(Value):
     sideways: float = math.nan
     saturated: float = math.nan
     obstacle: str = ""
+
+
+def touches_elsewhere(touches: Sequence[Sequence[BodyContact]]) -> tuple[BodyContact, ...]:
+    """Return the contacts of a robot that are not at the surface of a site.
+
+    Each pair of bodies appears once, with its first contact over all runs and its largest force.
+    """
+    pairs: dict[tuple[str, str], BodyContact] = {}
+    for touch in (touch for run in touches for touch in run if not touch.site):
+        key = touch.body, touch.object
+        known = pairs.get(key, touch)
+        first = min(known, touch, key=lambda contact: contact.time)
+        pairs[key] = replace(first, peak_force=max(known.peak_force, touch.peak_force))
+    return tuple(sorted(pairs.values(), key=lambda contact: contact.time))
 
 
 _NAN: Final = math.nan
@@ -121,6 +158,8 @@ class RobotSimulation(Described, Value):
         contacts: what happened, for each site and run.
         predictions: what the 1-D model predicts from the first detection on, for each site and run; None without a
             detection.
+        touches: every body of the robot that touched something else, for each run, in the order of the contacts.
+        robot_forces: largest magnitude of the sum of all contact forces on the robot [N], for each run.
         warnings: sentences on properties of the model that matter for the results.
         notes: sentences that describe the scene, such as where the object comes from.
         laws: the laws of the sites.
@@ -131,6 +170,8 @@ class RobotSimulation(Described, Value):
     sites: tuple[str, ...]
     contacts: tuple[tuple[SiteContact, ...], ...]
     predictions: tuple[tuple[SiteContact | None, ...], ...]
+    touches: tuple[tuple[BodyContact, ...], ...] = ()
+    robot_forces: tuple[float, ...] = ()
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     laws: tuple[SiteLaw, ...] = ()
@@ -193,6 +234,8 @@ class RobotSimulation(Described, Value):
                 for i, name in enumerate(self.sites)
             },
             "order": [list(self.order(run)) for run in range(self.runs)],
+            "robot_peak_force": list(self.robot_forces),
+            "touches": [[asdict(touch) for touch in run] for run in self.touches],
             "warnings": list(self.warnings),
             "notes": list(self.notes),
         }

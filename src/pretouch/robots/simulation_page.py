@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from pretouch._core.blocks import Cell, Film, Measured, Page, PageTable, Picture
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 
-from .result import RobotSimulation
+from .result import BodyContact, RobotSimulation, touches_elsewhere
 
 _ROWS = (
     ("time of contact", "time", "s"),
@@ -29,11 +29,11 @@ _KEY_FIGURES = (
 
 def robot_page(result: RobotSimulation) -> Page:
     """Return the report on simulated encounters of a robot."""
-    order = result.order(0)
+    order, elsewhere = result.order(0), touches_elsewhere(result.touches)
     return Page(
         kind="Simulated robot",
-        headline=_headline(result, order),
-        good=bool(order),
+        headline=_headline(result, order, elsewhere),
+        good=bool(order) and not elsewhere,
         key_figures=tuple(_figures(result, order[0])) if order else (),
         warnings=result.warnings,
         lead="robot",
@@ -55,6 +55,7 @@ def robot_page(result: RobotSimulation) -> Page:
                 )
                 for name in result.sites
             ),
+            *_force_table(result, elsewhere),
             Picture(
                 figure="robot",
                 of=result,
@@ -66,15 +67,25 @@ def robot_page(result: RobotSimulation) -> Page:
     )
 
 
-def _headline(result: RobotSimulation, order: tuple[str, ...]) -> str:
-    """Return a headline with the sites and speeds of contacts."""
+def _headline(result: RobotSimulation, order: tuple[str, ...], elsewhere: Sequence[BodyContact]) -> str:
+    """Return a headline with the sites and speeds of contacts, and first with what else the robot touched."""
+    if elsewhere:
+        hits = ", ".join(map(_hit, elsewhere))
+        hit = f"The robot is hit away from its sensor sites: {hits}."
+        return f"{hit} {_headline(result, order, ())}" if order else hit
     if not order:
-        return "No site touched an object."
+        return "No site touched an object" + (" in the first run." if any(result.touches) else ".")
     speeds = [format_quantity(abs(_mean(result.simulated(name, "relative_velocity"))), "m/s", 3) for name in order]
     if len(order) == 1:
         return f"The site {order[0]} touches the object at {speeds[0]}."
     listed = ", ".join(f"{name} at {speed}" for name, speed in zip(order, speeds, strict=True))
     return f"Touches in the order {', '.join(order)}. Contact speeds: {listed}."
+
+
+def _hit(touch: BodyContact) -> str:
+    """Return the contact of one body as a clause."""
+    speed, force = format_quantity(abs(touch.relative_velocity), "m/s", 3), format_quantity(touch.peak_force, "N", 3)
+    return f"the body {touch.body} touches {touch.object} at {speed} with up to {force}"
 
 
 def _figures(result: RobotSimulation, site: str) -> Iterator[tuple[str, Cell]]:
@@ -91,6 +102,31 @@ def _rows(result: RobotSimulation, site: str) -> Iterator[tuple[Cell, ...]]:
         difference = 100 * (simulated / predicted - 1) if predicted else float("nan")
         change = "-" if np.isnan(difference) else f"{difference:+.2f} %"
         yield label, Measured(simulated, unit), Measured(predicted, unit), change
+
+
+def _force_table(result: RobotSimulation, elsewhere: Sequence[BodyContact]) -> Iterator[PageTable]:
+    """Yield a table of the largest forces on the robot and on its bodies, if more than one body is touched."""
+    if elsewhere:
+        yield PageTable(
+            head=("largest contact force on", "by", "simulated"),
+            rows=(
+                ("the robot", "all contacts", Measured(max(result.robot_forces), "N")),
+                *(
+                    (body, other, Measured(force, "N"))
+                    for (body, other), force in _largest_forces(result.touches).items()
+                ),
+            ),
+            brief=True,
+        )
+
+
+def _largest_forces(touches: Sequence[Sequence[BodyContact]]) -> dict[tuple[str, str], float]:
+    """Return the largest force between each pair of bodies over all runs [N]."""
+    forces: dict[tuple[str, str], float] = {}
+    for touch in (touch for run in touches for touch in run):
+        key = touch.body, touch.object
+        forces[key] = max(forces.get(key, 0.0), touch.peak_force)
+    return forces
 
 
 def _mean(values: FloatArray) -> float:

@@ -29,7 +29,7 @@ from pretouch.sweeps.run import run_sweep
 from .dynamics import drivetrain_of
 from .encounter import HORIZON, simulate_robot
 from .model import Model, load_model, make_data, mujoco, site_index, unit_of_joint
-from .result import QUANTITIES, SiteContact
+from .result import QUANTITIES, RobotSimulation, touches_elsewhere
 from .scene import MASS, RADIUS, Ball, model_with_ball, put_ball
 from .site_law import SiteLaw
 from .tracking import ComputedTorque, Tracking
@@ -37,9 +37,10 @@ from .tracking import ComputedTorque, Tracking
 ENCOUNTER: Final = "encounter"
 """Name of the axis of a sweep of simulated encounters of a robot."""
 
-_STATUSES: Final = ("contact", "no_contact", "refused")
+_STATUSES: Final = ("contact", "no_contact", "refused", "touched_elsewhere")
 _CHUNK: Final = 8  # encounters, which take a few seconds
 _PREDICTED: Final = "predicted_"
+_ROBOT_FORCE: Final = "robot_force"
 _UNITS: Final = {
     "time": ("time of contact", "s"),
     "relative_velocity": ("relative velocity at contact", "m/s"),
@@ -50,9 +51,13 @@ _UNITS: Final = {
     "axis_turn": ("turn of the axis of the sensor until contact", "rad"),
     "sideways": ("motion of the site across its axis until contact", "m"),
     "saturated": ("time until contact with a drive at its limit", "s"),
+    _ROBOT_FORCE: ("peak contact force on the whole robot", "N"),
 }
 _RESULTS: Final = (*_UNITS, *(_PREDICTED + name for name in QUANTITIES))
-_DEFAULT: Final = ("relative_velocity", "peak_force", "excursion", "predicted_relative_velocity", "predicted_excursion")
+_DEFAULT: Final = (
+    *("relative_velocity", "peak_force", _ROBOT_FORCE, "excursion"),
+    *("predicted_relative_velocity", "predicted_excursion"),
+)
 _OBJECT: Final[dict[str, tuple[str, float | None]]] = {  # unit and default value
     "distance": ("m", None),
     "velocity": ("m/s", None),
@@ -95,8 +100,9 @@ def sweep_robot(
         directions: axis of the site in each encounter, such as "+x" or a unit vector; by default that of the law.
         tracking: how the joints follow; computed torque by default.
         horizon: longest time to wait for the contact [s].
-        results: quantities of `SiteContact`, and those of the prediction after `predicted_`, such as
-            `predicted_relative_velocity`; None for a default selection.
+        results: quantities of `SiteContact`, those of the prediction after `predicted_`, such as
+            `predicted_relative_velocity`, and `robot_force`, the largest force of all contacts of the robot; None for a
+            default selection.
         output: a Zarr folder `NAME.zarr` or a NetCDF file `NAME.nc`; None for a dataset in memory.
         overwrite: whether another sweep at the output may be replaced; other files are never replaced.
         dask: address of a Dask scheduler, or a `distributed.Client`; its workers write to the output themselves.
@@ -104,9 +110,10 @@ def sweep_robot(
         progress: function that is called with a `Progress` after each block.
 
     Returns:
-        An `xarray.Dataset` with the dimension "encounter". Its status is `contact`, `no_contact`, or `refused` if the
-        robot cannot start so, for example because the ball overlaps the robot. Each encounter has its own
-        `noise_seed`. If every encounter is refused, the reason is raised as an error.
+        An `xarray.Dataset` with the dimension "encounter". Its status is `contact`, `no_contact`, `touched_elsewhere`
+        if the ball touches another part of the robot than the surface of the site, also if it touches this surface too,
+        or `refused` if the robot cannot start so, for example because the ball overlaps the robot. Each encounter has
+        its own `noise_seed`. If every encounter is refused, the reason is raised as an error.
     """
     robot = load_model(path)
     site = site_index(robot, law.site.name)
@@ -157,27 +164,28 @@ class RobotPlan(Grid):
         columns[STATUS] = np.full(len(axis), _STATUSES.index("refused"), dtype=np.int8)
         for i in range(len(axis)):
             try:
-                contact, predicted = self.simulate({name: float(v[i]) for name, v in axis.columns.items()})
+                result = self.simulate({name: float(v[i]) for name, v in axis.columns.items()})
             except InvalidInputError:
                 continue
-            columns[STATUS][i] = _STATUSES.index("no_contact" if math.isnan(contact.time) else "contact")
+            contact, predicted = result.contacts[0][0], result.predictions[0][0]
+            status = "no_contact" if math.isnan(contact.time) else "contact"
+            status = "touched_elsewhere" if touches_elsewhere(result.touches) else status
+            columns[STATUS][i] = _STATUSES.index(status)
             for name in self.results:
+                if name == _ROBOT_FORCE:
+                    columns[name][i] = result.robot_forces[0]
+                    continue
                 source = predicted if name.startswith(_PREDICTED) else contact
                 columns[name][i] = math.nan if source is None else getattr(source, name.removeprefix(_PREDICTED))
         return columns
 
-    def simulate(self, row: Mapping[str, float]) -> tuple[SiteContact, SiteContact | None]:
-        """Simulate one encounter, and return its contact and its prediction.
-
-        Returns:
-            The contact and its prediction, which is None without a detection.
-        """
+    def simulate(self, row: Mapping[str, float]) -> RobotSimulation:
+        """Simulate one encounter, and return its contacts with their prediction."""
         posture, ball, axis = (_part(row, name) for name in ("posture", "object", "direction"))
         law = replace(self.law, site=replace(self.law.site, axis=tuple(axis.values())))
         scene = put_ball(self.model, make_data(self.model, posture), law.site, Ball(**ball))
         noise = int(row["noise_seed"])
-        result = simulate_robot(*scene, [law], tracking=self.tracking, seed=noise, horizon=self.horizon)
-        return result.contacts[0][0], result.predictions[0][0]
+        return simulate_robot(*scene, [law], tracking=self.tracking, seed=noise, horizon=self.horizon)
 
     def inputs(self) -> dict[str, Any]:
         """Return all inputs that are constant during the sweep.

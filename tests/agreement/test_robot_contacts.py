@@ -1,0 +1,102 @@
+"""Contacts of a simulated robot: all bodies, all forces, and the speed at the contact point, against the trace."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+from pretouch.robots import RobotSimulation, SensorSite, SiteLaw, make_data, simulate_robot
+from robot_scenes import CURVE, SLIDE, controller, slide_with_ball, with_object
+
+mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+
+TIP = SensorSite("tip", CURVE)
+LAW = SiteLaw(site=TIP, controller=controller())
+STEP = 1e-3  # s, of the models
+BALL = 0.5  # kg
+
+
+def scene(part: str, **options):
+    """The fixed slide with another part, and a ball that flies to its site."""
+    text = SLIDE.format(base="", mass=1.0, gravity="0 0 0").replace('<site name="tip"', part + '<site name="tip"', 1)
+    return with_object(text, make_data(mujoco.MjModel.from_xml_string(text)), "tip", 0.3, **options)
+
+
+def force_on_the_ball(result: RobotSimulation) -> float:
+    """The largest force by Newton's law from the recorded positions of the ball: m (v' - v) / h, with v = dx / h."""
+    places = result.trace().configuration[:, -7:-4]
+    return float(np.linalg.norm(BALL * np.diff(places, 2, axis=0) / STEP**2, axis=1).max())
+
+
+PRONGS = "".join(
+    f'<geom type="capsule" fromto="0.12 {y} 0 0.15 {y} 0" size="0.004" mass="0.005"/>' for y in (0.02, -0.02)
+)
+
+
+@pytest.mark.parametrize("part", [f'<body name="prongs">{PRONGS}</body>', PRONGS], ids=["own body", "body of the site"])
+def test_prongs_ahead_of_the_sensor_are_said_to_be_hit(part: str) -> None:
+    """They touch the ball 30 mm ahead of the site, so that no site touches it."""
+    result = simulate_robot(*scene(part), [LAW], horizon=1.0)
+    assert result.order() == ()
+    ((touch,),) = result.touches
+    assert (touch.site, touch.object) == ("", "object")
+    assert touch.peak_force == pytest.approx(force_on_the_ball(result), rel=1e-3)
+    assert result.robot_forces[0] == touch.peak_force > 2.0
+    assert 0.05 < -touch.relative_velocity < 0.1
+    assert [text[:5] for text in result.warnings] == ["PT507"]
+    headline = str(result).splitlines()[0]
+    assert "hit" in headline
+    assert "No site" not in headline
+    assert result.to_dict()["touches"][0][0]["peak_force"] == touch.peak_force
+
+
+@pytest.mark.parametrize(("ahead", "elsewhere"), [(0.5e-3, False), (5e-3, True)])
+def test_the_force_on_the_robot_is_that_of_all_its_bodies(ahead: float, elsewhere: bool) -> None:
+    """A plate touches two spheres of another body. They belong to the surface of the site if they are beside it."""
+    plate = '<geom type="box" size="0.01 0.05 0.05" mass="0.5"/>'
+    ears = "".join(f'<geom type="sphere" pos="{0.115 + ahead} {y} 0" size="0.005" mass="0.02"/>' for y in (0.03, -0.03))
+    result = simulate_robot(*scene(f'<body name="ears">{ears}</body>', geom=plate, radius=0.01), [LAW], horizon=0.6)
+    assert {(touch.body, touch.site) for touch in result.touches[0]} >= {("ears", "" if elsewhere else "tip")}
+    assert result.robot_forces[0] == pytest.approx(force_on_the_ball(result), rel=1e-3)
+    assert ("ears" in str(result).splitlines()[0]) == elsewhere
+    if not elsewhere:
+        assert result.order() == ("tip",)
+        assert result.contacts[0][0].peak_force == pytest.approx(result.robot_forces[0], rel=1e-3)
+
+
+def test_what_supports_the_robot_at_the_start_is_no_hit() -> None:
+    """A foot that stands on the ground touches it all the time."""
+    foot = '<geom type="sphere" size="0.02" pos="0 0 -0.3" mass="0.1"/></body></worldbody>'
+    ground = '<worldbody><geom name="ground" type="plane" size="1 1 0.1" pos="0 0 0.68"/>'
+    text = SLIDE.format(base='<joint name="lift" type="slide" axis="0 0 1"/>', mass=1.0, gravity="0 0 -9.81")
+    text = re.sub(r"</body>\s*</worldbody>", foot, text).replace("<worldbody>", ground)
+    start = make_data(mujoco.MjModel.from_xml_string(text), {"lift": "-0.01 mm"})
+    result = simulate_robot(*with_object(text, start, "tip", 0.3), [LAW])
+    assert [touch.site for touch in result.touches[0]] == ["tip"]
+
+
+@pytest.mark.parametrize("lateral", [0.0, 0.15])
+def test_beside_the_axis_the_speed_is_that_of_the_contact_point(lateral: float) -> None:
+    """The gap is that of two spheres, finger tip and ball; its rate before the contact is the normal velocity."""
+    way = np.array([1.0, 0.0, lateral / 0.3])
+    result = simulate_robot(*slide_with_ball(1.0, 0.3, floats=False, offset=0.03, direction=way), [LAW])
+    contact, trace = result.contacts[0][0], result.trace()
+    slide, ball = trace.configuration[:, 0], trace.configuration[:, 1:4]
+    center = np.stack([0.2 + slide, 0 * slide, 1 + 0 * slide], axis=1)
+    gap = np.linalg.norm(ball - center, axis=1) - 0.035 - 0.02
+    first = int(np.flatnonzero(gap < 0)[0])
+    expected = float(np.diff(gap)[first - 1]) / STEP
+    assert contact.relative_velocity == pytest.approx(expected, rel=0.02)  # it changes by 1 % per step
+    assert contact.time == pytest.approx(trace.time[first], abs=STEP)
+
+
+def test_an_object_that_no_ray_has_seen_touches_at_a_speed() -> None:
+    result = simulate_robot(*slide_with_ball(1.0, 0.3, floats=False, offset=0.045), [LAW])
+    contact = result.contacts[0][0]
+    assert contact.detection is None
+    # at the contact the normal has the slope 45 mm over the sum of the radii
+    assert contact.relative_velocity == pytest.approx(-0.3 * math.sqrt(1 - (45 / 55) ** 2), rel=0.02)
+    assert "nan" not in str(result)

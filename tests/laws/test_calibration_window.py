@@ -212,3 +212,19 @@ def test_a_long_plateau_hides_no_signal():
     assert report.best.sensor.log_slope(report.window.l_min) == pytest.approx(
         -100, rel=0.1
     )  # rounding of 1 in 900 to 6
+
+
+@pytest.mark.parametrize("at", [slice(0, 1), slice(None)])
+def test_glitches_at_full_scale_among_good_readings_are_not_clipping(at):
+    rng = np.random.default_rng(4)
+    outputs = np.round(1000 + 32000 * (0.03 / (0.03 + STEPS[:, None])) ** 2.5 + 20 * rng.standard_normal((8, 5)))
+    outputs[at, 2] = 65535
+    empty = np.round(1000 + 20 * rng.standard_normal(6))
+    readings = Calibration(
+        distances=np.repeat(STEPS, 5), outputs=outputs.ravel(), no_object=[65535, *empty], unit="counts"
+    )
+    report = fit(readings, ["inverse-power"])
+    assert report.verdict == "usable"
+    assert (report.window.l_min, report.window.saturation) == (0.0, None)
+    assert find_window(readings, 1000.0).l_min == 0.0
+    assert report.best.outliers == tuple(5 * i + 2 for i in range(8)[at])

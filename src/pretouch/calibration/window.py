@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -186,11 +186,15 @@ def find_near_end(
 ) -> NearEnd:
     """Find the smallest usable distance of a sensor.
 
-    If all readings are clipped, the index is the number of distances.
+    If all readings are clipped, the index is the number of distances. Readings that the averages leave out as outliers
+    do not show that the output clips.
 
     Returns:
         The near end of the window.
     """
+    if curve.bad_readings:
+        kept = np.delete(np.arange(len(calibration.outputs)), curve.bad_readings)
+        calibration = replace(calibration, distances=calibration.distances[kept], outputs=calibration.outputs[kept])
     level, source = _saturation(calibration, curve, saturation)
     saturated = calibration.outputs >= (np.inf if level is None else level)
     index = _end_of_clipping(np.isin(curve.distance, calibration.distances[saturated]))

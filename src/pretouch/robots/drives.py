@@ -16,7 +16,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 
-from .dynamics import AxisMotion, Drivetrain, PostureDynamics, actuator_moment
+from .dynamics import AxisMotion, Drivetrain, PostureDynamics, actuator_moment, constraint_rows, reduce_base
 from .model import Data, Model, mujoco
 
 _OPTIMAL: Final = 0  # status of linprog
@@ -60,6 +60,8 @@ class Drives:
         load: torques that hold the robot at rest against gravity and springs, shape (n,).
         friction: viscous damping of the joints, shape (n, n).
         speeds: largest joint speeds, shape (n,).
+        coupling: rows of the constraints that couple driven joints, whose forces the drives need not apply, shape
+            (r, n).
     """
 
     moment: FloatArray
@@ -73,6 +75,7 @@ class Drives:
     load: FloatArray
     friction: FloatArray
     speeds: FloatArray
+    coupling: FloatArray
 
     @property
     def has_force_limits(self) -> bool:
@@ -110,12 +113,11 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
     bias = np.where(affine_bias & supported, bias_of[:, 0] + bias_of[:, 1] * length, 0.0)
     torque_limited = np.asarray(model.jnt_actfrclimited).astype(bool)[joints]
     torques = np.where(torque_limited[:, None], np.asarray(model.jnt_actfrcrange)[joints], (-math.inf, math.inf))
-    force = np.array(data.qfrc_bias - data.qfrc_passive)
-    load = force[driven]
-    if len(base):
-        mass = np.zeros((model.nv, model.nv))
-        library.mj_fullM(model, data, mass)
-        load = load - mass[np.ix_(driven, base)] @ np.linalg.solve(mass[np.ix_(base, base)], force[base])
+    every, mass = np.concatenate([base, driven]), np.zeros((model.nv, model.nv))
+    library.mj_fullM(model, data, mass)
+    reduction = reduce_base(mass[np.ix_(every, every)], constraint_rows(model, data)[:, every], len(base))
+    together = np.vstack([reduction.motion, np.eye(len(driven))])
+    following = np.vstack([reduction.forced, np.eye(len(driven))])
     return Drives(
         moment=moment,
         lowest=forces[:, 0],
@@ -125,9 +127,10 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
         damping=np.where(affine_bias & supported, -bias_of[:, 2], 0.0),
         controls=_controls(model, rows, supported),
         torques=torques,
-        load=load,
-        friction=np.diag(np.asarray(model.dof_damping)[driven]),
+        load=together.T @ np.array(data.qfrc_bias - data.qfrc_passive)[every],
+        friction=following.T @ (np.asarray(model.dof_damping)[every, None] * following),
         speeds=speeds,
+        coupling=reduction.coupling,
     )
 
 
@@ -192,6 +195,8 @@ def _span(drives: Drives, columns: FloatArray, velocities: FloatArray) -> AxisLi
     """
     from scipy.optimize import linprog  # noqa: PLC0415 - slow to import
 
+    columns = np.hstack([columns, drives.coupling.T])
+    velocities = np.hstack([velocities, np.zeros((len(columns), len(drives.coupling) * bool(velocities.shape[1])))])
     count, rows = columns.shape[1], len(drives.moment)
     joints = len(columns)
     moving = velocities if velocities.shape[1] else np.zeros((joints, count))

@@ -1,18 +1,28 @@
 """Reduce robot dynamics in a posture to motion along a sensor axis.
 
-The equations of motion are M v' + h = B f + J^T F, with the generalized velocity v = (v_b, q') of the base and of the
-driven joints. Nothing pushes on a floating base but gravity, so that the momentum M_bb v_b + M_bq q' stays 0 in a frame
-that falls with the robot. With G = M_bb^-1 M_bq this gives
+The equations of motion are M v' + h = B f + J^T F + A^T c, with the generalized velocity v = (v_b, q') of the base and
+of the driven joints, and constraint forces c that keep A v = A_b v_b + A_q q' = 0. The rows of A are the active
+equality constraints of the model: joints and tendons that are coupled, loops, and welds.
 
-- the base's motion -G q' for joint velocities q',
-- the inertia that the drives feel, M_qq - M_qb G,
-- the generalized Jacobian J_q - J_b G of the site in that frame (Y. Umetani, K. Yoshida, 1989).
+The constraints determine a part of the base, v_b = P q' with P = -A_b^+ A_q. The rest, with a basis B of the null space
+of A_b, moves so that nothing but gravity changes its momentum: B^T (M_bb v_b + M_bq q') stays 0 in a frame that falls
+with the robot. Together, v_b = -G q' with
 
-Without a base, G is empty.
+    -G = P - B (B^T M_bb B)^-1 B^T (M_bb P + M_bq),
+
+which is -M_bb^-1 M_bq without constraints. With T = (-G, 1) this gives
+
+- the inertia that the drives feel, T^T M T, and their load T^T h,
+- the generalized Jacobian J T of the site in the falling frame (Y. Umetani, K. Yoshida, 1989),
+- the Jacobian of the site relative to the base, J_q + J_b P,
+- rows C = (1 - A_b A_b^+) A_q with C q' = 0, if the constraints couple driven joints.
+
+The reflected mass along u is 1 / (u^T J N (N^T M N)^-1 N^T J^T u) with a basis N of the null space of A.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -26,6 +36,10 @@ from .model import Data, Model, joint_label, mujoco, names_of, tree_of
 
 _FEASIBLE: Final = 1e-7  # residual of the motion along the axis, above which the joints cannot hold a direction
 _RANK: Final = 1e-10  # relative singular values below it are zero up to rounding
+_DEPENDENT: Final = 1e-8  # of constraint rows of length 1: rounding of loops that are closed up to it
+_FALLING: Final = 0.01  # share of gravity by which the acceleration of a falling robot may differ from it
+_CLOSED: Final = 1e-10  # m or rad: error of a closed loop
+_CLOSING: Final = 20  # steps of Newton's method
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +49,8 @@ class Drivetrain:
     Args:
         site: index of the site.
         driven: degrees of freedom that an actuator moves, shape (n,).
-        base: all others of the same kinematic tree: a floating base and passive joints, shape (m,).
+        base: all others of the robot: a floating base and passive joints, shape (m,).
+        root: those of the base by which the whole robot moves: no driven joint is between them and the world.
         joints: the joint of each driven degree of freedom, shape (n,).
         rows: indices of the actuator outputs that act on the robot.
     """
@@ -43,6 +58,7 @@ class Drivetrain:
     site: int
     driven: IntArray
     base: IntArray
+    root: IntArray
     joints: IntArray
     rows: IntArray
 
@@ -57,10 +73,10 @@ class PostureDynamics:
         mass: mass matrix of base and joints, the base first, shape (m + n, m + n).
         inertia: inertia that the drives feel, shape (n, n).
         own: Jacobian of the site relative to the base by the joints, shape (6, n): three rows of the position, three of
-            the orientation.
+            the orientation. What the constraints make follow the joints counts.
         relative: generalized Jacobian of the site relative to the common center of mass, shape (6, n).
         full: Jacobian by base and joints, the base first, shape (6, m + n).
-        share: G, the base's motion for a motion of the joints with the opposite sign, shape (m, n).
+        reduction: the base and its constraints.
         axis: direction toward objects in the world frame, shape (3,).
         position: position of the site in the world frame [m], shape (3,).
     """
@@ -70,7 +86,7 @@ class PostureDynamics:
     own: FloatArray
     relative: FloatArray
     full: FloatArray
-    share: FloatArray
+    reduction: Reduction
     axis: FloatArray
     position: FloatArray
 
@@ -78,16 +94,22 @@ class PostureDynamics:
     def reflected_mass(self) -> float:
         """Effective mass [kg] in an impact along the sensor axis.
 
-        It is 1 / (u^T J M^-1 J^T u) with the axis u, the Jacobian J and the mass matrix M.
+        It is 1 / (u^T J M^-1 J^T u) with the axis u, the Jacobian J and the mass matrix M. Constraints of the model
+        count: the site moves as they allow. It is infinite if they hold the site.
         """
-        row = self.axis @ self.full[:3]
-        return float(1 / (row @ np.linalg.solve(self.mass, row)))
+        free = self.reduction.allowed
+        row = self.axis @ self.full[:3] @ free
+        if not len(row):
+            return math.inf
+        mobility = float(row @ np.linalg.solve(free.T @ self.mass @ free, row))
+        return 1 / mobility if mobility > 0 else math.inf
 
     @property
     def lightest_mass(self) -> float:
         """The smallest effective mass [kg] in any direction that the joints allow."""
-        jacobian = self.own[:3]
-        mobility = jacobian @ np.linalg.solve(self.inertia, jacobian.T)
+        free = _null_space(self.reduction.coupling)
+        jacobian = self.own[:3] @ free
+        mobility = jacobian @ np.linalg.solve(free.T @ self.inertia @ free, jacobian.T)
         return float(1 / np.linalg.eigvalsh(mobility)[-1])
 
 
@@ -130,7 +152,7 @@ def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
     Raises:
         InvalidInputError: the site cannot move, or no actuator moves it.
     """
-    tree, moment = tree_of(model, site), actuator_moment(model, data)
+    tree, moment = _linked(model, data, tree_of(model, site)), actuator_moment(model, data)
     moved = np.abs(moment[:, tree]).max(axis=0, initial=0.0) > 0
     if not moved.any():
         raise InvalidInputError(
@@ -151,7 +173,32 @@ def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
         raise InvalidInputError(
             "actuators: found an actuator with several controls or forces, expected actuators with one of each"
         )
-    return Drivetrain(site, driven, tree[~moved], joints, rows)
+    base = tree[~moved]
+    free = np.abs(_null_space(constraint_rows(model, data)[:, base])).max(axis=1, initial=0.0) > _RANK
+    root = np.intersect1d(_root_of(model, site, driven), base[free])
+    return Drivetrain(site, driven, base, root, joints, rows)
+
+
+def _linked(model: Model, data: Data, tree: IntArray) -> IntArray:
+    """Return the degrees of freedom of a robot: of its kinematic tree, and of the trees that constraints join to it."""
+    trees = np.asarray(model.dof_treeid)
+    touched = [set(trees[row != 0].tolist()) for row in constraint_rows(model, data)]
+    linked = set(trees[tree].tolist())
+    while added := set().union(*(group for group in touched if group & linked)) - linked:
+        linked |= added
+    return np.flatnonzero(np.isin(trees, list(linked)))
+
+
+def _root_of(model: Model, site: int, driven: IntArray) -> IntArray:
+    """Return the degrees of freedom between the world and the first driven joint on the way to a site."""
+    chain: list[int] = []
+    body = int(model.site_bodyid[site])
+    while body > 0:
+        first = int(model.body_dofadr[body])
+        chain = [*range(first, first + int(model.body_dofnum[body])), *chain]
+        body = int(model.body_parentid[body])
+    stop = next((i for i, degree in enumerate(chain) if degree in set(driven.tolist())), len(chain))
+    return np.array(chain[:stop], dtype=np.int64)
 
 
 def joined(drivetrains: Sequence[Drivetrain]) -> tuple[Drivetrain, ...]:
@@ -163,9 +210,118 @@ def joined(drivetrains: Sequence[Drivetrain]) -> tuple[Drivetrain, ...]:
         One drivetrain for each site, with the degrees of freedom of all sites.
     """
     trees = list({int(d.driven[0]): d for d in drivetrains}.values())
-    driven, base, joints = (np.concatenate([getattr(d, name) for d in trees]) for name in ("driven", "base", "joints"))
+    names = "driven", "base", "root", "joints"
+    driven, base, root, joints = (np.concatenate([getattr(d, name) for d in trees]) for name in names)
     rows = np.unique(np.concatenate([d.rows for d in trees]))
-    return tuple(Drivetrain(d.site, driven, base, joints, rows) for d in drivetrains)
+    return tuple(Drivetrain(d.site, driven, base, root, joints, rows) for d in drivetrains)
+
+
+def constraint_rows(model: Model, data: Data) -> FloatArray:
+    """Return the Jacobian of the active equality constraints, shape (k, nv).
+
+    The state has to be that after `mj_forward` or `update_posture`. The rows have unit length.
+    """
+    equal = np.asarray(data.efc_type) == int(mujoco().mjtConstraint.mjCNSTR_EQUALITY)
+    if not model.neq or not equal.any():
+        return np.zeros((0, model.nv))
+    rows = _all_rows(model, data)[equal]
+    sizes = np.linalg.norm(rows, axis=1)
+    return np.asarray(rows[sizes > 0] / sizes[sizes > 0, None])
+
+
+def _all_rows(model: Model, data: Data) -> FloatArray:
+    """Return the dense Jacobian of all constraints of MuJoCo, shape (nefc, nv)."""
+    if not mujoco().mj_isSparse(model):
+        return np.array(data.efc_J).reshape(-1, model.nv)
+    dense = np.zeros((len(data.efc_J_rownnz), model.nv))
+    mujoco().mju_sparse2dense(dense, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
+    return dense
+
+
+def _null_space(rows: FloatArray) -> FloatArray:
+    """Return a basis of the vectors that all rows map to 0; the identity without rows."""
+    count = rows.shape[1]
+    if not len(rows) or not count:
+        return np.eye(count)
+    _, values, right = np.linalg.svd(rows)
+    return np.asarray(right[int((values > _DEPENDENT * max(1.0, values[0])).sum()) :].T)
+
+
+@dataclass(frozen=True, slots=True)
+class Reduction:
+    """How the base of a robot moves with its driven joints.
+
+    Args:
+        motion: -G, the velocities of the base per velocity of the joints, shape (m, n).
+        forced: P, the part of it that constraints cause, shape (m, n).
+        loose: B, a basis of the base motions that no constraint holds, shape (m, k).
+        coupling: C, rows that are 0 for all joint velocities that the constraints allow, shape (r, n).
+        allowed: N, a basis of all velocities that the constraints allow, the base first, shape (m + n, l).
+    """
+
+    motion: FloatArray
+    forced: FloatArray
+    loose: FloatArray
+    coupling: FloatArray
+    allowed: FloatArray
+
+
+def reduce_base(mass: FloatArray, constraints: FloatArray, count: int) -> Reduction:
+    """Return how the base of a robot moves with its driven joints.
+
+    Args:
+        mass: mass matrix of base and joints, the base first.
+        constraints: rows of the constraints, in the same order.
+        count: number of degrees of freedom of the base.
+
+    Returns:
+        The motion of the base.
+    """
+    if not len(constraints):
+        motion = np.asarray(-np.linalg.solve(mass[:count, :count], mass[:count, count:]), dtype=np.float64)
+        nothing = np.zeros((0, len(mass) - count))
+        return Reduction(motion, np.zeros_like(motion), np.eye(count), nothing, np.eye(len(mass)))
+    of_base, of_joints = constraints[:, :count], constraints[:, count:]
+    inverse = np.linalg.pinv(of_base, rcond=_DEPENDENT) if count else np.zeros((0, len(constraints)))
+    forced, loose = -inverse @ of_joints, _null_space(of_base)
+    rest = np.linalg.solve(loose.T @ mass[:count, :count] @ loose, loose.T @ (mass[:count] @ _stack(forced)))
+    coupling = of_joints - of_base @ inverse @ of_joints
+    sizes = np.linalg.norm(coupling, axis=1)
+    return Reduction(forced - loose @ rest, forced, loose, coupling[sizes > _DEPENDENT], _null_space(constraints))
+
+
+def _stack(motion: FloatArray) -> FloatArray:
+    """Return T, the velocities of base and joints per velocity of the joints."""
+    return np.vstack([motion, np.eye(motion.shape[1])])
+
+
+def free_acceleration(model: Model, data: Data, drivetrain: Drivetrain) -> FloatArray:
+    """Return the acceleration of a site [m/s^2] while no driven joint accelerates, shape (3,).
+
+    It is that of gravity for a robot that falls, and 0 for one that stands on a fixed base.
+
+    Args:
+        model: the model.
+        data: its state after `mj_forward` or `mj_step1`.
+        drivetrain: the degrees of freedom.
+    """
+    base = drivetrain.base
+    if not len(base):
+        return np.zeros(3)
+    mass, jacobian = np.zeros((model.nv, model.nv)), np.zeros((3, model.nv))
+    mujoco().mj_fullM(model, data, mass)
+    mujoco().mj_jacSite(model, data, jacobian, None, drivetrain.site)
+    loose = _null_space(constraint_rows(model, data)[:, base])
+    force = np.array(data.qfrc_passive - data.qfrc_bias)[base]
+    acceleration = loose @ np.linalg.solve(loose.T @ mass[np.ix_(base, base)] @ loose, loose.T @ force)
+    return np.asarray(jacobian[:, base] @ acceleration)
+
+
+def falls(model: Model, data: Data, drivetrain: Drivetrain) -> bool:
+    """Return True if a robot falls freely, so that gravity accelerates its site."""
+    gravity = np.array(model.opt.gravity)
+    missing = float(np.linalg.norm(free_acceleration(model, data, drivetrain) - gravity))
+    return bool(len(drivetrain.root)) and missing <= _FALLING * float(np.linalg.norm(gravity))
 
 
 def actuator_moment(model: Model, data: Data) -> FloatArray:
@@ -187,6 +343,31 @@ def update_posture(model: Model, data: Data) -> None:
     library.mj_comPos(model, data)
     library.mj_tendon(model, data)
     library.mj_makeM(model, data)
+    if model.neq:
+        library.mj_makeConstraint(model, data)
+
+
+def close_loops(model: Model, data: Data, drivetrain: Drivetrain) -> None:
+    """Move the base of a robot so that it meets its constraints for the positions of the driven joints.
+
+    The state is that after `update_posture`. Newton's method moves what the constraints determine; without constraints,
+    nothing changes.
+    """
+    if not model.neq:
+        return
+    library, base = mujoco(), drivetrain.base
+    before = math.inf
+    for _ in range(_CLOSING):
+        equal = np.asarray(data.efc_type) == int(library.mjtConstraint.mjCNSTR_EQUALITY)
+        error = np.array(data.efc_pos)[equal]
+        size = float(np.abs(error).max(initial=0.0))
+        if size < _CLOSED or size >= before:
+            return
+        before, rows = size, _all_rows(model, data)[equal][:, base]
+        step = np.zeros(model.nv)
+        step[base] = -np.linalg.pinv(rows, rcond=_DEPENDENT) @ error
+        library.mj_integratePos(model, data.qpos, step, 1.0)
+        update_posture(model, data)
 
 
 def posture_dynamics(model: Model, data: Data, drivetrain: Drivetrain, direction: FloatArray) -> PostureDynamics:
@@ -210,14 +391,15 @@ def posture_dynamics(model: Model, data: Data, drivetrain: Drivetrain, direction
     library.mj_fullM(model, data, mass)
     library.mj_jacSite(model, data, jacobian[:3], jacobian[3:], site)
     mass, jacobian, count = mass[np.ix_(every, every)], jacobian[:, every], len(base)
-    share = np.linalg.solve(mass[:count, :count], mass[:count, count:])
+    reduction = reduce_base(mass, constraint_rows(model, data)[:, every], count)
+    together = _stack(reduction.motion)
     return PostureDynamics(
         mass=mass,
-        inertia=mass[count:, count:] - mass[count:, :count] @ share,
-        own=jacobian[:, count:],
-        relative=jacobian[:, count:] - jacobian[:, :count] @ share,
+        inertia=together.T @ mass @ together,
+        own=jacobian @ _stack(reduction.forced),
+        relative=jacobian @ together,
         full=jacobian,
-        share=share,
+        reduction=reduction,
         axis=np.array(data.site_xmat[site]).reshape(3, 3) @ direction,
         position=np.array(data.site_xpos[site]),
     )
@@ -270,7 +452,7 @@ def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMo
 
 
 def held_rows(dynamics: PostureDynamics, hold: str) -> FloatArray:
-    """Return the Jacobian of the sensor axis and the fixed directions.
+    """Return the Jacobian of the sensor axis, the fixed directions and the couplings of driven joints.
 
     The first row is that of the axis. The shape is (k, n).
     """
@@ -281,8 +463,7 @@ def held_rows(dynamics: PostureDynamics, hold: str) -> FloatArray:
         lines[1:3, :3] = np.linalg.svd(u[None])[2][1:]
     if hold == "pose":
         lines[3:, 3:] = np.eye(3)
-    held: FloatArray = lines @ dynamics.own
-    return held
+    return np.vstack([lines @ dynamics.own, dynamics.reduction.coupling])
 
 
 def least_energy(

@@ -22,7 +22,15 @@ from pretouch.simulation.sensing import SensorRun
 from .centering import Centering, HandMotion, pair_of
 from .deviations import explain_deviations, report_deviations, report_touches
 from .drives import Drives, drives_of
-from .dynamics import Drivetrain, drivetrain_of, joined, posture_dynamics
+from .dynamics import (
+    Drivetrain,
+    constraint_rows,
+    drivetrain_of,
+    free_acceleration,
+    joined,
+    posture_dynamics,
+    reduce_base,
+)
 from .model import Data, Model, check_model, mujoco, site_index
 from .obstruction import refuse_covered_sensor, refuse_overlap
 from .projection import warnings_of_site
@@ -360,7 +368,7 @@ class _Site:
         kind = mujoco().mjtObj.mjOBJ_SITE
         mujoco().mj_objectVelocity(scene.model, data, kind, self.index, velocity, 0)
         self.start = self.sight.axis(data), np.array(data.site_xpos[self.index]), velocity[3:].copy()
-        self.fall = np.array(scene.model.opt.gravity) if len(self.drivetrain.base) else np.zeros(3)
+        self.fall = free_acceleration(scene.model, data, self.drivetrain)
         self.turn = self.sideways = self.saturated = 0.0
         self.obstacle = ""
 
@@ -375,7 +383,10 @@ class _Run:
         self.data.qpos[:], self.data.qvel[:] = scene.data.qpos, scene.data.qvel
         self.path = scene.path.restart()
         approach = np.array([law.approach for law in scene.laws])
-        self.data.qvel[scene.drivetrains[0].driven] = self.path.at(0 * approach, approach, 0 * approach).velocity
+        drivetrain, velocity = scene.drivetrains[0], self.path.at(0 * approach, approach, 0 * approach).velocity
+        parts = posture_dynamics(scene.model, scene.data, drivetrain, scene.laws[0].site.direction)
+        self.data.qvel[drivetrain.driven] = velocity
+        self.data.qvel[drivetrain.base] += parts.reduction.forced @ velocity
         library.mj_forward(scene.model, self.data)
         self.sites = [_Site(scene, i, self.data, seed, run) for i in range(len(scene.laws))]
         self.places = np.asarray(scene.model.jnt_qposadr)[scene.drivetrains[0].joints]
@@ -472,17 +483,19 @@ class _Run:
         )
 
     def _object_acceleration(self, glance: Glance, site: _Site) -> float:
-        """Return the object's acceleration along the sensor axis [m/s^2]. It is relative to the base of the site."""
+        """Return the object's acceleration along the sensor axis [m/s^2].
+
+        It is relative to the site, such as it would move if no driven joint accelerated.
+        """
         library, model, data = mujoco(), self.scene.model, self.data
         body = int(model.geom_bodyid[glance.geom])
         library.mj_rnePostConstraint(model, data)
         accelerations = np.zeros(6)
         library.mj_objectAcceleration(model, data, library.mjtObj.mjOBJ_BODY, body, accelerations, 0)
         proper = accelerations[3:].copy()
-        if len(site.drivetrain.base):  # seen from a frame that falls with the robot
-            return float(site.sight.axis(data) @ proper)
         moving = int(model.body_treeid[body]) >= 0
-        return float(site.sight.axis(data) @ (proper + model.opt.gravity)) if moving else 0.0
+        own = proper + model.opt.gravity if moving else np.zeros(3)
+        return float(site.sight.axis(data) @ (own - free_acceleration(model, data, site.drivetrain)))
 
     def _approach(self, site: _Site) -> float:
         """Return the rate of change [m/s] of the distance to the object."""
@@ -529,10 +542,12 @@ class _Run:
         mass, load = np.zeros((model.nv, model.nv)), np.array(data.qfrc_bias - data.qfrc_passive)
         mujoco().mj_fullM(model, data, mass)
         inertia, force = mass[driven[:, None], driven], load[driven]
-        if len(base):
-            across = mass[driven[:, None], base]
-            both = np.linalg.solve(mass[base[:, None], base], np.column_stack([across.T, load[base]]))
-            inertia, force = inertia - across @ both[:, :-1], force - across @ both[:, -1]
+        if len(base) or model.neq:
+            every = np.concatenate([base, driven])
+            own = mass[every[:, None], every]
+            motion = reduce_base(own, constraint_rows(model, data)[:, every], len(base)).motion
+            together = np.vstack([motion, np.eye(len(driven))])
+            inertia, force = together.T @ own @ together, together.T @ load[every]
         state = JointState(
             np.array(data.qpos)[self.places],
             np.array(data.qvel)[driven],

@@ -100,6 +100,8 @@ def _cells(row: ProjectionRow, p: Projection) -> tuple[Cell, ...]:
 def _figures(p: Projection) -> Iterator[tuple[str, Cell]]:
     yield "reflected mass", Measured(p.reflected_mass, "kg")
     yield f"mass moved by the drives along the axis (hold option: {p.hold})", Measured(p.moved_mass, "kg")
+    if p.followers:
+        yield "joints that follow by constraints of the model", ", ".join(p.followers)
     if p.base:
         yield "recoil share \u03ba of the base", Measured(p.recoil_share)
     yield "conditioning (1 best, 0 singular)", Measured(p.conditioning)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -11,7 +12,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 
-from .dynamics import Drivetrain, axis_motion, posture_dynamics, update_posture
+from .dynamics import AxisMotion, Drivetrain, axis_motion, close_loops, posture_dynamics, update_posture
 from .model import Data, Model, describe_position, joint_label, mujoco, range_of, unit_of_joint
 
 SINGULAR: Final = 0.02
@@ -69,6 +70,9 @@ def excursion(
     places = np.asarray(model.jnt_qposadr)[drivetrain.joints]
     u = np.array(data.site_xmat[drivetrain.site]).reshape(3, 3) @ direction
     path = _Path(model, scratch, drivetrain, places, u if ahead else -u, ranges, hold)
+    if model.neq:  # a loop at its dead center is as heavy in every direction
+        start = path.moved_mass(np.array(data.qpos)[places])
+        path = replace(path, heaviest=start / SINGULAR**2)
     reference = path.follow(np.array(data.qpos)[places])
     return reference if reference.length > _SHORTEST else replace(reference, length=0.0)
 
@@ -107,6 +111,12 @@ class _Path:
     direction: FloatArray
     ranges: FloatArray
     hold: str
+    heaviest: float = math.inf
+
+    def moved_mass(self, joints: FloatArray) -> float:
+        """Return the mass that the drives move along the path [kg]; infinite if they cannot."""
+        motion = self._motion(joints, ())
+        return math.inf if motion is None else float(motion.moved_mass)
 
     def follow(self, joints: FloatArray) -> Excursion:
         """Integrate the path from one joint limit to the next."""
@@ -140,10 +150,11 @@ class _Path:
         """Return the joint motion along the path; None if none exists or the posture is singular."""
         self.data.qpos[self.places] = joints
         update_posture(self.model, self.data)
+        close_loops(self.model, self.data, self.drivetrain)
         turn = np.array(self.data.site_xmat[self.drivetrain.site]).reshape(3, 3)
         dynamics = posture_dynamics(self.model, self.data, self.drivetrain, turn.T @ self.direction)
         motion = axis_motion(dynamics, self.hold, locked)
-        return None if motion is None or motion.conditioning <= SINGULAR else motion
+        return None if motion is None or self._share(motion) <= SINGULAR else motion
 
     def _rates(self, joints: FloatArray, locked: tuple[int, ...]) -> FloatArray:
         motion = self._motion(joints, locked)
@@ -151,7 +162,11 @@ class _Path:
 
     def _conditioning(self, joints: FloatArray, locked: tuple[int, ...]) -> float:
         motion = self._motion(joints, locked)
-        return 0.0 if motion is None else float(motion.conditioning)
+        return 0.0 if motion is None else self._share(motion)
+
+    def _share(self, motion: AxisMotion) -> float:
+        """Return the conditioning of a motion, which also falls where a loop becomes singular."""
+        return min(float(motion.conditioning), SINGULAR * math.sqrt(self.heaviest / motion.moved_mass))
 
     def _slack(self, joints: FloatArray, locked: tuple[int, ...]) -> float:
         """Return the smallest distance [rad or m] to a joint limit. Only moving joints count."""

@@ -21,7 +21,7 @@ from pretouch.motion import Scenario
 
 from .deviations import SIDEWAYS, TURN
 from .drives import AxisLimits, acceleration_limits, drives_of, force_limits, speed_limits
-from .dynamics import AxisMotion, Drivetrain, axis_motion, drivetrain_of, posture_dynamics
+from .dynamics import AxisMotion, Drivetrain, PostureDynamics, axis_motion, drivetrain_of, posture_dynamics
 from .model import Data, Model, check_model, joint_label, mujoco, site_index, unit_of_joint
 from .obstruction import refuse_covered_sensor
 from .path import Excursion, excursion
@@ -29,6 +29,8 @@ from .site import SensorSite
 
 POOR: Final = 0.2
 """Conditioning below which a projection warns, because the moved mass exceeds 25 times the lightest one."""
+
+_FOLLOWS: Final = 1e-8  # motion of a joint per motion of the others, below which it is rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +58,8 @@ class Projection(Described, Value):
         force: largest static forces [N].
         conditioning: 1 in the direction in which the joints move the site most easily, 0 at a singularity.
         joint_motion: joint velocities per velocity along the axis by name [rad/m or 1].
-        base: degrees of freedom that no actuator moves, such as those of a floating base.
+        base: degrees of freedom that neither an actuator nor a constraint moves, such as those of a floating base.
+        followers: joints without an actuator that constraints move with the driven joints, by name.
         turning: angle by which the axis of the sensor turns per motion of the site [rad/m], by the joints and by the
             recoil of the base.
         sideways: motion across the axis per motion of the site, likewise.
@@ -80,6 +83,7 @@ class Projection(Described, Value):
     base: int
     turning: float
     sideways: float
+    followers: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
     @property
@@ -200,6 +204,7 @@ class Projection(Described, Value):
             "base": self.base,
             "turning": self.turning,
             "sideways": self.sideways,
+            "followers": list(self.followers),
             "warnings": list(self.warnings),
         }
 
@@ -260,18 +265,19 @@ def project_site(
         hold=motion.hold,
         reflected_mass=dynamics.reflected_mass,
         moved_mass=motion.moved_mass,
-        recoil_share=motion.recoil_share if len(drivetrain.base) else 0.0,
+        recoil_share=motion.recoil_share if dynamics.reduction.loose.size else 0.0,
         excursion=(ahead, back),
         acceleration=acceleration_limits(drives, dynamics, motion),
         speed=speed_limits(drives, motion),
         force=force_limits(drives, dynamics),
         conditioning=motion.conditioning,
         joint_motion=dict(zip(names, motion.joints.tolist(), strict=True)),
-        base=len(drivetrain.base),
+        base=dynamics.reduction.loose.shape[1],
         turning=motion.turning,
         sideways=motion.sideways,
+        followers=_followers(model, drivetrain, dynamics),
         warnings=tuple(
-            posture_warnings(model, drivetrain, motion, lambda: back.length, limited=drives.has_force_limits)
+            posture_warnings(model, drivetrain, dynamics, motion, lambda: back.length, limited=drives.has_force_limits)
         ),
     )
 
@@ -291,7 +297,8 @@ def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, .
     """
     data = _at_rest(model, data)
     drivetrain = drivetrain_of(model, data, site_index(model, site.name))
-    motion = axis_motion(posture_dynamics(model, data, drivetrain, site.direction), site.hold)
+    dynamics = posture_dynamics(model, data, drivetrain, site.direction)
+    motion = axis_motion(dynamics, site.hold)
     if motion is None:
         return ()
     drives = drives_of(model, data, drivetrain, np.full(len(drivetrain.driven), math.inf))
@@ -299,7 +306,14 @@ def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, .
     def retreat() -> float:
         return excursion(model, data, drivetrain, site.direction, hold=motion.hold, ahead=False).length
 
-    return tuple(posture_warnings(model, drivetrain, motion, retreat, limited=drives.has_force_limits))
+    return tuple(posture_warnings(model, drivetrain, dynamics, motion, retreat, limited=drives.has_force_limits))
+
+
+def _followers(model: Model, drivetrain: Drivetrain, dynamics: PostureDynamics) -> tuple[str, ...]:
+    """Return the joints that constraints move with the driven joints."""
+    moved = drivetrain.base[(np.abs(dynamics.reduction.forced) > _FOLLOWS).any(axis=1)]
+    joints = dict.fromkeys(np.asarray(model.dof_jntid)[moved].tolist())
+    return tuple(joint_label(model, int(joint)) for joint in joints)
 
 
 def _at_rest(model: Model, data: Data) -> Data:
@@ -326,13 +340,20 @@ def _speeds(units: Mapping[str, str], limits: Mapping[str, Any]) -> FloatArray:
 
 
 def posture_warnings(
-    model: Model, drivetrain: Drivetrain, motion: AxisMotion, retreat: Callable[[], float], *, limited: bool
+    model: Model,
+    drivetrain: Drivetrain,
+    dynamics: PostureDynamics,
+    motion: AxisMotion,
+    retreat: Callable[[], float],
+    *,
+    limited: bool,
 ) -> Iterator[str]:
     """Yield warnings about a robot's posture and model for a gain design.
 
     Args:
         model: the model.
         drivetrain: its degrees of freedom.
+        dynamics: the posture.
         motion: the motion of the joints along the axis of a sensor.
         retreat: function that returns the longest path away from objects [m], which takes long to compute.
         limited: whether the model limits the forces of all actuators.
@@ -370,11 +391,9 @@ def posture_warnings(
             f"({', '.join(endless)}): add the range of each hinge that cannot turn endlessly. With a range, the robot "
             "may retreat less.",
         )
-    passive = [
-        joint_label(model, int(j))
-        for j in dict.fromkeys(np.asarray(model.dof_jntid)[drivetrain.base].tolist())
-        if model.body_parentid[model.jnt_bodyid[j]] != 0
-    ]
+    free = np.abs(dynamics.reduction.loose).max(axis=1, initial=0.0) > _FOLLOWS
+    loose = np.setdiff1d(drivetrain.base[free], drivetrain.root)
+    passive = [joint_label(model, int(j)) for j in dict.fromkeys(np.asarray(model.dof_jntid)[loose].tolist())]
     if passive:
         yield caution(
             "PT503",

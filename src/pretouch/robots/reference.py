@@ -16,6 +16,7 @@ from .dynamics import (
     Drivetrain,
     PostureDynamics,
     axis_motion,
+    close_loops,
     held_rows,
     least_energy,
     posture_dynamics,
@@ -213,6 +214,7 @@ class JointPath:
     def _parts(self, joints: FloatArray) -> list[PostureDynamics]:
         self._scratch.qpos[self._places] = joints
         update_posture(self._model, self._scratch)
+        close_loops(self._model, self._scratch, self._drivetrains[0])
         parts = []
         for drivetrain, axis in zip(self._drivetrains, self._axes, strict=True):
             turn = np.array(self._scratch.site_xmat[drivetrain.site]).reshape(3, 3)

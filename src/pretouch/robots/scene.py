@@ -17,7 +17,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.units import format_quantity
 
-from .dynamics import drivetrain_of
+from .dynamics import drivetrain_of, falls
 from .model import Data, Model, mujoco, names_of, site_index
 from .sight import FARTHEST, Glance, Sight
 from .site import SensorSite
@@ -92,12 +92,13 @@ def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach:
     index = site_index(model, site.name)
     curve: Any = site.sensor
     sight = Sight(model, site, index, curve, FARTHEST)
-    glance, axis, base = sight.glance(data), sight.axis(data), drivetrain_of(model, data, index).base
+    drivetrain = drivetrain_of(model, data, index)
+    glance, axis, base = sight.glance(data), sight.axis(data), drivetrain.root
     moving = _moving(model, index, glance)
     if not 0 < glance.distance <= FARTHEST or not (len(moving) or len(base) or approach.robot_velocity):
         weight = MASS if math.isnan(approach.mass) else min(approach.mass, _HEAVY)
         ball = Ball(distance=approach.distance, velocity=approach.obstacle_velocity, mass=weight)
-        scene = put_ball(model_with_ball(path, gravity=bool(len(base))), data, site, ball)
+        scene = put_ball(model_with_ball(path, gravity=falls(model, data, drivetrain)), data, site, ball)
         sizes = f"radius {format_quantity(RADIUS, 'm')} and mass {format_quantity(weight, 'kg')}"
         return RobotScene(*scene, f"The object is an added ball with {sizes}.")
     if len(moving):

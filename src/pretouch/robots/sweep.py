@@ -26,7 +26,7 @@ from pretouch.sweeps.record import identify_sensor, spoken
 from pretouch.sweeps.results import STATUS
 from pretouch.sweeps.run import run_sweep
 
-from .dynamics import drivetrain_of
+from .dynamics import drivetrain_of, falls
 from .encounter import HORIZON, simulate_robot
 from .model import Model, load_model, make_data, mujoco, site_index, unit_of_joint
 from .result import QUANTITIES, RobotSimulation, touches_elsewhere
@@ -117,13 +117,13 @@ def sweep_robot(
     """
     robot = load_model(path)
     site = site_index(robot, law.site.name)
-    base = drivetrain_of(robot, make_data(robot), site).base
+    start = make_data(robot, postures[0]) if postures else make_data(robot)
     plan = RobotPlan(
         axes=(_axis(robot, law, postures, objects, directions, seed=seed),),
         results=_checked_results(results),
         seed=seed,
         chunk=(min(_CHUNK, len(postures)),),
-        model=model_with_ball(Path(path), gravity=bool(len(base))),
+        model=model_with_ball(Path(path), gravity=falls(robot, start, drivetrain_of(robot, start, site))),
         law=law,
         tracking=tracking or ComputedTorque(),
         horizon=positive(horizon, "horizon", "s"),

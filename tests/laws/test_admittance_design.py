@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from pretouch.designs import (
 )
 from pretouch.designs.problem import GainProblem, magnitude, merit
 from pretouch.designs.search import GainAxis
+from pretouch.designs.search.circles import follow_kinks
 from pretouch.designs.search.freedom import make_freedom
 from pretouch.designs.search.local import kkt_residual
 from pretouch.designs.search.trials import Trials
@@ -104,6 +106,46 @@ def test_the_conditions_of_an_optimum_contradict_one_that_was_moved(
             beside = trials.rows(point + np.array([[-1e-5, 0.0, 0.0], [1e-5, 0.0, 0.0]]))[0][:, 0]
             assert residual >= abs(beside[1] - beside[0]) / 2e-5 / float(trials.rows(point[None])[0][0, 0]) * (1 - 1e-4)
     assert any(moved)
+
+
+def test_an_optimum_at_a_kink_of_a_limit_is_found(letter_encounter: Scenario) -> None:
+    """The largest acceleration is that of the start, or a later one: its derivatives jump where both are equal.
+
+    Brute force: its gains are 1e-4 apart, ln f changes by 1.4e-4 over one.
+    """
+    sensor = CURVES["inverse-power"]
+    limit = Constraint(name="acceleration", limit=0.3)
+    own = Admittance.from_natural_frequency(mass=1.0, natural_frequency=5.0, damping_ratio=0.7)
+    scenario = replace(letter_encounter, admittance=own)
+    design = design_admittance(
+        Task(scenario, sensor, F1, bounds=BOUNDS, constraints=[limit], natural_frequency=(3.0, 10.0))
+    )
+    frequency, gain = np.meshgrid(np.linspace(3.0, 3.2, 81), -0.0253 * np.exp(np.arange(-200, 200) * 1e-4))
+    admittance = Admittance.from_natural_frequency(mass=1.0, natural_frequency=frequency, damping_ratio=0.7)
+    end = find_contact(replace(letter_encounter, admittance=admittance), sensor, gain).end
+    least = np.where(limit.magnitude(end) <= limit.limit, F1.value(end, 0.3), np.inf).min()
+    assert least * (1 - 2e-4) <= design.objective <= least
+    assert all(o.value <= o.limit for o in design.gain_design.constraints)
+
+
+@pytest.mark.parametrize("slope", [-2.0, 0.37, 1.0])
+@pytest.mark.parametrize("valley", [0.0, 3.0, 100.0])
+def test_kinks_are_followed_in_any_direction(slope: float, valley: float) -> None:
+    """Values fall along a line of admittances across which they have a kink; the best gain follows it."""
+
+    def values(at: np.ndarray) -> np.ndarray:
+        gain, first, second = at.T
+        across = np.abs(second - 0.5 - slope * (first - 0.5))
+        return (1 + first + valley * across + 4 * np.abs(gain - 0.3 - 0.5 * first))[:, None]
+
+    trials = SimpleNamespace(
+        values=values, freedom=SimpleNamespace(size=3), encounters=SimpleNamespace(is_continuous=True)
+    )
+    end = max(0.0, 0.5 - 0.5 / abs(slope)) if valley > abs(1 / slope) else 0.0  # where the line leaves the square
+    start = np.array([0.55, 0.5, 0.5])
+    at, value = follow_kinks(trials, start, float(values(start[None])[0, 0]))  # type: ignore[arg-type]
+    assert value == pytest.approx(1 + end, abs=1e-5)
+    assert at[0] == pytest.approx(0.3 + 0.5 * end, abs=1e-5)
 
 
 def test_the_answer_is_an_encounter_that_leads_to_the_objective(letter_encounter: Scenario) -> None:

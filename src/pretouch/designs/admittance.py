@@ -17,6 +17,7 @@ from .certificate import DesignStatus
 from .gain import GainDesign
 from .problem import GainProblem
 from .relaxation import relax_trials
+from .search.circles import best_gains, follow_kinks
 from .search.freedom import make_freedom
 from .search.local import descend, kkt_residual, least_violations
 from .search.trials import Trials
@@ -28,7 +29,7 @@ _TESTS: Final = 2048  # number of encounters that test the optimum
 _SAME: Final = 1e-3  # minima closer than this share of the range in each coordinate are the same
 _BETTER: Final = 1e-9  # smallest relative improvement of the objective that counts
 _ROUNDS: Final = 4
-_NEAR: Final = np.linspace(-1.0, 1.0, 17)
+_STATIONARY: Final = 1e-6  # a larger residual shows that the search by derivatives stopped at a kink
 _ZOOMS: Final = 3
 _ONE: Final = np.ones(1)
 
@@ -41,8 +42,9 @@ def design_admittance(task: Task) -> AdmittanceDesign:
     The free parameters are the gain D_p and the natural frequency, the damping ratio or both.
 
     A grid over all free parameters locates the minima. SciPy's SLSQP refines each one, with exact gradients if the
-    objective depends only on quantities at contact. Two tests follow: encounters at other points, and a complete
-    design of the gain at the optimal admittance.
+    objective depends only on quantities at contact. If it stops at a kink, where derivatives jump, the best minimum is
+    compared with the admittances around it. Two tests follow: encounters at other points, and a complete design of the
+    gain at the optimal admittance.
 
     Args:
         task: one encounter, the objective, the bounds, and bounds of natural frequency, damping ratio or both;
@@ -93,7 +95,8 @@ def design_admittance(task: Task) -> AdmittanceDesign:
         chosen = gain_at(freedom.choice(minima[0].at)[0])
         if chosen.gain is None or chosen.objective > minima[0].objective * (1 - _BETTER):
             break
-        minima = search.add_start(np.append(freedom.coordinate(chosen.gain), minima[0].at[1:]))
+        search.add_start(np.append(freedom.coordinate(chosen.gain), minima[0].at[1:]))
+        minima = search.follow_kinks()
     if not minima:
         return search.answer(gain_at(task.scenario), None)
     best, _ = freedom.choice(minima[0].at)
@@ -125,6 +128,18 @@ class _AdmittanceSearch:
             self.add_start(self.tests[best])
             if not self.local_minima or self.local_minima[0].objective >= before:
                 break
+        return self.follow_kinks()
+
+    def follow_kinks(self) -> list[AdmittanceMinimum]:
+        """Improve the best minimum if the search by derivatives stopped at a kink.
+
+        Returns:
+            All local minima, best first.
+        """
+        if self.local_minima:
+            best = self.local_minima[0]
+            if kkt_residual(self.trials, best.at, _ONE)[0] > _STATIONARY:
+                self._add(*follow_kinks(self.trials, best.at, best.objective))
         return self.local_minima
 
     def add_start(self, start: FloatArray) -> list[AdmittanceMinimum]:
@@ -137,7 +152,11 @@ class _AdmittanceSearch:
         descended = descend(trials, start, _ONE)
         tried = [start] if descended is None else [descended[0], start]
         values = trials.values(np.stack(tried))[:, 0]
-        at, value = tried[int(values.argmin())], float(values.min())
+        return self._add(tried[int(values.argmin())], float(values.min()))
+
+    def _add(self, at: FloatArray, value: float) -> list[AdmittanceMinimum]:
+        """Add a local minimum unless a better one lies close to it."""
+        trials = self.trials
         if np.isfinite(value) and not any(
             np.abs(m.at - at).max() < _SAME and m.objective <= value for m in self.local_minima
         ):
@@ -180,13 +199,10 @@ class _AdmittanceSearch:
         shape = self._shape()
         grid, values = self.grid.reshape(*shape, -1), self.values.reshape(shape)
         best, middle = values.min(axis=0), np.take_along_axis(grid[..., 0], values.argmin(axis=0)[None], axis=0)[0]
-        half = 1 / (shape[0] - 1)
-        for _ in range(_ZOOMS):
-            near = np.repeat(grid[:1], len(_NEAR), axis=0)
-            near[..., 0] = np.clip(middle + half * _NEAR.reshape(-1, *[1] * middle.ndim), 0.0, 1.0)
-            refined = self.trials.values(near.reshape(-1, near.shape[-1]))[:, 0].reshape(near.shape[:-1])
-            middle = np.take_along_axis(near[..., 0], refined.argmin(axis=0)[None], axis=0)[0]
-            best, half = np.minimum(best, refined.min(axis=0)), 2 * half / (len(_NEAR) - 1)
+        _, refined = best_gains(
+            self.trials, grid[0].reshape(middle.size, -1)[:, 1:], middle.reshape(-1), 1 / (shape[0] - 1), _ZOOMS
+        )
+        best = np.minimum(best, refined.reshape(best.shape))
         frequency, ratio = (v.reshape(shape)[0] for v in self.trials.freedom.admittance(self.grid))
         return AdmittanceMap(natural_frequency=frequency, damping_ratio=ratio, objective=best)
 

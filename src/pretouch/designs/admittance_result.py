@@ -48,7 +48,9 @@ class AdmittanceCertificate(Value):
         tests: number of further encounters, independent of the search; none is better than the optimum.
         local_minima: the local minima, best first.
         residual: residual of the first-order conditions of Karush, Kuhn and Tucker: the largest component of the
-            gradient of the Lagrangian, relative to the objective, in coordinates from 0 to 1 between the bounds.
+            gradient of the Lagrangian, relative to the objective, in coordinates from 0 to 1 between the bounds. It is
+            large at an optimum at a kink, such as that of a largest acceleration, where gradients jump; then the
+            search has compared the points around the optimum.
         active: the active limits and bounds, each with its multiplier: the relative decrease of the objective per
             relative increase of a limit, or per change of a bound relative to its range.
     """

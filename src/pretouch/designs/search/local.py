@@ -15,7 +15,7 @@ from .trials import Trials
 _STARTS: Final = 6  # most searches for the least violation
 _APART: Final = 0.1  # share of the range by which their starts differ in some coordinate
 _FAR: Final = 1e3  # value of a row without contact; other rows are about 1
-_ITERATIONS: Final = 120
+_ITERATIONS: Final = 50
 _CLOSE: Final = 1e-6  # a limit or bound within this relative distance is active
 _NEAR: Final = 1e-9  # a point within this share of the range from a bound is moved to the bound if it is as good
 _SAME: Final = 1e-12  # relative accuracy of encounters

@@ -204,6 +204,7 @@ TIMES: dict[str, Callable[[int, float], str]] = {
     "micros": lambda i, _: f"{5000 * i}",
     "Time (msec)": lambda i, _: f"{5 * i}.0",
     "t": lambda i, _: f"{5000 * i}",
+    "timer": lambda i, _: f"{1_200_000_000 + 5000 * i}",
     "timestamp": lambda i, _: f"{1_700_000_000_000 + 5 * i}",
     "%time": lambda i, _: f"{1_700_000_000_123_456_789 + 5_000_000 * i}",
     "stamp": lambda _, t: f"{1_700_000_000 + t:.3f}",

@@ -51,7 +51,7 @@ _NAMES: dict[str, set[str] | re.Pattern[str]] = {
     "time": re.compile(
         r"%?(?:__)?(?:time|times|date|timestamp|time stamp|stamp|datetime|clock|zeit|datum|uhrzeit|t|sec|seconds|millis"
         r"|micros|nanosec|date time|time of day|elapsed|elapsed time|time elapsed|sample time|host time"
-        r"|ros time|time of the line|x value|x axis)"
+        r"|ros time|timer|time of the line|x value|x axis)"
     ),
     "statistic": re.compile(
         r"(?:.* )?(?:std|stdev|std dev|stddev|standard deviation|sd|sigma|sem|standard error|variance|var|uncertainty"

@@ -172,10 +172,12 @@ def _unit_of(table: TextTable, title: str, numbers: FloatArray) -> str:
     epoch = next((unit for unit, low, high in _EPOCHS if low <= largest < high), None)
     steps = np.diff(found)
     steps = steps[steps > 0]
-    if epoch is not None or not len(steps):
+    if not len(steps):
         return epoch or "s"
     step, whole = float(np.median(steps)), bool(np.all(found == np.floor(found)))
     plausible = [unit for unit, (low, high) in _PLAUSIBLE.items() if low <= step <= high]
+    if epoch is not None and (epoch in plausible or not plausible):
+        return epoch  # a counter of microseconds also reaches such numbers, but with larger steps
     if not whole and "s" in plausible:
         return "s"
     if len(plausible) == 1:

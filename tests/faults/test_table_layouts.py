@@ -225,3 +225,82 @@ def test_the_readings_differ_between_seeds() -> None:
 def test_mutated_tables_are_read_or_refused_and_lose_nothing_in_silence(tmp_path) -> None:
     """`make fuzz` tries many more, from other seeds."""
     assert finds(300, 5, tmp_path) == []
+
+
+# --- tables that a newcomer tried
+
+
+def rows(*columns, mark=",") -> str:
+    return "".join(mark.join(map(str, row)) + "\n" for row in zip(*columns, strict=True))
+
+
+FALLING = (3300, 2280, 1660, 1266, 997, 666, 485)
+PLACES = (0, 5, 10, 15, 20, 30, 40)
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        (
+            "distance [mm];counts\n" + rows(PLACES, ("3.300", "2.280", "1.660", "1.266", 997, 666, 485), mark=";"),
+            "3300 or 3.300",
+        ),
+        ("distance [mm],level [dB]\n" + rows(PLACES, (10, 8, 6, 4, 2, 0, -2)), "10^(x/20)"),
+        ("distance [mm],ln(V)\n" + rows(PLACES, (1.2, 1.0, 0.8, 0.6, 0.4, 0.1, -0.2)), "e^x for ln"),
+        ("distance_cm [mm],output [V]\n" + rows(PLACES, FALLING), "two units"),
+        ("distance [0.1 mm],output [V]\n" + rows(PLACES, FALLING), "multiply the distances by 0.1"),
+        ("distance [mm],output [V]\n0,3.30\n,3.31\n,3.29\n5,2.28\n,2.27\n10,1.6\n", "merged"),
+        (
+            "distance [mm],output [V]\n0,3\n5,2\ndistance [mm],output [V]\n0,1\n5,0.5\n",
+            "line 4: the header occurs again",
+        ),
+        ("distance [mm],output [V]\n0,3\n-5,2\n", "change the sign"),
+        ("distance [mm],output [V]\n0,3\n5,2\nrien,0.1\n", "inf if no object was present"),
+        (
+            "commanded position [mm],encoder position [mm],output [V]\n" + rows(PLACES, PLACES, FALLING),
+            "may both contain",
+        ),
+    ],
+)
+def test_a_table_that_would_be_read_wrong_is_refused_with_what_to_do(tmp_path, text: str, remedy: str) -> None:
+    (tmp_path / "x.csv").write_text(text)
+    with pytest.raises(CalibrationDataError) as error:
+        read_calibrations(tmp_path / "x.csv")
+    assert remedy in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "distance,output [V]\n0 mm,3300\n0.5 cm,2280\n10 mm,1660\n1.5 cm,1266\n20 mm,997\n30 mm,666\n40 mm,485\n",
+        "distance [mm],output [V]\n0,3300\n0.5 cm,2280\n10,1660\n1.5 cm,1266\n20,997\n30,666\n40,485\n",
+        "object,distance [mm],output [V]\n" + rows(["white"] * 7, PLACES, FALLING) + "none,inf,100\n",
+        "distance [mm],velocity [mm/s],output [V]\n" + rows(PLACES, (-10.1, -10, -9.9, -10, -10.1, -9.9, -10), FALLING),
+        "distance [mm],tilt [deg],output [V]\n" + rows(PLACES, (-0.1, 0.0, 0.1, 0.0, -0.1, 0.1, 0.0), FALLING),
+        '{"distance_mm": [0, 5, 10, 15, 20, 30, 40], "volts": [3300, 2280, 1660, 1266, 997, 666, 485]}\n',
+        "distance [mm],output [V]\n" + rows(PLACES, FALLING) + "kein Objekt,100\n",
+    ],
+)
+def test_a_table_with_mixed_units_scattering_columns_or_labels_of_the_empty_scene_is_one_curve(
+    tmp_path, text: str
+) -> None:
+    (tmp_path / "x.csv").write_text(text)
+    (curve,) = read_calibrations(tmp_path / "x.csv")
+    assert curve.distances == pytest.approx(np.array(PLACES) / 1000, rel=1e-12)
+    assert curve.outputs.tolist() == list(FALLING)
+
+
+def test_text_in_utf_16_without_a_mark_is_read(tmp_path) -> None:
+    text = "distance [mm],output [V]\n" + rows(PLACES, FALLING)
+    for encoding in ("utf-16-le", "utf-16-be"):
+        (tmp_path / "x.csv").write_bytes(text.encode(encoding))
+        assert len(read_calibrations(tmp_path / "x.csv")[0].outputs) == len(PLACES)
+    parser = LineParser("a sensor", LineFormat(column="2"), from_middle=False)
+    assert [reading.output for reading in parser.feed("5,12\n".encode("utf-16"))] == [12]
+
+
+def test_a_file_of_an_oscilloscope_with_a_short_second_row_is_read(tmp_path) -> None:
+    rows = "".join(f"{i},{0.1 + i % 3}\n" for i in range(50))
+    (tmp_path / "x.csv").write_text(f"X,CH1,Start,Increment,\nSequence,VOLT,-6e-3,1e-3\n{rows}")
+    recording = read_recording(tmp_path / "x.csv")
+    assert (np.diff(recording.stamps) == 1_000_000).all()

@@ -15,8 +15,9 @@ from pretouch._core.units import MAGNITUDES, WORKABLE
 from pretouch._core.values import Value
 
 IF_NEGATIVE: Final = (
-    "remove the reading if its distance is wrong; otherwise add the same length to every distance, and give the "
-    "distance of the contact surface on this new scale as recess in [sensor]"
+    "change the sign of all distances if they count backward from contact; write inf if the number means that no "
+    "object was found; remove the reading if its distance is wrong; otherwise add the same length to every distance, "
+    "and give the distance of the contact surface on this new scale as recess in [sensor]"
 )
 
 

@@ -134,6 +134,7 @@ def _curves(
     label_columns = tuple(i for i in label_columns if i not in used)
     readings = _readings(table, layout)
     groups, shared = _rows_by_label(table, label_columns, readings.distances)
+    _refuse_merged_cells(table, layout, groups)
     if not groups:
         raise CalibrationDataError.without_content(
             f"{table.file}: the table has a header but no rows below the header; add rows with distances and "
@@ -201,14 +202,35 @@ def _rows_by_label(
     groups: dict[tuple[str, ...], list[int]] = {}
     shared = []
     for i, key in enumerate(zip(*(table.columns[k] for k in columns), strict=True)):
-        if any(key):
+        if any(key) and not (all(map(is_no_object, key)) and np.isinf(distances[i]).all()):
             groups.setdefault(key, []).append(i)
             continue
         if np.isinf(distances[i]).any():
             shared.append(i)
         if not np.isinf(distances[i]).all():
             groups.setdefault(key, []).append(i)
-    return dict(groups), shared
+    empty = [key for key, rows in groups.items() if np.isinf(distances[rows]).all()]
+    if len(empty) < len(groups):  # the readings of the empty scene have a label of their own
+        shared += [i for key in empty for i in groups.pop(key)]
+    return dict(groups), sorted(shared)
+
+
+def _refuse_merged_cells(table: TextTable, layout: Layout, groups: Mapping[tuple[str, ...], Sequence[int]]) -> None:
+    """Raise an error if distances are missing below others several times, as in a spreadsheet with merged cells."""
+    distance = layout.pairs[0][0]
+    if isinstance(distance, float):
+        return
+    cells = table.columns[distance.index]
+    for rows in groups.values():
+        is_empty = [not cells[i] for i in rows]
+        starts = [k for k in range(1, len(is_empty)) if is_empty[k] and not is_empty[k - 1]]
+        if len(starts) > 1:
+            line = table.lines[rows[starts[0]]]
+            raise CalibrationDataError(
+                f"{table.file}, line {line}: {sum(is_empty)} cells of the distance are empty below others. If cells "
+                "were merged, write the distance into each row; for a reading without an object, write inf",
+                problem=f"{table.file}, line {line}: distances are missing below others",
+            )
 
 
 def _readings(table: TextTable, layout: Layout) -> _Readings:

@@ -9,6 +9,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 
+import numpy as np
+
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit
 from pretouch.tables.cells import Column, TextTable, is_missing, is_no_object, is_number, join_first, quoted
@@ -17,6 +19,7 @@ from pretouch.tables.names import (
     DistanceMark,
     distance_mark,
     is_length,
+    is_logarithmic,
     is_named,
     is_output_unit,
     looks_wide,
@@ -70,6 +73,7 @@ _TRUE = frozenset(
         "soll",
     ]
 )
+_SCATTER = 0.2  # largest range of a quantity that hardly changes, as a share of its mean
 _FEW = 3  # fewest distances of a curve: a setting with fewer is not a label
 
 
@@ -239,8 +243,17 @@ def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int
         or [i for i in lengths if not is_named(table.header[i], "setting")]
         or named
     )
-    told = [i for i in matches if set(re.findall(r"[^\W\d_]+", table.header[i].casefold())) & _TRUE]
+    others = [i for i in range(len(table.header)) if i not in {*matches, output} and _may_be_output(table, i)]
+    is_open = not others and output is None
+    told = [i for i in matches if is_open and set(re.findall(r"[^\W\d_]+", table.header[i].casefold())) & _TRUE]
     return _single_match(table, told if len(told) == 1 else matches, "distance")
+
+
+def _may_be_output(table: TextTable, index: int) -> bool:
+    """Return True if a column has numbers, and no name of another kind."""
+    kinds = ("setting", "count", "time", "statistic")
+    title = table.header[index]
+    return not any(is_named(title, kind) for kind in kinds) and not _may_be_label(table, index)
 
 
 def _output(table: TextTable, distance: int | None) -> int | None:
@@ -289,6 +302,7 @@ def _single_match(table: TextTable, matches: Sequence[int], what: str) -> int | 
 
 def _distance_column(table: TextTable, index: int, option: ColumnOption) -> Column:
     title, unit = table.header[index], option.unit_with(table.header[index])
+    _refuse_two_units(table, title)
     hint = columns_hint(f"distance={index + 1} [UNIT]")
     how = (
         f'write the unit in which the distances were measured into the column header, as in "distance [cm]", or use '
@@ -306,8 +320,37 @@ def _distance_column(table: TextTable, index: int, option: ColumnOption) -> Colu
     return Column(index=index, title=title, unit="m", factor=parse_unit(str(unit_in_words(unit))).factor)
 
 
+def _refuse_logarithms(table: TextTable, title: str) -> None:
+    if is_logarithmic(title):
+        raise CalibrationDataError(
+            f"{table.place}: the column {quoted(title)} has logarithms, but a curve needs the output itself. "
+            "Convert the readings: 10^(x/20) for a voltage in dB, 10^(x/10) for a power in dB, e^x for ln, and 10^x "
+            "for log",
+            problem=f"{table.place}: the output column has logarithms",
+        )
+
+
+def _refuse_two_units(table: TextTable, title: str) -> None:
+    """Raise an error if a header such as `distance_cm [mm]` has two units."""
+    name, unit = split_title(title)
+    other = split_title(name)[1]
+    if unit and other and other != unit and is_length(other):
+        raise CalibrationDataError(
+            f"{table.place}: the header {quoted(title)} has two units; write only the unit of the distances",
+            problem=f"{table.place}: a header has two units",
+        )
+    scaled = re.fullmatch(r"([\d.,]+(?:e[-+]?\d+)?)\s*(\D+)", unit or "", re.IGNORECASE)
+    if scaled and is_length(scaled[2]):
+        raise CalibrationDataError(
+            f"{table.place}: the unit {unit!r} of the distance contains a number; multiply the distances by "
+            f'{scaled[1]}, and write "{name} [{unit_in_words(scaled[2])}]"',
+            problem=f"{table.place}: the unit of the distance contains a number",
+        )
+
+
 def _output_column(table: TextTable, outputs: Sequence[int], option: ColumnOption) -> tuple[Column, list[str]]:
     title, notes = table.header[outputs[0]], []
+    _refuse_logarithms(table, title)
     unit = option.unit_with(title)
     symbol, factor = output_unit(unit)
     if unit is None:
@@ -371,11 +414,24 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
             reason = "it is a time"
         elif _is_measured(table, i) and _drifts(table, i, distance):
             reason = "it changes within the curve"
+        elif _wobbles(table, i):
+            reason = "it is a measured quantity whose values scatter"
         if reason:
             notes.append(f"Column {table.title(i)} is not used: {reason}.")
         else:
             labels.append(i)
     return tuple(labels), notes
+
+
+def _wobbles(table: TextTable, index: int) -> bool:
+    """Return True if a column has a measured quantity that hardly changes, or has both signs, such as a speed."""
+    cells = {cell for cell in table.columns[index] if not is_missing(cell)}
+    if len(cells) < _FEW or not all(map(is_number, cells)):
+        return False
+    numbers = table.numbers(index)
+    low, high = float(np.nanmin(numbers)), float(np.nanmax(numbers))
+    has_fractions = bool(np.any(numbers[np.isfinite(numbers)] % 1 != 0))
+    return (has_fractions and low < 0 < high) or high - low < _SCATTER * abs(high + low) / 2
 
 
 def _is_measured(table: TextTable, index: int) -> bool:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
+from decimal import Decimal
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray
+from pretouch._core.units import parse_unit
 
 from .cells import is_missing, is_no_object, is_number, quoted
 from .names import split_title
-from .unit_words import unit_in_words
+from .unit_words import dimension, unit_in_words
 
 _FIRST: Final = 50  # cells that are tried first
 _SPREAD: Final = re.compile(r"(.*?\S)\s*(?:±|\+/-|\+-)\s*[\d.,]+(.*)")
@@ -45,7 +48,7 @@ class PlainColumns(NamedTuple):
 
 
 def plain_columns(
-    place: str, header: tuple[str, ...], columns: tuple[Sequence[str], ...], delimiter: str
+    file: str, header: tuple[str, ...], columns: tuple[Sequence[str], ...], lines: Sequence[int], delimiter: str
 ) -> PlainColumns:
     """Bring the numbers of a table into one form.
 
@@ -58,11 +61,12 @@ def plain_columns(
     floats = [_floats(cells) for cells in columns]
     for i, cells in enumerate(columns):
         if floats[i] is not None:
+            _refuse_two_readings(file, cells, lines, ".", delimiter)
             continue
         distinct = {cell: cell for cell in set(cells)}
         if all(map(_is_plain, distinct)):
             continue
-        forms, unit = _without_units(_without_spreads(distinct))
+        forms, unit = _without_units(_without_spreads(distinct), split_title(titles[i])[1])
         forms = _without_groups(forms)
         if not all(_is_plain(form) for form in forms.values()):
             continue
@@ -81,7 +85,8 @@ def plain_columns(
     commas = [cells for cells in others if any("," in cell for cell in set(cells))]
     if commas:
         comma |= any(map(_has_decimal_comma, commas))
-        _refuse_two_readings(place, commas, delimiter)
+        for cells in commas:
+            _refuse_two_readings(file, cells, lines, ",", delimiter)
     return PlainColumns(tuple(titles), tuple(changed), tuple(floats), "," if comma else ".", tuple(notes))
 
 
@@ -118,16 +123,33 @@ def _without_spreads(forms: dict[str, str]) -> dict[str, str]:
     return {cell: "".join(m.groups()) if (m := _SPREAD.fullmatch(form)) else form for cell, form in forms.items()}
 
 
-def _without_units(forms: dict[str, str]) -> tuple[dict[str, str], str | None]:
-    """Remove the unit from every cell, if all cells with a unit have the same one. The second result is the unit."""
-    found, units = dict(forms), set()
+def _without_units(forms: dict[str, str], wanted: str | None = None) -> tuple[dict[str, str], str | None]:
+    """Remove the unit from every cell.
+
+    Cells with another unit of the same dimension are converted to the wanted unit, or else to the most frequent one.
+
+    Returns:
+        The cells without units, and the unit; None if there is none.
+    """
+    numbers, units = dict(forms), dict[str, str]()
     for cell, form in forms.items():
         match = None if _is_plain(form) or _HEXADECIMAL.fullmatch(form) else _WITH_UNIT.fullmatch(form)
         unit = unit_in_words(match[2].strip()) if match else None
         if match and unit:
-            found[cell] = match[1]
-            units.add(unit)
-    return (found, units.pop()) if len(units) == 1 else (forms, None)
+            numbers[cell], units[cell] = match[1], unit
+    if not units or len({parse_unit(unit).exponents for unit in units.values()}) > 1:
+        return forms, None
+    common = Counter(units.values()).most_common(1)[0][0]
+    target = wanted if wanted and dimension(wanted) == parse_unit(common).exponents else common
+    size = Decimal(repr(parse_unit(target).factor))
+    for cell, unit in units.items():
+        if unit != target:
+            try:
+                value = Decimal(numbers[cell].replace(",", "."))
+            except ArithmeticError:
+                return forms, None
+            numbers[cell] = f"{value * Decimal(repr(parse_unit(unit).factor)) / size:f}"
+    return numbers, target
 
 
 def _without_groups(forms: dict[str, str]) -> dict[str, str]:
@@ -147,17 +169,28 @@ def _without_groups(forms: dict[str, str]) -> dict[str, str]:
     return found
 
 
-def _refuse_two_readings(place: str, columns: Sequence[Sequence[str]], delimiter: str) -> None:
-    """Raise an error if the comma in `1,234` may separate thousands or decimals, and no other cell tells which."""
-    for cells in columns:
-        distinct = set(cells)
-        commas = [cell for cell in distinct if "," in cell]
-        unclear = [cell for cell in commas if _AMBIGUOUS.fullmatch(cell)]
-        whole = any(is_number(cell) and not re.search(r"[.,]", cell) for cell in distinct)
-        if unclear and len(unclear) == len(commas) and (whole or delimiter == ","):
-            cell = min(unclear)
-            raise CalibrationDataError(
-                f"{place}: {quoted(cell)} may be the number {cell.replace(',', '')} or {cell.replace(',', '.')}. Write "
-                "the numbers without a separator of thousands, and with a decimal point",
-                problem=f"{place}: found numbers that can be read in two ways",
-            )
+def _refuse_two_readings(file: str, cells: Sequence[str], lines: Sequence[int], mark: str, delimiter: str) -> None:
+    """Raise an error if the mark in `1,234` may separate thousands or decimals, and no other cell tells which."""
+    if mark == "." and not _is_mixed(cells[:_FIRST]):  # a quick look at the first cells is enough
+        return
+    distinct = set(cells)
+    marked = [cell for cell in distinct if mark in cell]
+    unclear = [cell for cell in marked if _AMBIGUOUS.fullmatch(cell.replace(mark, ","))]
+    whole = [cell for cell in distinct if re.fullmatch(r"[-+]?\d+", cell)]
+    enough = len(whole) > 1 and len(unclear) > 1 if mark == "." else bool(whole) or delimiter == ","
+    if not unclear or len(unclear) < len(marked) or not enough:
+        return
+    cell = min(unclear, key=cells.index)
+    line = lines[cells.index(cell)]
+    other = f", or {whole[0]}.000 instead of {whole[0]}" if mark == "." else ", and with a decimal point"
+    raise CalibrationDataError(
+        f"{file}, line {line}: {quoted(cell)} may be the number {cell.replace(mark, '')} or {cell.replace(mark, '.')}. "
+        f"Write the numbers without a separator of thousands{other}",
+        problem=f"{file}, line {line}: found numbers that can be read in two ways",
+    )
+
+
+def _is_mixed(cells: Sequence[str]) -> bool:
+    """Return True if all numbers with a decimal point have three decimals, and others have no point."""
+    marked = [cell for cell in cells if "." in cell]
+    return bool(marked) and len(marked) < len(cells) and all(_AMBIGUOUS.fullmatch(c.replace(".", ",")) for c in marked)

@@ -22,8 +22,21 @@ _MISSING = {
 }
 _NO_OBJECT = {
     *("", "inf", "+inf", "infinity", "+infinity", "∞", "none", "no object", "no-object", "no_object", "empty"),
-    *("no target", "no hit", "no echo", "out of range", "oor", "nothing"),
+    *("no target", "no hit", "no echo", "out of range", "oor", "nothing", "free air", "air", "free", "open", "clear"),
+    *(
+        "kein objekt",
+        "ohne objekt",
+        "frei",
+        "leer",
+        "aucun objet",
+        "sans objet",
+        "sin objeto",
+        "nessun oggetto",
+        "vide",
+    ),
+    *("--", "---"),
 }
+_INFINITE = re.compile(r"\+?(?:inf|infinity|∞)\s*(\D{1,12})", re.IGNORECASE)
 _BEYOND = re.compile(r"[>≥]\s*\d[\d.,]*\s*\w*")
 _DOTTED = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
 _COMMAED = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
@@ -139,7 +152,10 @@ def is_no_object(cell: str) -> bool:
 
     Examples are `inf`, `no object` and `> 500`.
     """
-    return cell.casefold() in _NO_OBJECT or bool(cell[:1] in ">≥" and cell and _BEYOND.fullmatch(cell))
+    if cell.casefold() in _NO_OBJECT:
+        return True
+    infinite = _INFINITE.fullmatch(cell) if cell[:1] in "+iI∞" and cell else None
+    return bool(infinite and dimension(infinite[1].strip())) or bool(cell[:1] in ">≥" and _BEYOND.fullmatch(cell))
 
 
 def is_row(cells: Sequence[str]) -> bool:
@@ -196,7 +212,11 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
         expected = f"expected a number {WORKABLE}{unit}. Other numbers are too large or too small to fit a curve"
         problem = "a number that is too large or too small for the arithmetic"
     else:
-        expected, problem = f"expected a number such as 12{table.decimal_mark}5", "a cell that is not a number"
+        expected = f"expected a number such as 12{table.decimal_mark}5"
+        if column.unit == "m":
+            expected += ", or inf if no object was present"
+        expected += ". Put # before a line that is no reading"
+        problem = "a cell that is not a number"
     raise CalibrationDataError(
         f"{place}: found {quoted(cell)} in column {table.title(column.index)}, {expected}",
         problem=f"{place}: found {problem}",

@@ -90,6 +90,10 @@ def _cell(value: Any) -> str:
 
 def _of_spreadsheet(file: str, content: bytes) -> Sequence[Sequence[Any]]:
     """Return the rows of the only sheet with a table."""
+    if content.lstrip()[:1] == b"<":
+        raise CalibrationDataError.without_content(
+            f"{file}: this file is a page of HTML or XML with the name of a spreadsheet; open it, and save it as CSV"
+        )
     calamine = require("python_calamine", extra="files")
     try:
         book = calamine.CalamineWorkbook.from_filelike(io.BytesIO(content))

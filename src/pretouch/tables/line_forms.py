@@ -129,7 +129,11 @@ def form_lines(numbers: Sequence[int], texts: list[str]) -> FormedLines:
         The lines, with notes on what was changed.
     """
     first = texts[:_LOOKED_AT]
-    array = _of_array(numbers, texts) if texts and texts[0].lstrip().startswith("[") else None
+    array = (
+        _of_array(numbers, texts)
+        if texts and texts[0].lstrip()[:1] in "[{" and texts[-1].rstrip()[-1:] in "]}"
+        else None
+    )
     if array is not None:
         return array
     oscilloscope = _of_oscilloscope(numbers, texts)
@@ -158,14 +162,17 @@ def _share(found: Iterable[object]) -> float:
 
 
 def _of_array(numbers: Sequence[int], texts: list[str]) -> FormedLines | None:
-    """Return the rows of a JSON array of objects or of lists, or None."""
+    """Return the rows of a JSON array of objects or of lists, or of a JSON object of arrays, or None."""
     try:
         content = json.loads("\n".join(texts))
     except (ValueError, RecursionError):
         return None
+    if isinstance(content, dict) and len({len(v) for v in content.values() if isinstance(v, list)}) == 1:
+        columns = {name: column for name, column in content.items() if isinstance(column, list)}
+        content = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     if not content or not isinstance(content, list):
         return None
-    line, notes = [numbers[0]], ("The file is a JSON array.",)
+    line, notes = [numbers[0]], ("The file is JSON.",)
     if all(isinstance(row, dict) for row in content):
         cells = [_flat(row) for row in content]
         rows = _rows_of(cells)
@@ -188,9 +195,14 @@ def _of_oscilloscope(numbers: Sequence[int], texts: list[str]) -> FormedLines | 
         header = f"time [{settings.get('Horizontal Units') or 's'}],output [{settings.get('Vertical Units') or 'V'}]"
         rows = [",".join(text.split(",")[3:5]) for text in texts]
         return FormedLines([numbers[0], *numbers], [header, *rows], ("The file is one of an oscilloscope.",))
-    if len(cells) > 1 and cells[0][0] == "X" and cells[0][-3:-1] == ["Start", "Increment"]:
+    if len(cells) > 1 and cells[0][0] == "X" and {"Start", "Increment"} <= set(cells[0]):
         channels = [name for name in cells[0][1:] if name and name not in {"Start", "Increment"}]
-        units, start, step = cells[1][1 : 1 + len(channels)], float(cells[1][-3]), float(cells[1][-2])
+        ends = [cell for cell in cells[1][1 + len(channels) :] if is_number(cell)]
+        if len(ends) != len(("start", "increment")) or not all(
+            text.partition(",")[0].strip().isdigit() for text in texts[2:]
+        ):
+            return None
+        units, (start, step) = cells[1][1 : 1 + len(channels)], map(float, ends)
         titles = [f"{name} [{unit}]" for name, unit in zip(channels, units, strict=True)]
         rows = [",".join(["time [s]", *titles])]
         for text in texts[2:]:

@@ -66,6 +66,8 @@ _PER_UNIT = re.compile(r"(.*\S)\s+/\s+(\S+)|([^\W\d_]+)/(\S+)")
 _LAST_WORD = re.compile(r"(.*[^\s_,:.-])[\s_,:.-]+([^\s_,:.-]+\.?)")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _PATH = re.compile(r"(?=.*[^\W\d_])[\w ./%\[\]]*[./][\w ]+")  # a field of an exported topic, such as field.header.stamp
+_LOGARITHM = re.compile(r"dB\w{0,3}|Np|(?:ln|log|log10|log2|lg)\b.*", re.IGNORECASE)
+_OF_LOGARITHM = re.compile(r"(?:.*\W)?(?:ln|log|log10|log2|lg)", re.IGNORECASE)
 _LONGEST = 200  # characters of a header
 _OUTPUT_UNITS: dict[tuple[int, ...], str] = {VOLTAGE: "V", COUNTS: "counts"}
 _KIND_OF: dict[tuple[int, ...], str] = {LENGTH: "distance", TIME: "time", VOLTAGE: "output", COUNTS: "output"}
@@ -134,6 +136,14 @@ def _by_word(title: str) -> tuple[str, str] | None:
         if kind and (is_certain(word) or _matches(_plain(name), kind)):
             return name, str(unit_in_words(word))
     return None
+
+
+def is_logarithmic(title: str) -> bool:
+    """Return True if a header says that the column has logarithms, such as `level [dB]` or `ln(V)`."""
+    name, unit = split_title(title)
+    return bool(
+        _LOGARITHM.fullmatch(unit or "") or re.fullmatch(r"(?:.*\W)?(?:ln|log|log10|log2|lg)", name.strip(), re.I)
+    )
 
 
 def is_unit(title: str) -> bool:

@@ -84,10 +84,11 @@ def read_table(
     if is_recording:
         rows, numbers, lost = _whole_rows(header, rows, numbers, lost)
     header = _without_empty_columns(_without_empty_end(header, rows), rows)
+    if not is_recording:
+        _refuse_second_table(path.name, header, rows, numbers)
     _refuse_other_widths(path.name, header, rows, numbers, delimiter)
     columns = tuple(zip(*rows, strict=True)) or ((),) * len(header)
-    place = f"{path.name}, line {head_lines[max(at, 0)][0]}"
-    plain = plain_columns(place, header, columns, delimiter)
+    plain = plain_columns(path.name, header, columns, numbers, delimiter)
     return TextTable(
         file=path.name,
         sha256=digest,
@@ -180,6 +181,18 @@ def _whole_rows(
     )
 
 
+def _refuse_second_table(file: str, header: tuple[str, ...], rows: Sequence[Any], numbers: Sequence[int]) -> None:
+    """Raise an error if the header occurs again, because then another table follows."""
+    wanted = [title.partition(" [")[0] for title in header]
+    for number, row in zip(numbers, rows, strict=True):
+        if len(row) == len(header) and not is_number(row[0]) and [cell.partition(" [")[0] for cell in row] == wanted:
+            raise CalibrationDataError(
+                f"{file}, line {number}: the header occurs again. If another table follows, save each table as a "
+                "file of its own; if it continues the table, remove this line",
+                problem=f"{file}, line {number}: the header occurs again",
+            )
+
+
 def _refuse_other_widths(
     file: str, header: tuple[str, ...], rows: Sequence[tuple[str, ...]], numbers: Sequence[int], delimiter: str
 ) -> None:
@@ -197,7 +210,11 @@ def _refuse_other_widths(
 
 def _decode(content: bytes, file: str) -> tuple[str, str]:
     """Decode the bytes of a text file. Also return the name of the encoding."""
+    content = content.rstrip(b"\0") if content.count(b"\0") < len(content) // 4 else content
     marked = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+    for start, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
+        if not marked and len(content) > 1 and not content[start::2].strip(b"\0") and content[1 - start :: 2].isascii():
+            return content.decode(encoding, "replace"), encoding
     if b"\0" in content and not marked:
         raise _refusal(
             f"{file}: the file contains binary data, but must be a table of text such as CSV; {export_for(file)}"

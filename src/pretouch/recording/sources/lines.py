@@ -81,6 +81,7 @@ class LineParser:
 
         An incomplete last line is kept until the rest of it arrives.
         """
+        data = data.removeprefix(b"\xff\xfe").replace(b"\0", b"")  # some shells write text in UTF-16
         self._bytes += len(data)
         self._no_text += sum(byte not in _TEXT for byte in data)
         *lines, self._rest = (self._rest + data).replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n")

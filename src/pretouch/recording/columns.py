@@ -14,7 +14,9 @@ from pretouch.tables.cells import TextTable
 from pretouch.tables.documents import DOCUMENTS
 from pretouch.tables.names import is_named, split_title
 from pretouch.tables.text_table import read_table
-from pretouch.tables.times import read_times
+from pretouch.tables.times import in_order, read_times
+
+from .mixed_sensors import is_identity, parse_choice, rows_of_one_sensor
 
 LINE = "line as received"
 """Header of the column with the lines of a recording at the bench as they came."""
@@ -53,7 +55,7 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
     Args:
         path: the file.
         wanted: header of the column, with or without its unit, or its number from 1; empty if there is only one besides
-            the times.
+            the times. `value[sensor=left]` reads only the rows with `left` in the column `sensor`.
 
     Returns:
         The column.
@@ -64,16 +66,21 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
     if not path.exists():
         raise InvalidInputError(f"{path}: this file does not exist")
     table = read_table(path, is_recording=True)
+    choice = parse_choice(wanted, table.header)
+    table, chosen = rows_of_one_sensor(path, table, choice)
+    table, turned = in_order(table)
     times = read_times(table)
-    index = _index_of(path, table, wanted, times.columns)
+    index = _index_of(path, table, choice.name, times.columns)
     values = table.numbers(index)
     name, unit = split_title(table.header[index])
-    read = (f"The times are from {times.read}.", *table.notes)
-    notes = (*table.lost, *times.notes)
+    read = (f"The times are from {times.read}.", *chosen, *table.notes)
+    notes = (*table.lost, *turned, *times.notes)
     if unit is None and _is_range(table, index):
         unit = "m"
         read = (*read, f"The column {table.title(index)} of a Range message is in m.")
-    usable = times.usable
+    usable = np.flatnonzero(times.usable)
+    if turned:
+        usable = usable[np.argsort(times.stamps[usable], kind="stable")]
     lost = int(np.isnan(values[usable]).sum())
     if lost:
         notes = (
@@ -89,6 +96,7 @@ def _index_of(path: Path, table: TextTable, wanted: str, times: tuple[int, ...])
     others = [i for i in range(len(header)) if i not in times]
     kinds = ("count", "setting", "statistic")
     numeric = [i for i in others if not any(is_named(header[i], kind) for kind in kinds) and header[i] != LINE]
+    numeric = [i for i in numeric if not is_identity(header[i])]
     numeric = [i for i in numeric if np.isfinite(table.numbers(i)).any()]
     for candidates in (others, numeric) if not wanted else ():
         if len(candidates) == 1:

@@ -26,7 +26,7 @@ from .decoding import Decoded, decode
 from .messages import Contents, Messages, refuse_unknown, split_name
 from .recording import UNBOUNDED, Clock, Kind, Recording
 
-_WITH_UNIT: Final = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")
+_WITH_UNIT: Final = re.compile(r"(.*\S)\s+\[\s*([^\[\]=]*?)\s*\]")
 _LENGTH: Final = parse_unit("m").exponents
 _RANGE: Final = re.compile(r"sensor_msgs/(msg/)?(Range|LaserScan)")
 _RANGE_FIELD: Final = re.compile(r"range|ranges\[\d+\]")
@@ -41,7 +41,8 @@ def read_recording(path: str | os.PathLike[str], topic: str = "", *, clock: str 
         path: folder or file of a ROS 2 bag (MCAP or sqlite3), an MCAP file with JSON messages, or a CSV file.
         topic: the topic, with a field if its messages have several numbers, such as "/joints.position[0]"; with a unit
             of length for distances, such as "/laser [mm]". Distances of sensor_msgs/Range and LaserScan need no unit.
-            For a CSV file, the header of a column.
+            For a CSV file, the header of a column; if its rows are from several sensors, with the one to be read, such
+            as "value[sensor=left]".
         clock: "header" for the stamps in the messages, or "receive" for the times at which they were recorded; None
             for the stamps if all messages have one, and if those of several topics are from one clock.
 

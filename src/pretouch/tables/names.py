@@ -51,7 +51,10 @@ _NAMES: dict[str, set[str] | re.Pattern[str]] = {
     "time": re.compile(
         r"%?(?:__)?(?:time|times|date|timestamp|time stamp|stamp|datetime|clock|zeit|datum|uhrzeit|t|sec|seconds|millis"
         r"|micros|nanosec|date time|time of day|elapsed|elapsed time|time elapsed|sample time|host time"
-        r"|ros time|timer|time of the line|x value|x axis)"
+        r"|ros time|timer|time of the line|x value|x axis|zeitstempel|zeitpunkt|ts|epoch|epoch time|unix|datenum"
+        r"|(?:created|updated|recorded|received|logged|measured) at|(?:time ?stamp|date|time) (?:utc|local)"
+        r"|(?:unix|utc|gps|local|system|device|pc|mcu|server|log|logged|receive|received|recorded) (?:time|time ?stamp)"
+        r"|serial date|(?:datum|date)[ /]+(?:zeit|time|uhrzeit))"
     ),
     "statistic": re.compile(
         r"(?:.* )?(?:std|stdev|std dev|stddev|standard deviation|sd|sigma|sem|standard error|variance|var|uncertainty"

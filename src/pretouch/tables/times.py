@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import date
 from typing import Final, NamedTuple
 
@@ -29,6 +30,8 @@ _EPOCHS: Final = (("s", 1e9, 1e11), ("ms", 1e11, 1e14), ("us", 1e14, 1e17), ("ns
 """Ranges of times since 1970, from 2001 on, in each unit."""
 _PLAUSIBLE: Final = {"s": (5e-5, 2.0), "ms": (0.5, 2e3), "us": (50.0, 2e6), "ns": (5e4, 2e9)}
 """Time steps of sensors in each unit: from half a hertz to 2 kHz, or 20 kHz in seconds."""
+_LOOKED_AT: Final = 200  # rows in which dates are looked for
+_MOSTLY: Final = 0.9  # share of the steps in one direction
 _SLOW: Final = 2.0
 _QUICK: Final = 2e-5
 """Time steps [s] beyond which the unit is doubted."""
@@ -72,7 +75,8 @@ def read_times(table: TextTable) -> Times:
         titles = ", ".join(quoted(title) for title in table.header)
         raise CalibrationDataError(
             f"{table.place}: found no time column among the columns {titles}; rename the column with the times to "
-            '"time [UNIT]", with the unit of the times in place of UNIT, such as s, ms or us'
+            '"time [UNIT]", with the unit of the times in place of UNIT, such as s, ms or us; if the times are dates '
+            'and times of day, rename it to "time"'
         )
     pair = _pair(table)
     if pair is not None:
@@ -89,10 +93,48 @@ def read_times(table: TextTable) -> Times:
 
 
 def _candidates(table: TextTable) -> list[int]:
-    """Return the columns with times: those with such a name; if there is none, those with a unit of time."""
+    """Return the columns with times: those with such a name, else those with a unit of time, else those with dates."""
     named = [i for i, title in enumerate(table.header) if is_named(title, "time") or _of_stamp(title)]
     with_unit = [i for i, title in enumerate(table.header) if dimension(split_title(title)[1]) == TIME]
-    return named or with_unit
+    return named or with_unit or [i for i, cells in enumerate(table.columns) if _has_dates(cells[:_LOOKED_AT])]
+
+
+def _has_dates(cells: Sequence[str]) -> bool:
+    """Return True if most cells are dates with a time of day."""
+    matches = [_CLOCK.fullmatch(cell.strip()) for cell in cells]
+    return 2 * sum(match is not None and bool(match[1] or match[4]) for match in matches) > len(cells)
+
+
+def in_order(table: TextTable) -> tuple[TextTable, tuple[str, ...]]:
+    """Turn a table whose newest row is the first.
+
+    Args:
+        table: the table.
+
+    Returns:
+        The table with its oldest row first, and a remark if it was turned.
+    """
+    if all(map(is_number, table.header)) or not any(_is_falling(table, i) for i in _candidates(table)):
+        return table, ()
+    turned = replace(
+        table,
+        columns=tuple(column[::-1] for column in table.columns),
+        lines=table.lines[::-1],
+        floats=tuple(None if floats is None else floats[::-1] for floats in table.floats),
+    )
+    return turned, ("The newest row was the first: the rows were sorted by their times.",)
+
+
+def _is_falling(table: TextTable, index: int) -> bool:
+    """Return True if the times of a column run backwards."""
+    numbers = table.numbers(index)
+    if not np.isfinite(numbers).any():
+        stamps, usable = _of_clock(table.columns[index])
+        numbers = np.where(usable, stamps, np.nan)
+    numbers = numbers[np.isfinite(numbers)]
+    steps = np.diff(numbers)
+    falling, rising = (int(np.count_nonzero(side)) for side in (steps < 0, steps > 0))  # past midnight, one step rises
+    return falling > 1 and falling > _MOSTLY * (falling + rising)
 
 
 def _of_stamp(title: str) -> bool:
@@ -193,7 +235,7 @@ def _unit_of(table: TextTable, title: str, numbers: FloatArray) -> str:
 
 def _is_rising(read: tuple[IntArray, np.ndarray, str]) -> bool:
     stamps = read[0][read[1]]
-    return len(stamps) > 1 and bool(np.mean(np.diff(stamps) >= 0) > 0.9) and stamps[-1] > stamps[0]
+    return len(stamps) > 1 and bool(np.mean(np.diff(stamps) >= 0) > _MOSTLY) and stamps[-1] > stamps[0]
 
 
 def _checked(table: TextTable, times: Times, where: str, unit: str) -> Times:

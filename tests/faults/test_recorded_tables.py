@@ -125,3 +125,105 @@ def test_a_missing_time_column_is_refused_with_a_remedy_for_dates(tmp_path) -> N
     with pytest.raises(CalibrationDataError, match='rename it to "time"'):
         read_recording(written(tmp_path, "when;prox", rows))
     assert len(read_recording(written(tmp_path, "time;prox", rows)).values) == len(VALUES)
+
+
+# --- times that are coarser than the readings
+
+
+@pytest.mark.parametrize(
+    ("title", "cell", "unit"),
+    [
+        ("Time", lambda t: f"10:12:{int(32 + t):02d}", "1 s, with 100"),
+        ("Timestamp", lambda t: f"05/17/2024 10:12:{int(32 + t):02d} AM", "1 s, with 100"),
+        ("time [s]", lambda t: f"{int(10 * t) / 10:.1f}", "100 ms, with 10"),
+        ("epoch", lambda t: f"{1_700_000_000 + int(t)}", "1 s, with 100"),
+    ],
+)
+def test_times_coarser_than_the_readings_are_refused(tmp_path, title: str, cell, unit: str) -> None:
+    rows = [f"{cell(t)},{v}" for t, v in zip(TIME + 1e-9, VALUES, strict=True)]
+    with pytest.raises(CalibrationDataError, match=f"steps of {unit} readings each.*milliseconds"):
+        read_recording(written(tmp_path, f"{title},prox", rows))
+
+
+@pytest.mark.parametrize(("title", "size"), [("ms", 1000), ("Millis", 1000), ("us", 1_000_000), ("Time_ms", 1000)])
+def test_the_fraction_of_the_second_may_be_in_another_column(tmp_path, title: str, size: int) -> None:
+    rows = [f"10:12:{int(32 + t):02d},{round(t % 1 * size)},{v}" for t, v in zip(TIME, VALUES, strict=True)]
+    recording = read_recording(written(tmp_path, f"Time,{title},prox", rows))
+    assert (np.diff(recording.stamps) == 10_000_000).all()
+    assert recording.values.tolist() == VALUES
+
+
+def test_a_finer_clock_beside_coarse_times_is_used(tmp_path) -> None:
+    rows = [f"10:12:{int(32 + t):02d},{round(1000 * t) + 345},{v}" for t, v in zip(TIME, VALUES, strict=True)]
+    recording = read_recording(written(tmp_path, "Time,uptime [ms],prox", rows))
+    assert (np.diff(recording.stamps) == 10_000_000).all()
+
+
+def test_two_topics_in_one_table_may_share_their_times(tmp_path) -> None:
+    rows = [row for t, v in zip(TIME, VALUES, strict=True) for row in (f"{t},{v},", f"{t},,{v + 1}")]
+    recording = read_recording(written(tmp_path, "time [s],left,right", rows), "right")
+    assert recording.values[np.isfinite(recording.values)].tolist() == [v + 1 for v in VALUES]
+
+
+# --- times that are none, or from a counter that restarts
+
+
+@pytest.mark.parametrize("cells", [lambda _: "10", lambda i: str(10 + (i % 3 == 0) - (i % 7 == 0))])
+@pytest.mark.parametrize("title", ["dt_ms", "time [ms]"])
+def test_intervals_are_no_times(tmp_path, title: str, cells) -> None:
+    rows = [f"{cells(i)},{v}" for i, v in enumerate(VALUES)]
+    with pytest.raises(CalibrationDataError, match="running sum"):
+        read_recording(written(tmp_path, f"{title},prox", rows))
+
+
+@pytest.mark.parametrize(
+    ("start", "title"), [(25569, "time"), (25569, "time [d]"), (25569, "date"), (719529, "datenum")]
+)
+def test_days_of_a_spreadsheet_are_times(tmp_path, start: int, title: str) -> None:
+    rows = [f"{start + 19860.42 + t / 86400:.11f},{v}" for t, v in zip(TIME, VALUES, strict=True)]
+    recording = read_recording(written(tmp_path, f"{title},prox", rows))
+    assert recording.time == pytest.approx(TIME, abs=2e-5)
+    assert recording.stamps[0] / 1e9 == pytest.approx(19860.42 * 86400, abs=1e-3)
+
+
+def test_days_of_a_spreadsheet_under_the_unit_of_seconds_are_refused(tmp_path) -> None:
+    rows = [f"{45000.42 + t / 86400:.11f},{v}" for t, v in zip(TIME, VALUES, strict=True)]
+    with pytest.raises(CalibrationDataError, match=r"time \[d\]"):
+        read_recording(written(tmp_path, "time [s],prox", rows))
+
+
+def test_seconds_after_half_a_day_are_no_days(tmp_path) -> None:
+    rows = [f"{45000 + t:.3f},{v}" for t, v in zip(TIME, VALUES, strict=True)]
+    assert read_recording(written(tmp_path, "time,prox", rows)).time == pytest.approx(TIME, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("title", "first", "step", "low", "count"),
+    [
+        ("millis", 2**32 - 1500, 10, 0, 2**32),
+        ("micros", 2**32 - 1_500_000, 10_000, 0, 2**32),
+        ("time [us]", 2**31 - 1_500_000, 10_000, -(2**31), 2**32),
+        ("time [ms]", 2**16 - 1500, 10, 0, 2**16),
+    ],
+)
+def test_a_counter_that_restarts_is_continued(
+    tmp_path, title: str, first: int, step: int, low: int, count: int
+) -> None:
+    rows = [f"{(first + step * i - low) % count + low},{v}" for i, v in enumerate(VALUES)]
+    recording = read_recording(written(tmp_path, f"{title},prox", rows))
+    assert recording.time == pytest.approx(TIME, abs=1e-9)
+    assert any("restarted" in note for note in recording.notes)
+
+
+def test_a_reset_of_the_board_is_no_restart_of_a_counter(tmp_path) -> None:
+    rows = [f"{10 * i if i < 100 else 10 * (i - 100)},{v}" for i, v in enumerate(VALUES)]
+    assert (np.diff(read_recording(written(tmp_path, "millis,prox", rows)).stamps) < 0).sum() == 1
+
+
+@pytest.mark.parametrize("wrong", ["9999.0", "-500.0"])
+@pytest.mark.parametrize("row", [1, 100, 290])
+def test_a_single_wrong_time_is_left_out_with_its_line(tmp_path, wrong: str, row: int) -> None:
+    rows = [f"{wrong if i == row else t},{v}" for i, (t, v) in enumerate(zip(TIME, VALUES, strict=True))]
+    recording = read_recording(written(tmp_path, "time [s],prox", rows))
+    assert recording.values.tolist() == VALUES[:row] + VALUES[row + 1 :]
+    assert any(f"line {row + 2}." in note for note in recording.notes)

@@ -14,7 +14,7 @@ from pretouch.tables.cells import TextTable
 from pretouch.tables.documents import DOCUMENTS
 from pretouch.tables.names import is_named, split_title
 from pretouch.tables.text_table import read_table
-from pretouch.tables.times import in_order, read_times
+from pretouch.tables.times import in_order, read_times, refuse_coarse
 
 from .mixed_sensors import is_identity, parse_choice, rows_of_one_sensor
 
@@ -81,6 +81,7 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
     usable = np.flatnonzero(times.usable)
     if turned:
         usable = usable[np.argsort(times.stamps[usable], kind="stable")]
+    refuse_coarse(table, times, usable[~np.isnan(values[usable])])
     lost = int(np.isnan(values[usable]).sum())
     if lost:
         notes = (

@@ -14,10 +14,11 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.units import format_quantity, parse_unit
 
-from .cells import TextTable, is_number, quoted
+from .cells import TextTable, is_number, join_first, quoted
 from .line_forms import TIME_OF_LINE
 from .names import is_named, split_title
-from .unit_words import TIME, dimension
+from .time_steps import are_intervals, continued, far_stamps, is_coarse, readings_per_stamp
+from .unit_words import TIME, dimension, unit_in_words
 
 _CLOCK: Final = re.compile(
     r"(?:(\d{4})-(\d\d?)-(\d\d?)[T ]+|(\d{1,2}[./]\d{1,2}[./]\d{2,4})[T ,]+)?"
@@ -36,7 +37,16 @@ _SLOW: Final = 2.0
 _QUICK: Final = 2e-5
 """Time steps [s] beyond which the unit is doubted."""
 _EPOCH: Final = date(1970, 1, 1).toordinal()
-_DAY: Final = 86400 * 10**9
+_SECOND: Final = 10**9
+_SECONDS_OF_DAY: Final = 86400
+_DAY: Final = _SECONDS_OF_DAY * _SECOND
+_DAYS: Final = frozenset({"d", "day", "days", "tag", "tage"})
+_STARTS: Final = (25569, 719529)
+"""1970-01-01 in the days of spreadsheets and of MATLAB."""
+_YEARS: Final = (-5000, 55000)
+"""Days since 1970 in which recordings are made."""
+_COARSEST: Final = 2e-3  # s between readings that milliseconds tell apart
+_SHOWN: Final = 5
 
 
 class Times(NamedTuple):
@@ -63,7 +73,8 @@ def read_times(table: TextTable) -> Times:
         The times.
 
     Raises:
-        CalibrationDataError: there is no time column, its unit is unknown, or it has no valid time.
+        CalibrationDataError: there is no time column, its unit is unknown, it has no valid time, or no times but
+            intervals.
     """
     candidates = _candidates(table)
     if all(map(is_number, table.header)):
@@ -85,11 +96,88 @@ def read_times(table: TextTable) -> Times:
         stamps = np.where(usable, whole, 0).astype(np.int64) * 10**9 + np.where(usable, part, 0).astype(np.int64)
         titles = " and ".join(table.title(i) for i in pair)
         return _checked(table, Times(stamps, usable, tuple(candidates), "", ()), f"columns {titles}", "s and ns")
+    times, where, unit = _best(table, candidates)
+    if _is_coarse(times):
+        finer = _with_fraction(table, times, candidates) or _by_unit(table, candidates)
+        times, where, unit = finer or (times, where, unit)
+    return _checked(table, times, where, unit)
+
+
+def _best(table: TextTable, candidates: Sequence[int]) -> tuple[Times, str, str]:
+    """Read the best of several columns with times; also return its name and its unit in words."""
     read = [_read(table, i) for i in candidates]
-    best = max(range(len(read)), key=lambda k: (_is_rising(read[k]), table.header[candidates[k]] != TIME_OF_LINE, -k))
-    stamps, usable, unit = read[best]
-    times = Times(stamps, usable, tuple(candidates), "", ())
-    return _checked(table, times, f"column {table.title(candidates[best])}", unit)
+
+    def rank(k: int) -> tuple[bool, bool, bool, int]:
+        return _is_rising(read[k][0]), not _is_coarse(read[k][0]), table.header[candidates[k]] != TIME_OF_LINE, -k
+
+    best = max(range(len(read)), key=rank)
+    times, unit = read[best]
+    return times._replace(columns=tuple(candidates)), f"column {table.title(candidates[best])}", unit
+
+
+def _is_coarse(times: Times) -> bool:
+    stamps = times.stamps[times.usable]
+    return len(stamps) > 1 and is_coarse(stamps)
+
+
+def _with_fraction(table: TextTable, times: Times, candidates: Sequence[int]) -> tuple[Times, str, str] | None:
+    """Add a column with the fraction of the second, such as `ms` beside `Time`, to times in whole seconds."""
+    if np.any(times.stamps[times.usable] % _SECOND):
+        return None
+    for i, title in enumerate(table.header):
+        unit = split_title(title)[1]
+        size = round(parse_unit(str(unit_in_words(unit))).factor * 1e9) if unit and dimension(unit) == TIME else 0
+        numbers = table.numbers(i) if 0 < size < _SECOND else np.empty(0)
+        usable = times.usable & np.isfinite(numbers) if len(numbers) else times.usable[:0]
+        part = numbers[usable]
+        if not len(part) or np.any((part < 0) | (part * size >= _SECOND) | (part != np.floor(part))):
+            continue
+        stamps = times.stamps.copy()
+        stamps[usable] += part.astype(np.int64) * size
+        finer = times._replace(stamps=stamps, usable=usable, columns=(*candidates, i))
+        restarts = bool(np.any(np.diff(part) < 0)) or not np.any(np.diff(times.stamps[usable]))
+        if restarts and _is_rising(finer) and not _is_coarse(finer):
+            whole = next(k for k in candidates if k != i)
+            return (
+                finer,
+                f"columns {table.title(whole)} and {table.title(i)}",
+                f"seconds and {unit_in_words(unit or '')}",
+            )
+    return None
+
+
+def _by_unit(table: TextTable, candidates: Sequence[int]) -> tuple[Times, str, str] | None:
+    """Read another column with a unit of time, if it has finer times."""
+    others = [i for i, title in enumerate(table.header) if dimension(split_title(title)[1]) == TIME]
+    others = [i for i in others if i not in candidates and np.isfinite(table.numbers(i)).any()]
+    if not others:
+        return None
+    found = _best(table, others)
+    is_finer = _is_rising(found[0]) and not _is_coarse(found[0])
+    return (found[0]._replace(columns=(*candidates, *others)), *found[1:]) if is_finer else None
+
+
+def refuse_coarse(table: TextTable, times: Times, kept: IntArray) -> None:
+    """Raise an error if several readings have the same time.
+
+    Args:
+        table: the table.
+        times: its times.
+        kept: the rows with readings.
+
+    Raises:
+        CalibrationDataError: most times belong to several readings.
+    """
+    stamps = np.unique(times.stamps[kept]) if len(kept) else np.empty(0)
+    if len(stamps) < 2 or not is_coarse(times.stamps[kept]):
+        return
+    step = float(np.median(np.diff(stamps))) / 1e9
+    each = readings_per_stamp(times.stamps[kept])
+    unit = "milliseconds" if step / each >= _COARSEST else "microseconds"
+    raise CalibrationDataError(
+        f"{table.place}: the times have steps of {format_quantity(step, 's', 3)}, with {each:.0f} readings each, so "
+        f"the time of each reading and the rate of the sensor are unknown; log the time of each reading in {unit}"
+    )
 
 
 def _candidates(table: TextTable) -> list[int]:
@@ -154,20 +242,59 @@ def _pair(table: TextTable) -> tuple[int, int] | None:
     return None
 
 
-def _read(table: TextTable, index: int) -> tuple[IntArray, np.ndarray, str]:
-    """Return stamps [ns], in which rows they are valid, and the unit in words."""
+def _read(table: TextTable, index: int) -> tuple[Times, str]:
+    """Return the times of a column, and their unit in words."""
     title, cells = table.header[index], table.columns[index]
     numbers = table.numbers(index)
     if np.isfinite(numbers).sum() < np.count_nonzero([bool(cell) for cell in cells[:1000]]) / 2:
-        return (*_of_clock(cells), "hours, minutes and seconds")
+        return Times(*_of_clock(cells), (), "", ()), "hours, minutes and seconds"
     unit = split_title(title)[1]
-    if unit is not None and dimension(unit) != TIME:
+    days = unit is not None and unit.casefold() in _DAYS
+    if unit is not None and dimension(unit) != TIME and not days:
         raise CalibrationDataError(
             f"{table.place}: the time column {quoted(title)} has the unit {unit!r}, which is no unit of time; "
             "write the unit of the times into its header, such as time [ms]"
         )
-    unit = unit or _unit_of(table, title, numbers)
-    return (*_in_nanoseconds(cells, numbers, unit), unit)
+    if days or _are_days(numbers):
+        if not days and unit is not None:
+            raise CalibrationDataError(
+                f"{table.place}: the times in the column {quoted(title)} look like the days of a spreadsheet, not like "
+                f'times in {unit}; rename the column to "{split_title(title)[0]} [d]"'
+            )
+        return Times(*_of_days(numbers), (), "", ()), "days"
+    counted, count = continued(numbers)
+    unit = unit or _unit_of(table, title, counted)
+    times = Times(*_in_nanoseconds(cells if count is None else (), counted, unit), (), "", ())
+    if count is not None:
+        times = times._replace(
+            notes=(f"The counter of the times restarted after {count:,.0f} {unit}: pretouch continued the times.",)
+        )
+    return times, unit
+
+
+def _are_days(numbers: FloatArray) -> bool:
+    """Return True if numbers without a unit are the days of a spreadsheet or of MATLAB."""
+    found = numbers[np.isfinite(numbers)]
+    steps = np.diff(found)
+    steps = steps[steps > 0]
+    if not len(steps) or not _start_of_days(found):
+        return False
+    step = float(np.median(steps))
+    low, high = _PLAUSIBLE["s"]
+    return step < low <= step * _SECONDS_OF_DAY <= high
+
+
+def _start_of_days(found: FloatArray) -> int:
+    """Return 1970-01-01 in the days that numbers count; 0 if it is unknown."""
+    low, high = (float(end) for end in (np.min(found, initial=np.inf), np.max(found, initial=-np.inf)))
+    return next((start for start in _STARTS if start + _YEARS[0] <= low and high < start + _YEARS[1]), 0)
+
+
+def _of_days(numbers: FloatArray) -> tuple[IntArray, np.ndarray]:
+    """Return stamps [ns] from days of a spreadsheet or of MATLAB, or from days after any other time."""
+    start = _start_of_days(numbers[np.isfinite(numbers)])
+    usable = np.isfinite(numbers) & (np.abs(numbers - start) < _YEARS[1])
+    return np.round(np.where(usable, numbers - start, 0.0) * _DAY).astype(np.int64), usable
 
 
 def _in_nanoseconds(cells: Sequence[str], numbers: FloatArray, unit: str) -> tuple[IntArray, np.ndarray]:
@@ -176,7 +303,7 @@ def _in_nanoseconds(cells: Sequence[str], numbers: FloatArray, unit: str) -> tup
     usable = np.isfinite(numbers) & (np.abs(numbers) < 2.0**62 / size)
     whole = np.where(usable, np.floor(numbers), 0)
     exact = whole.astype(np.int64)
-    if size >= 1 and np.any(np.abs(numbers[usable]) > 2.0**53):  # epochs in nanoseconds are no exact floats
+    if cells and size >= 1 and np.any(np.abs(numbers[usable]) > 2.0**53):  # epochs in nanoseconds are no exact floats
         rows = zip(cells, whole, strict=True)
         exact = np.array([int(cell) if cell.isdigit() else int(number) for cell, number in rows])
     rest = np.where(usable, numbers - whole, 0)
@@ -233,8 +360,8 @@ def _unit_of(table: TextTable, title: str, numbers: FloatArray) -> str:
     )
 
 
-def _is_rising(read: tuple[IntArray, np.ndarray, str]) -> bool:
-    stamps = read[0][read[1]]
+def _is_rising(times: Times) -> bool:
+    stamps = times.stamps[times.usable]
     return len(stamps) > 1 and bool(np.mean(np.diff(stamps) >= 0) > _MOSTLY) and stamps[-1] > stamps[0]
 
 
@@ -243,19 +370,33 @@ def _checked(table: TextTable, times: Times, where: str, unit: str) -> Times:
     stamps = times.stamps[times.usable]
     if not len(stamps):
         raise CalibrationDataError(f"{table.place}: no row has a valid time in {where}")
+    if len(stamps) > 1 and (not np.ptp(stamps) or are_intervals(stamps)):
+        middle = format_quantity(float(np.median(stamps)) / 1e9, "s")
+        found = f"are all equal ({middle})" if not np.ptp(stamps) else f"do not rise, but scatter around {middle}"
+        raise CalibrationDataError(
+            f"{table.place}: the {len(stamps):,} times in {where} {found}, so they are no times of the readings; log "
+            "the time of each reading. If they are the time between readings, write their running sum into a column "
+            '"time [UNIT]", with their unit in place of UNIT'
+        )
+    notes = list(times.notes)
+    far = np.flatnonzero(times.usable)[far_stamps(stamps)]
+    if len(far):
+        times.usable[far] = False
+        lines = join_first([str(table.lines[i]) for i in far], _SHOWN)
+        notes.append(f"Readings whose time is far from those before and after it, which are left out: line {lines}.")
+        stamps = times.stamps[times.usable]
+    missing = int((~times.usable).sum()) - len(far)
     steps = np.diff(stamps)
     steps = steps[steps > 0]
     if not len(steps):
-        return times._replace(read=f"{where}, {unit}")
+        return times._replace(read=f"{where}, {unit}", notes=tuple(notes))
     step = float(np.median(steps)) / 1e9
     rate = format_quantity(1 / step, "Hz", 3)
-    notes = []
     if not _QUICK <= step <= _SLOW:
         notes.append(
             f"A rate of {rate} is unusual for a sensor. Check the unit of the times, here {unit}. If it is "
             "another one, write it into the header, such as time [ms]."
         )
-    missing = int((~times.usable).sum())
     if missing:
         notes.append(f"Rows without a time, which are not read: {missing:,}.")
     return times._replace(read=f"{where}, {unit}: {rate}", notes=tuple(notes))

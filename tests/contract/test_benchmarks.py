@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -214,6 +215,19 @@ def test_designs_with_limits_agree_with_the_full_search() -> None:
     from benchmarks import limits
 
     assert limits.check(6, 7) == 0
+
+
+def test_co_designs_are_compared_with_narrowed_grids(monkeypatch: pytest.MonkeyPatch) -> None:
+    from benchmarks import limits
+
+    monkeypatch.setattr(limits, "_STARTS", 1)
+    monkeypatch.setattr(limits, "_ADMITTANCES", {1: 21, 2: 9})
+    assert limits.check_together(1, 6) == 0
+    design = limits.design_admittance
+    monkeypatch.setattr(
+        limits, "design_admittance", lambda task: SimpleNamespace(gain=-1.0, objective=1.01 * design(task).objective)
+    )
+    assert limits.check_together(1, 6) == 1
 
 
 def test_tasks_with_a_narrow_band_are_feasible() -> None:

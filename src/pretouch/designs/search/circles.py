@@ -14,13 +14,14 @@ _NODES: Final = np.linspace(-1.0, 1.0, 17)
 _ZOOMS: Final = 5  # a gain is known to 1/65536 of the first interval then
 _STEEP: Final = 8.0  # largest change of the best gain, per distance of admittances, both as shares of their ranges
 _FIRST: Final = 0.1  # radius of the first circle, as a share of the ranges; the grid is about as fine
-_FINEST: Final = 1e-6  # radius at which the search ends
+_FINEST: Final = 1e-7  # radius at which the search ends
 _COARSEST: Final = 1e-3  # the same for encounters on a sampled loop, whose quantities have ripples
 _SHRINK: Final = 0.3
 _DIRECTIONS: Final = 16
 _TURNS: Final = 4  # refinements of the two best directions, each by a factor of 4
 _APART: Final = 0.15  # smallest difference of these two, in turns
-_ENOUGH: Final = 0.05  # smallest improvement, in radii and relative to the value, for another circle of this radius
+_ENOUGH: Final = 1e-4  # smallest improvement, in radii and relative to the value, for another circle of this radius
+_MOST: Final = 60  # largest number of circles
 
 
 def best_gains(
@@ -68,12 +69,14 @@ def follow_kinks(trials: Trials, at: FloatArray, value: float) -> tuple[FloatArr
         The best point and its objective; the given ones if nothing is better.
     """
     radius, finest = _FIRST, _FINEST if trials.encounters.is_continuous else _COARSEST
-    while radius > finest:
+    for _ in range(_MOST):
+        if radius < finest:
+            break
         better, lower = _best_around(trials, at, radius)
-        improvement = value - lower
-        if improvement > 0:
+        goes_on = value - lower > _ENOUGH * radius * abs(value) and np.abs(better - at)[1:].max() > 0.5 * radius
+        if lower < value:
             at, value = better, lower
-        if not improvement > _ENOUGH * radius * abs(value):
+        if not goes_on:
             radius *= _SHRINK
     return at, value
 

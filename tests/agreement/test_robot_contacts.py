@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pretouch.robots import RobotSimulation, SensorSite, SiteLaw, make_data, simulate_robot
+from pretouch.robots import (
+    ComputedTorque,
+    RobotSimulation,
+    SensorSite,
+    SiteLaw,
+    load_model,
+    make_data,
+    simulate_robot,
+)
 from robot_scenes import CURVE, SLIDE, controller, slide_with_ball, with_object
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
@@ -100,3 +109,38 @@ def test_an_object_that_no_ray_has_seen_touches_at_a_speed() -> None:
     # at the contact the normal has the slope 45 mm over the sum of the radii
     assert contact.relative_velocity == pytest.approx(-0.3 * math.sqrt(1 - (45 / 55) ** 2), rel=0.02)
     assert "nan" not in str(result)
+
+
+LEG = Path(__file__).parents[2] / "examples/robots/leg.xml"
+
+
+def landing(bandwidth: float = 20.0, **options) -> RobotSimulation:
+    """A leg whose foot touches the ground at 30 ms."""
+    model = load_model(LEG)
+    data = make_data(model, {"height": "-140 mm"}, keyframe="crouched")
+    data.qvel[0] = -0.5
+    law = SiteLaw(site=SensorSite("sole", CURVE), controller=controller())
+    return simulate_robot(model, data, [law], tracking=ComputedTorque(bandwidth=bandwidth), **options)
+
+
+@pytest.mark.parametrize("bandwidth", [20.0, 2.0], ids=["stands", "collapses"])
+def test_the_largest_force_is_followed_until_it_has_passed(bandwidth: float) -> None:
+    """The longest run shows the whole landing; the leg with soft joints lands on its thigh after 0.2 s."""
+    longest, default = landing(bandwidth, follow_time=1.0), landing(bandwidth)
+    contact, trace = default.contacts[0][0], default.trace()
+    assert contact.peak_force == longest.contacts[0][0].peak_force
+    assert default.robot_forces == longest.robot_forces
+    assert trace.time[-1] < longest.trace().time[-1] - 0.5
+    assert trace.force[trace.time < contact.time + 0.02, 0].max() < 0.8 * contact.peak_force
+    assert any("thigh" in text for text in default.warnings) == (bandwidth == 2.0)
+
+
+@pytest.mark.parametrize(("horizon", "rising"), [(0.06, True), (5.0, False)])
+def test_a_force_that_still_grows_at_the_end_is_said(horizon: float, rising: bool) -> None:
+    result = landing(horizon=horizon)
+    assert [text[:5] for text in result.warnings if "follow_time" in text] == ["PT507"] * rising
+
+
+def test_an_object_that_has_left_a_fixed_robot_ends_the_run() -> None:
+    result = simulate_robot(*slide_with_ball(1.0, 0.3, floats=False), [LAW])
+    assert result.trace().time[-1] < result.contacts[0][0].time + 0.1

@@ -105,6 +105,17 @@ def report_touches(touches: Sequence[BodyContact]) -> Iterator[str]:
         )
 
 
+def report_rising_forces(passed: Sequence[bool]) -> Iterator[str]:
+    """Yield a warning if the contact force has not passed its peak at the end of some runs."""
+    rising = passed.count(False)
+    if rising:
+        yield caution(
+            "PT507",
+            f"In {rising} of {len(passed)} runs, the contact force was still growing when the run ended: raise "
+            "follow_time and horizon. The peak forces are lower bounds.",
+        )
+
+
 def _saturated(contact: SiteContact) -> float:
     """Return the fraction of time with a drive at its limit. The time counts from detection to contact."""
     if contact.detection is None:

@@ -20,7 +20,7 @@ from pretouch.simulation.result import whole
 from pretouch.simulation.sensing import SensorRun
 
 from .centering import Centering, HandMotion, pair_of
-from .deviations import explain_deviations, report_deviations, report_touches
+from .deviations import explain_deviations, report_deviations, report_rising_forces, report_touches
 from .drives import Drives, drives_of
 from .dynamics import (
     Drivetrain,
@@ -53,7 +53,10 @@ HORIZON: Final = 5.0
 """Default for the longest time that a run waits for the contact of all sites [s]."""
 
 FOLLOW: Final = 0.02
-"""Default for the time that a run continues after the last contact [s]."""
+"""Default for the time that a run continues at least after the last contact [s]."""
+
+LONGEST: Final = 1.0
+"""Longest time that a run continues after the last contact until the force has passed its peak [s]."""
 
 _INSTANT: Final = 1e-12  # s
 _FINEST: Final = 0.5  # largest product of the feedback's angular frequency and the time step
@@ -99,7 +102,8 @@ def simulate_robot(
         seed: seed of the noise.
         contact_stiffness: stiffness of the contact [N/m] for the predicted impact force; None for no prediction.
         horizon: longest time to wait for the contact of all sites [s].
-        follow_time: time to continue after the last contact [s].
+        follow_time: time to continue at least after the last contact [s]. A run continues until the force on the robot
+            has passed its peak, for at most 1 s.
         workers: number of processes that share the runs. A program that uses more than one has to start its work under
             `if __name__ == "__main__":`, because each process imports the program.
 
@@ -127,7 +131,11 @@ def simulate_robot(
         predictions=predictions,
         touches=touches,
         robot_forces=tuple(result.robot_force for result in results),
-        warnings=(*report_touches(touches_elsewhere(touches)), *_warnings(scene, contacts, predictions)),
+        warnings=(
+            *report_touches(touches_elsewhere(touches)),
+            *report_rising_forces([result.passed_peak for result in results]),
+            *_warnings(scene, contacts, predictions),
+        ),
         laws=tuple(laws),
         model=scene.model,
         trace_of=_Tracer(scene, seed),
@@ -152,11 +160,12 @@ def _warnings(
 
 @dataclass(frozen=True, slots=True)
 class _RunResult:
-    """Contacts of one run: those of the sites, those of all bodies, and the largest force on the robot [N]."""
+    """Contacts of one run: of the sites, of all bodies, the largest force on the robot [N], and if it was passed."""
 
     contacts: tuple[SiteContact, ...]
     touches: tuple[BodyContact, ...]
     robot_force: float
+    passed_peak: bool
 
 
 def _simulate(scene: _Scene, seed: int, runs: int, workers: int) -> list[_RunResult]:
@@ -411,13 +420,14 @@ class _Run:
             for i in range(scene.steps):
                 self._step(t, i)
             now = t + scene.period
-            if all(not math.isnan(site.time) for site in self.sites) and now - self.last_contact >= scene.follow_time:
+            if self._is_over(now):
                 break
             if not np.isfinite(self.data.qpos).all():
                 break
         for site in self.sites:
             if math.isnan(site.time):
                 self._leave_axis(site, now)
+        passed = self.touches.has_passed_peak(self.data, now, scene.follow_time)
         contacts = tuple(
             SiteContact(
                 time=site.time,
@@ -434,7 +444,15 @@ class _Run:
             )
             for site in self.sites
         )
-        return _RunResult(contacts, self.touches.contacts(), self.touches.peak)
+        return _RunResult(contacts, self.touches.contacts(), self.touches.peak, passed)
+
+    def _is_over(self, now: float) -> bool:
+        """Return True if all sites have touched and the force on the robot has passed its peak."""
+        if any(math.isnan(site.time) for site in self.sites):
+            return False
+        after, follow = now - self.last_contact, self.scene.follow_time
+        passed = self.touches.has_passed_peak(self.data, now, follow)
+        return after >= follow and (passed or after >= max(follow, LONGEST))
 
     def _move_hand(self, outputs: Sequence[Output]) -> None:
         """Move the hand of a centering law for one control period. Without such a law, do nothing."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -16,6 +17,8 @@ from .obstruction import distance_to
 from .result import BodyContact
 from .site import SensorSite
 
+_PATIENCE: Final = 0.1  # s: a force that has not grown for as long has passed its peak
+_RESTING: Final = 0.01  # m/s: a robot that moves more slowly has come to rest on what it touches
 _AT_SURFACE: Final = 2e-3  # m: a geom belongs to the surface of a site if the axis meets it this close to the site
 
 
@@ -123,7 +126,10 @@ class Touches:
         sites: the name of each site.
     """
 
-    __slots__ = ("_model", "_moving", "_own", "_records", "_sites", "_still", "_support", "_surfaces", "force", "peak")
+    __slots__ = (
+        *("_first", "_last", "_model", "_moving", "_own", "_records", "_sites", "_still", "_support", "_surfaces"),
+        *("_floats", "_pair", "_returns", "_summit", "force", "peak"),
+    )
 
     def __init__(
         self,
@@ -140,6 +146,10 @@ class Touches:
         self._support = {frozenset(bodies[contact.geom].tolist()) for contact in data.contact}
         self._records: dict[tuple[int, int, str], list[float]] = {}
         self.force = self.peak = 0.0
+        self._first = self._last = self._summit = math.nan
+        self._floats = bool(len(drivetrains[0].root))
+        self._returns = self._floats or bool(np.any(model.opt.gravity))
+        self._pair = 0, 0, np.zeros(3)  # bodies and direction of the largest force of the last step with a contact
 
     def watch(self, data: Data, points: Sequence[ContactPoint], velocity: FloatArray, now: float) -> None:
         """Record the contacts of one time step.
@@ -175,7 +185,43 @@ class Touches:
         for key, force in total.items():
             self._records[key][2] = max(self._records[key][2], float(np.linalg.norm(force)))
         self.force = float(np.linalg.norm(robot))
-        self.peak = max(self.peak, self.force)
+        if self.force > 0:
+            body, other, _ = max(total, key=lambda key: float(np.linalg.norm(total[key])))
+            self._pair = body, other, robot / self.force
+            self._last = now
+            self._first = now if math.isnan(self._first) else self._first
+        if self.force > self.peak:
+            self.peak, self._summit = self.force, now
+
+    def has_passed_peak(self, data: Data, now: float, follow_time: float) -> bool:
+        """Return True if the force on the robot has passed its largest value.
+
+        Then it has not grown for 0.1 s, and not for as long as it took from the first contact to its peak, and a robot
+        that moves as a whole no longer approaches what it touches. If nothing brings robot and object together again
+        after they have parted, the follow time without contact is enough.
+
+        Args:
+            data: the state.
+            now: the time [s].
+            follow_time: time to continue after contacts [s].
+        """
+        if math.isnan(self._first):
+            return True
+        if not self._returns and self.force == 0 and now - self._last >= follow_time:
+            return True
+        if now - self._summit < max(_PATIENCE, self._summit - self._first):
+            return False
+        return not (self._floats and self._approach(data) > _RESTING)
+
+    def _approach(self, data: Data) -> float:
+        """Return the speed [m/s] at which the centers of mass of robot and object approach along the last force."""
+        body, other, along = self._pair
+        mujoco().mj_subtreeVel(self._model, data)
+        roots = self._model.body_rootid
+        moves = int(self._model.body_treeid[other]) >= 0
+        own = np.array(data.subtree_linvel[roots[body]])
+        met = np.array(data.subtree_linvel[roots[other]]) if moves else np.zeros(3)
+        return float((met - own) @ along)
 
     def contacts(self) -> tuple[BodyContact, ...]:
         """Return the contacts in their order."""

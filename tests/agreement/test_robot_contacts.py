@@ -18,7 +18,7 @@ from pretouch.robots import (
     make_data,
     simulate_robot,
 )
-from robot_scenes import CURVE, SLIDE, controller, slide_with_ball, with_object
+from robot_scenes import CURVE, DISTANCE, SLIDE, controller, slide_with_ball, with_object
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 
@@ -141,6 +141,29 @@ def test_a_force_that_still_grows_at_the_end_is_said(horizon: float, rising: boo
     assert [text[:5] for text in result.warnings if "follow_time" in text] == ["PT507"] * rising
 
 
-def test_an_object_that_has_left_a_fixed_robot_ends_the_run() -> None:
+def test_a_contact_without_gravity_ends_soon() -> None:
     result = simulate_robot(*slide_with_ball(1.0, 0.3, floats=False), [LAW])
-    assert result.trace().time[-1] < result.contacts[0][0].time + 0.1
+    assert result.trace().time[-1] < result.contacts[0][0].time + 0.2
+
+
+@pytest.mark.parametrize("view", ["0 deg", "8 deg", "40 deg"])
+@pytest.mark.parametrize("flange", ["", '<geom type="box" size="0.001 0.05 0.05" pos="0.119 0 0" mass="0.01"/>'])
+def test_a_sensor_flush_with_its_own_robot_sees_past_it(view: str, flange: str) -> None:
+    """The site is on a body of its own, at the surface of the finger or of a flange, which slant rays meet."""
+    own = '<body pos="0.12 0 0"><joint axis="1 0 0" name="roll"/><geom size="0.001" mass="1e-3" pos="-0.01 0 0"/>'
+    text = SLIDE.format(base="", mass=1.0, gravity="0 0 0").replace("</actuator>", '<motor joint="roll"/></actuator>')
+    text = text.replace('<site name="tip" pos="0.12 0 0"/>', f'{flange}{own}<site name="tip"/></body>')
+    start = make_data(mujoco.MjModel.from_xml_string(text))
+    law = SiteLaw(site=SensorSite("tip", CURVE, field_of_view=view), controller=controller())
+    result = simulate_robot(*with_object(text, start, "tip", 0.3), [law], horizon=0.6)
+    contact = result.contacts[0][0]
+    assert contact.detection.distance == pytest.approx(DISTANCE, rel=1e-9)
+    assert contact.relative_velocity == pytest.approx(-0.0815, rel=0.01)
+    assert not any("beam" in text for text in result.warnings)
+
+
+@pytest.mark.parametrize(("place", "named"), [("0.14 0 0", True), ("0.14 0.02 0", False), ("0.1 0.02 0", False)])
+def test_what_the_robot_holds_into_the_beam_is_named(place: str, named: bool) -> None:
+    lug = f'<geom name="lug" size="0.003" pos="{place}" mass="0.001"/>'
+    result = simulate_robot(*scene(lug), [LAW], horizon=0.01)
+    assert ["lug" in text for text in result.warnings if "PT507: tip" in text] == [True] * named

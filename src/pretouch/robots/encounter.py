@@ -6,7 +6,7 @@ import copy
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from .dynamics import (
     reduce_base,
 )
 from .model import Data, Model, check_model, mujoco, site_index
-from .obstruction import refuse_covered_sensor, refuse_overlap
+from .obstruction import beam_warnings, refuse_covered_sensor, refuse_overlap
 from .projection import warnings_of_site
 from .reference import JointPath
 from .result import (
@@ -153,7 +153,12 @@ def _warnings(
     if scene.centering is None:  # the prediction does not know the law of the hand
         explanations += report_deviations(names, contacts, predictions)
     for law in scene.laws:
-        for warning in warnings_of_site(scene.model, scene.data, law.site):
+        index, curve = site_index(scene.model, law.site.name), law.site.sensor
+        sight = Sight(scene.model, law.site, index, cast("Any", curve), FARTHEST)
+        for warning in (
+            *warnings_of_site(scene.model, scene.data, law.site),
+            *beam_warnings(scene.model, scene.data, index, sight),
+        ):
             yield with_context(law.site.name, warning)
     yield from explanations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -9,8 +10,10 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
+from pretouch._core.warning_codes import caution
 
 from .model import Data, Model, mujoco, names_of
+from .sight import FARTHEST, FLUSH, Sight
 from .site import SensorSite
 
 _TOLERANCE: Final = 1e-5  # m: a site on a surface may be below it by this much, because models have rounded numbers
@@ -80,6 +83,38 @@ def refuse_overlap(model: Model, data: Data, site: SensorSite, index: int, dista
 def _name_of(model: Model, geom: int) -> str:
     name = names_of(model, "geom")[geom]
     return repr(name) if name else f"number {geom}"
+
+
+def beam_warnings(model: Model, data: Data, index: int, sight: Sight) -> Iterator[str]:
+    """Yield a warning about each geom of the robot itself that is in the beam of a sensor.
+
+    Rays pass the body of the site, and meet all other bodies of the robot.
+
+    Args:
+        model: the model.
+        data: its state after `mj_forward`.
+        index: index of the site.
+        sight: its beam.
+    """
+    carrier, bodies = int(model.site_bodyid[index]), np.asarray(model.geom_bodyid)
+    trees = np.asarray(model.body_treeid)
+    start, rays = np.array(data.site_xpos[index]) + FLUSH * sight.axis(data), sight.rays(data)
+    for geom in np.flatnonzero(trees[bodies] == trees[carrier]):
+        hits = [distance_to(model, data, int(geom), start, ray) for ray in rays]
+        near = min((hit for hit in hits if hit >= 0), default=FARTHEST) + FLUSH
+        if near >= FARTHEST:
+            continue
+        seen = (
+            "The simulated sensor does not see it, a real one may"
+            if bodies[geom] == carrier
+            else "The sensor takes it for an object"
+        )
+        yield caution(
+            "PT507",
+            f"The geom {_name_of(model, int(geom))} of the robot itself is in the beam of the sensor, "
+            f"{format_quantity(near, 'm', 2)} ahead of the site: move the site, or choose another axis or a narrower "
+            f"field of view. {seen}.",
+        )
 
 
 def distance_to(model: Model, data: Data, geom: int, point: FloatArray, direction: FloatArray) -> float:

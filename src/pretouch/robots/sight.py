@@ -28,6 +28,9 @@ _CLOSE: Final = 1e-13  # of ln xi: Newton's method for the equivalent distance e
 _STEPS: Final = 50
 _PAST: Final = 1e-9  # m: a ray that passes a body of the robot continues as far beyond its surface
 
+FLUSH: Final = 1e-3
+"""Height up to which a surface of the robot in front of a site counts as flush with it, so that rays pass it [m]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Glance:
@@ -51,7 +54,7 @@ class Sight:
     A ray that meets a surface at the angle a to its normal contributes cos(a) times the output of the curve, after
     Lambert, at the distance along the axis. The sum is normalized to a plane that faces the sensor: there, the output
     is that of the curve. Rays start behind the contact surface and pass through the body that carries the sensor. Other
-    bodies of the robot are seen in front of the surface only, because they may be joined to that body.
+    bodies of the robot are seen in front of the surface only, from 1 mm on, because they may be joined to that body.
 
     Args:
         model: the model.
@@ -90,22 +93,36 @@ class Sight:
         """Return the first object on the axis of the sensor."""
         u = self.axis(data)
         start = np.array(data.site_xpos[self._index]) - BEHIND * u
-        depth = self._cast(data, start, u, passed=0.0, geom=self._geom, normal=self._normal)
+        depth = self._cast(data, start, u, 1.0, passed=0.0, geom=self._geom, normal=self._normal)
         if depth < 0:
             return Glance(math.inf, -1, np.zeros(3))
         return Glance(depth - BEHIND, int(self._geom[0]), self._normal.copy())
 
+    def rays(self, data: Data) -> FloatArray:
+        """Return the directions of all rays in the world frame, the axis first, shape (n, 3)."""
+        turn = np.array(data.site_xmat[self._index]).reshape(3, 3)
+        return np.ascontiguousarray(self._rays @ turn.T)
+
     def _cast(
-        self, data: Data, start: FloatArray, ray: FloatArray, *, passed: float, geom: Any, normal: FloatArray
+        self,
+        data: Data,
+        start: FloatArray,
+        ray: FloatArray,
+        cosine: float,
+        *,
+        passed: float,
+        geom: Any,
+        normal: FloatArray,
     ) -> float:
         """Return the distance [m] along a ray to the first object. Only objects beyond the length `passed` count.
 
-        The distance is negative if there is none. Other bodies of the robot behind the contact surface are passed.
+        The distance is negative if there is none. Other bodies of the robot are passed unless they are in front of the
+        contact surface. The cosine is that of the angle between ray and axis.
         """
         while True:
             beyond = start + passed * ray
             distance = float(mujoco().mj_ray(self._model, data, beyond, ray, None, True, self._body, geom, normal))
-            if distance < 0 or passed + distance >= BEHIND or not self._own[geom[0]]:
+            if distance < 0 or (passed + distance) * cosine > BEHIND + FLUSH or not self._own[geom[0]]:
                 return distance if distance < 0 else passed + distance
             passed += distance + _PAST
 
@@ -116,17 +133,18 @@ class Sight:
         visible.
         """
         turn = np.array(data.site_xmat[self._index]).reshape(3, 3)
-        rays, count = np.ascontiguousarray(self._rays @ turn.T), len(self._rays)
+        rays, count = self.rays(data), len(self._rays)
         surface = np.array(data.site_xpos[self._index])
         start = surface - BEHIND * (turn @ self._direction)
         mujoco().mj_multiRay(
             *(self._model, data, start, rays.ravel(), None, True, self._body, self._geoms, self._distances),
             *(self._normals, count, math.inf),
         )
-        behind = (self._distances >= 0) & (self._distances < BEHIND)
+        behind = (self._distances >= 0) & (self._distances * self._cosines <= BEHIND + FLUSH)
         for i in np.flatnonzero(behind & self._own[self._geoms]):
             passed, geom, normal = self._distances[i] + _PAST, self._geoms[i : i + 1], self._normals[3 * i : 3 * i + 3]
-            self._distances[i] = self._cast(data, start, rays[i], passed=passed, geom=geom, normal=normal)
+            cosine = float(self._cosines[i])
+            self._distances[i] = self._cast(data, start, rays[i], cosine, passed=passed, geom=geom, normal=normal)
         in_sight = self._distances >= 0
         if not in_sight.any():
             return math.inf

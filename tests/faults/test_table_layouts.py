@@ -304,3 +304,15 @@ def test_a_file_of_an_oscilloscope_with_a_short_second_row_is_read(tmp_path) -> 
     (tmp_path / "x.csv").write_text(f"X,CH1,Start,Increment,\nSequence,VOLT,-6e-3,1e-3\n{rows}")
     recording = read_recording(tmp_path / "x.csv")
     assert (np.diff(recording.stamps) == 1_000_000).all()
+
+
+def test_an_assumed_unit_of_distances_is_said() -> None:
+    for lines, options, is_said in (
+        (b"5,12\n", {}, True),
+        (b"5,12\n", {"distance_unit": "cm"}, False),
+        (b"d_cm,v\n5,12\n", {}, False),
+        (b"5 mm,12\n", {}, False),
+    ):
+        parser = LineParser("a sensor", LineFormat(column="2", distance_column="1", **options), from_middle=False)
+        parser.feed(lines)
+        assert any("mm was assumed" in note for note in parser.notes) == is_said

@@ -72,6 +72,7 @@ class LineParser:
     def __init__(self, name: str, layout: LineFormat, *, from_middle: bool) -> None:
         self._name, self._format = name, layout
         self._factor = parse_unit(unit_in_words(layout.distance_unit or "mm") or "mm").factor
+        self._is_assumed = bool(layout.distance_column) and not layout.distance_unit
         self._rest, self._skip_first, self._header = b"", from_middle, dict[str, int]()
         self._bytes = self._no_text = self._skipped = self._half = 0
         self._example = b""
@@ -113,6 +114,8 @@ class LineParser:
                     f"{self._name}: skipped {self._skipped:,} lines without a reading. The first of these lines is "
                     f"{self._shown}."
                 )
+        if self._is_assumed:
+            notes.append(f"{self._name}: the lines have no unit of the distance, so mm was assumed (--distance-unit).")
         if self._half:
             notes.append(f"{self._name}: skipped the last line, because it is incomplete.")
         return tuple(notes)
@@ -217,7 +220,7 @@ class LineParser:
                 f"{self._name}: the lines give the distance in {unit}, but --distance-unit is "
                 f"{self._format.distance_unit}. Omit --distance-unit, or correct the unit in the lines"
             )
-        self._factor = parse_unit(unit).factor
+        self._factor, self._is_assumed = parse_unit(unit).factor, False
 
     def _of_cells(self, cells: Mapping[str, str], kind: str, choice: Sequence[str]) -> SourceReading | None:
         """Return the reading from the cells of a line, or None."""

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pretouch._core.errors import CalibrationDataError, InvalidInputError
-from pretouch.recording import read_recording
+from pretouch.config import load_scenario
+from pretouch.recording import read_recording, replay
 
 TIME = np.round(0.01 * np.arange(300), 3)
 VALUES = [500 + i % 7 for i in range(300)]
@@ -227,3 +228,80 @@ def test_a_single_wrong_time_is_left_out_with_its_line(tmp_path, wrong: str, row
     recording = read_recording(written(tmp_path, "time [s],prox", rows))
     assert recording.values.tolist() == VALUES[:row] + VALUES[row + 1 :]
     assert any(f"line {row + 2}." in note for note in recording.notes)
+
+
+# --- units of the readings, and what a replay without use is
+
+
+@pytest.fixture(scope="module")
+def task():
+    return load_scenario("examples/loop.toml").replace(gain=-0.86)
+
+
+def approaches(near: float, idle: float) -> list[float]:
+    """Return readings of three approaches."""
+    time = np.arange(1200) * 0.01
+    closeness = np.max([np.exp(-(((time - t) / 0.15) ** 2)) for t in (2.0, 6.0, 10.0)], axis=0)
+    return [idle if c < 0.01 else round(near + (1 - c) * 400) for c in closeness]
+
+
+@pytest.mark.parametrize("idle", [8190, 8191, 65535])
+@pytest.mark.parametrize("title", ["range", "Distance", "Abstand"])
+def test_distances_without_a_unit_are_refused_until_it_is_given(tmp_path, task, idle: float, title: str) -> None:
+    rows = [f"{0.01 * i:.2f},{v}" for i, v in enumerate(approaches(20, idle))]
+    topic = remedy_of(written(tmp_path, f"time [s],{title}", rows))
+    assert topic == f"{title} [counts]"
+    recording = read_recording(tmp_path / "table.csv", f"{title} [mm]")
+    assert recording.kind == "distance"
+    assert len(replay(task, recording).detections) == 3
+    assert read_recording(tmp_path / "table.csv", topic).kind == "reading"
+
+
+def test_a_rest_at_the_largest_value_is_a_distance_whose_unit_must_be_given(tmp_path) -> None:
+    path = written(tmp_path, "time [s],range", [f"{0.01 * i:.2f},{v}" for i, v in enumerate(approaches(20, 421))])
+    with pytest.raises(InvalidInputError, match=r"range \[UNIT\]"):
+        read_recording(path)
+
+
+def test_outputs_that_are_called_range_are_outputs(tmp_path) -> None:
+    rows = [f"{0.01 * i:.2f},{150 + 400 - min(v, 400)}" for i, v in enumerate(approaches(20, 400))]
+    assert read_recording(written(tmp_path, "time [s],range", rows)).kind == "reading"
+
+
+@pytest.mark.parametrize("unit", ["V", "mV", "us"])
+def test_outputs_in_another_unit_than_that_of_the_scenario_are_refused(tmp_path, task, unit: str) -> None:
+    path = written(tmp_path, f"time [s],prox [{unit}]", [f"{t},{v}" for t, v in zip(TIME, VALUES, strict=True)])
+    with pytest.raises(InvalidInputError, match="counts"):
+        replay(task, read_recording(path))
+
+
+@pytest.mark.parametrize("unit", ["counts", "LSB", "ADC counts"])
+def test_outputs_in_the_unit_of_the_scenario_need_no_remark(tmp_path, task, unit: str) -> None:
+    path = written(tmp_path, f"time [s],prox [{unit}]", [f"{t},{v}" for t, v in zip(TIME, VALUES, strict=True)])
+    result = replay(task, read_recording(path))
+    assert result.notes == ()
+    assert result.is_good
+
+
+def test_a_recording_of_which_less_than_half_is_replayed_is_incomplete(tmp_path, task) -> None:
+    order = np.random.default_rng(1).permutation(len(TIME))
+    path = written(tmp_path, "time [s],prox", [f"{TIME[i]},{VALUES[i]}" for i in order])
+    result = replay(task, read_recording(path))
+    assert not result.is_good
+    assert result.to_dict()["status"] == "incomplete"
+    assert result.headline.startswith("Only ")
+
+
+def test_a_reset_that_leaves_more_than_half_of_a_recording_is_a_remark(tmp_path, task) -> None:
+    path = written(tmp_path, "millis,prox", [f"{10 * (i if i < 100 else i - 100)},{v}" for i, v in enumerate(VALUES)])
+    result = replay(task, read_recording(path))
+    assert result.counts["left out"] == 100
+    assert result.is_good
+
+
+def test_a_law_that_uses_nearly_no_reading_shows_nothing(tmp_path, task) -> None:
+    path = written(tmp_path, "time [us],prox", [f"{i},{v}" for i, v in enumerate(VALUES)])
+    result = replay(task, read_recording(path))
+    assert not result.is_good
+    assert result.to_dict()["status"] == "no-usable-reading"
+    assert "2 of 300" in result.headline or "1 of 300" in result.headline

@@ -72,8 +72,8 @@ def replay(
     the sensor next to those of the scenario, and its lag behind another topic. Writes a report with figures,
     STEM-replay.html in this folder. The replay is open loop: the readings do not respond to the motion.
 
-    Exit status: 0 the law ran, 1 no reading could be used, or a known contact contradicts the detections, 2 a mistake
-    in the request.
+    Exit status: 0 the law ran, 1 almost no reading could be used, less than half of the recording has one clock, or a
+    known contact contradicts the detections, 2 a mistake in the request.
     """
     from pretouch.recording import replay as run  # noqa: PLC0415 - keeps `pretouch --help` quick
 

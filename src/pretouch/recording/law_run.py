@@ -18,6 +18,7 @@ from pretouch.control import Controller, Status
 from pretouch.designs import Task
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop
+from pretouch.tables.names import is_output_unit, output_unit
 from pretouch.verification.verdict import chosen_gain
 
 from .chain_section import chain_section
@@ -75,7 +76,9 @@ def replay(
         The replay, with any result: also no detection, or no usable reading.
     """
     controller, loop, law = _controller(task)
+    unit_notes = _notes_on_unit(task, recording)
     whole, notes = _one_clock(measurements_of(recording))
+    left_out = len(recording.stamps) - len(whole.stamps)
     reference = None if reference is None else measurements_of(reference)
     used = _part_between(whole, start, end)
     time = used.time
@@ -139,11 +142,41 @@ def replay(
         events=None if events is None else judged,
         reference=reference,
         latency=latency,
-        counts=_counts(used, readings, steps, controller, task.sensor),
+        counts={**_counts(used, readings, steps, controller, task.sensor), "left out": left_out},
         chain=chain,
         drift=drift,
         clocks=tuple(_clock_differences(used, (reference, truth))),
-        notes=(*used.notes, *notes),
+        notes=(*used.notes, *unit_notes, *notes),
+    )
+
+
+def _notes_on_unit(task: Task, recording: Recording) -> tuple[str, ...]:
+    """Return a remark if the unit of the sensor outputs is unknown.
+
+    Raises:
+        InvalidInputError: the readings have another unit than the sensor outputs of the task.
+    """
+    if recording.kind == "distance" or not recording.unit:
+        return ()
+    part, calibration = task.sensor_part, task.calibration
+    declared = calibration.calibration.unit if calibration is not None else part.unit if part is not None else ""
+    if not declared:
+        return (f"The readings have the unit {recording.unit}; pretouch does not convert them.",)
+    if output_unit(declared)[0] == recording.unit:
+        return ()
+    source = "calibration" if calibration is not None else f"sensor part {part.name}" if part is not None else ""
+    remedy = f"Record the output in {declared}"
+    if is_output_unit(recording.unit):
+        remedy += (
+            f", or write the sensor, noise and floor of the scenario in {recording.unit}. If the unit of the recording "
+            f'is wrong, give the right one: --topic "{recording.topic} [{declared}]"'
+        )
+    raise InvalidInputError(
+        f"topic: the readings of {recording.topic} are in {recording.unit}, but the {source} of the scenario has "
+        f"outputs in {declared}. {remedy}",
+        value=recording.unit,
+        limit=declared,
+        remedy=f"{recording.topic} [{declared}]",
     )
 
 

@@ -128,6 +128,28 @@ def idle_codes(readings: FloatArray) -> tuple[NoObject, ...]:
     return tuple(_repeated(readings, [value for value in frozen if value == lowest]))
 
 
+def has_codes_of_parts(values: FloatArray) -> bool:
+    """Return True if readings repeat a value by which a sensor part reports no object or a failed measurement.
+
+    Args:
+        values: the readings, if they are distances [m].
+    """
+    codes = _any_of(values, (*_codes("no_object"), *_codes("failed")))
+    return int(codes.sum()) >= _FEWEST
+
+
+def are_like_distances(values: FloatArray) -> bool:
+    """Return True if readings are mostly near their largest value: distances are, and outputs of a sensor are not.
+
+    Args:
+        values: the readings, in any unit.
+    """
+    finite = values[np.isfinite(values)]
+    if np.isposinf(values).any() or not len(finite):
+        return True
+    return bool(np.median(finite) > (finite.min() + finite.max()) / 2)
+
+
 def frozen_values(values: FloatArray) -> tuple[float, ...]:
     """Find values that repeat exactly, for much longer than any other value of the readings.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -16,14 +16,15 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, UnitError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import parse_unit
-from pretouch.tables.names import output_unit
+from pretouch.tables.names import is_named, output_unit
 from pretouch.tables.unit_words import unit_in_words
 
 from .clocks import Transport, compare_clocks
-from .columns import is_table, read_columns
+from .columns import RecordedColumn, is_table, read_columns
 from .containers import read_contents
 from .decoding import Decoded, decode
 from .messages import Contents, Messages, refuse_unknown, split_name
+from .no_object import are_like_distances, has_codes_of_parts
 from .recording import UNBOUNDED, Clock, Kind, Recording
 
 _WITH_UNIT: Final = re.compile(r"(.*\S)\s+\[\s*([^\[\]=]*?)\s*\]")
@@ -159,7 +160,8 @@ def _recording(
     transport = (decoded.received - decoded.stamps) / 1e9 if decoded.stamps.all() else np.empty(0)
     message_type = messages.topic.message_type or messages.topic.encoding
     is_range = bool(_RANGE.fullmatch(message_type) and _RANGE_FIELD.fullmatch(decoded.field))
-    kind, values, remarks = _in_unit(decoded.values, "m" if unit is None and is_range else unit)
+    read = _in_unit(decoded.values, "m" if unit is None and is_range else unit)
+    values, remarks = read.values, read.notes
     if decoded.damaged:
         total = decoded.damaged + len(values)
         remarks = (
@@ -173,7 +175,8 @@ def _recording(
         message_type=message_type,
         stamps=decoded.stamps if clock == "header" else decoded.received,
         values=values,
-        kind=kind,
+        kind=read.kind,
+        unit=read.unit,
         clock=clock,
         transport=transport,
         bounds=decoded.bounds if is_range and unit in {None, "m"} else UNBOUNDED,
@@ -181,26 +184,52 @@ def _recording(
     )
 
 
-def _in_unit(values: FloatArray, unit: str | None) -> tuple[Kind, FloatArray, tuple[str, ...]]:
+class _Read(NamedTuple):
+    """Readings with their kind and unit."""
+
+    kind: Kind
+    values: FloatArray
+    unit: str
+    notes: tuple[str, ...] = ()
+
+
+def _in_unit(values: FloatArray, unit: str | None) -> _Read:
     """Convert readings with a unit of length to distances [m]."""
     if not unit:
-        return "reading", values, ()
+        return _Read("reading", values, "")
     try:
         parsed = parse_unit(unit_in_words(unit) or unit)
     except UnitError as error:
         raise InvalidInputError(f"--topic: {error}") from None
     if parsed.exponents == _LENGTH:
-        return "distance", values * parsed.factor, ()
+        return _Read("distance", values * parsed.factor, "")
     base, factor = output_unit(unit)
     if factor != 1.0:
-        return "reading", values * factor, (f"The readings are converted from {unit} to {base}.",)
-    return "reading", values, (f"The readings have the unit {unit}; pretouch does not convert them.",)
+        return _Read("reading", values * factor, base, (f"The readings are converted from {unit} to {base}.",))
+    return _Read("reading", values, base)
 
 
 def _from_table(file: Path, name: str, unit: str | None) -> Recording:
     column = read_columns(file, name)
-    kind, values, notes = _in_unit(column.values, column.unit if unit is None else unit)
+    stated = column.unit if unit is None else unit
+    if not stated and is_named(column.name, "distance"):
+        _refuse_unstated(file, name or column.name, column)
+    read = _in_unit(column.values, stated)
     fields: dict[str, Any] = {"source": file.name, "topic": column.name, "message_type": "column", "clock": "column"}
-    return Recording(
-        stamps=column.stamps, values=values, kind=kind, notes=(*column.notes, *notes), read=column.read, **fields
+    fields |= {"kind": read.kind, "values": read.values, "unit": read.unit}
+    return Recording(stamps=column.stamps, notes=(*column.notes, *read.notes), read=column.read, **fields)
+
+
+def _refuse_unstated(file: Path, topic: str, column: RecordedColumn) -> None:
+    """Raise an error if a column with the name of a distance has no unit, but values like those of distances."""
+    in_millimeters = has_codes_of_parts(column.values * 1e-3)
+    if not in_millimeters and not are_like_distances(column.values):
+        return
+    wanted = f"{topic} [{'mm' if in_millimeters else 'UNIT'}]"
+    place = "" if in_millimeters else ", with their unit in place of UNIT, such as mm"
+    raise InvalidInputError(
+        f"{file}: the column {column.name!r} has no unit, but its values look like distances. Add the unit: "
+        f"--topic '{wanted}'{place}. If they are outputs of the sensor, write --topic '{topic} [counts]'",
+        value=topic,
+        remedy=wanted,
     )

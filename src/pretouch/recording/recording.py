@@ -48,6 +48,7 @@ class Recording(Value):
         bounds: smallest and largest distance that the sensor can measure, according to its messages [m].
         no_object: values that were taken as "no object" by a replay: a distance without an object is then infinite.
         notes: remarks on the file, such as that it is truncated.
+        unit: unit of readings that are no distances, V or counts, if the file or the user states it.
         read: how a table was understood: which time column, its unit and rate.
 
     Examples:
@@ -68,6 +69,7 @@ class Recording(Value):
     no_object: tuple[NoObject, ...] = ()
     notes: tuple[str, ...] = ()
     read: tuple[str, ...] = ()
+    unit: str = ""
 
     def __post_init__(self) -> None:
         for name, kind in (("stamps", np.int64), ("values", np.float64), ("transport", np.float64)):

@@ -345,6 +345,10 @@ def _largest_output(replay: Replay) -> float | None:
 def _next_step(replay: Replay) -> str:
     if not replay.usable:
         return "check the topic, its unit and the amplification of the sensor, and record again"
+    if replay.is_unused:
+        return "check the times of the recording and their unit, and record again"
+    if replay.is_incomplete:
+        return "sort the recording by its times, or split it where the clock was set back, and replay each part"
     if replay.missed:
         return "look at the missed events in the report; a lower floor or a faster sensor detects earlier"
     if replay.false_triggers:

@@ -25,6 +25,7 @@ from .recording import CLOCKS, Recording
 from .stepping import LawSteps
 from .timing import Timing
 
+_FEW: Final = 0.01  # share of used readings, below which a replay shows nothing
 _SAME_RATE: Final = 0.01  # relative difference of two rates that are called equal
 
 
@@ -48,7 +49,8 @@ class Replay(Described, Value):
         latency: by how much the sensor lags the reference; None without a reference.
         counts: number of readings that are "invalid" (NaN), "too near" (minus infinity), "no object" (infinity),
             "detected without an object" (values that were taken as no object, but that an exported controller detects),
-            "saturated", and "replaced" by a newer one before the law's next step.
+            "saturated", "replaced" by a newer one before the law's next step, and "left out" because the clock was set
+            back.
         chain: section [chain] of a scenario file, estimated from the recording; empty if there are too few readings.
         drift: significant change over the recording, compared with a reference that is a distance: of ln xi at equal
             distances, or of a measured distance [m].
@@ -94,12 +96,34 @@ class Replay(Described, Value):
         return len(self.readings) - sum(self.counts[name] for name in ("invalid", "saturated"))
 
     @property
+    def used(self) -> int:
+        """Number of readings that the law used: usable ones that no newer one replaced."""
+        return max(self.usable - self.counts["replaced"], 0)
+
+    @property
+    def is_unused(self) -> bool:
+        """True if the law used no reading, or fewer than 1 %."""
+        return not self.usable or self.used < _FEW * len(self.readings)
+
+    @property
+    def is_incomplete(self) -> bool:
+        """True if less than half of the recording was replayed, because its clock was set back."""
+        return self.counts["left out"] > len(self.readings)
+
+    @property
     def is_good(self) -> bool:
         """True if the law detected all true events and nothing else.
 
-        There must also be usable readings, and no late detection.
+        At least half of the recording must have one clock, the law must have used readings, and no detection is late.
         """
-        return self.usable > 0 and not self.false_triggers and not self.missed
+        return not (self.is_unused or self.is_incomplete or self.false_triggers or self.missed)
+
+    @property
+    def status(self) -> str:
+        """The result in one word, as in the JSON object."""
+        if self.is_unused:
+            return "no-usable-reading"
+        return "incomplete" if self.is_incomplete else "replayed" if self.is_good else "contradicted"
 
     @property
     def headline(self) -> str:
@@ -134,7 +158,7 @@ class Replay(Described, Value):
         """Return the result of the replay as one JSON object."""
         fields: dict[str, Any] = plain(
             {
-                "status": "replayed" if self.is_good else "contradicted" if self.usable else "no-usable-reading",
+                "status": self.status,
                 "headline": self.headline,
                 "recording": self.recording.source,
                 "topic": self.recording.topic,
@@ -170,10 +194,19 @@ def _headline(replay: Replay) -> str:
     rates = " ".join(_describe_rates(replay))
     if not replay.usable:
         return f"The law could use none of the {len(replay.readings):,} readings: {_why_unusable(replay)}."
+    if replay.is_unused:
+        return (
+            f"The law used only {replay.used:,} of {len(replay.readings):,} readings, so the replay shows nothing: "
+            f"{_why_unused(replay)}. {rates}"
+        )
+    if replay.is_incomplete:
+        total = len(replay.readings) + replay.counts["left out"]
+        return (
+            f"Only {len(replay.readings):,} of {total:,} readings were replayed, because the clock of the recording "
+            f"was set back, so the replay shows little. {_detected(replay, span)}. {rates}"
+        )
     count = len(replay.detections)
-    detected = (
-        f"{count} detection{'s' if count != 1 else ''} in {span}" if count else f"No object was detected in {span}"
-    )
+    detected = _detected(replay, span)
     if replay.events is None:
         return f"{detected}. {rates}"
     false, missed, events = len(replay.false_triggers), len(replay.missed), len(replay.events)
@@ -187,6 +220,17 @@ def _headline(replay: Replay) -> str:
         before = f"all {events} true events were detected before they began"
     triggers = f", {false} of them false" if count else ""
     return f"{detected}{triggers}; {before}. {rates}"
+
+
+def _detected(replay: Replay, span: str) -> str:
+    count = len(replay.detections)
+    return f"{count} detection{'s' if count != 1 else ''} in {span}" if count else f"No object was detected in {span}"
+
+
+def _why_unused(replay: Replay) -> str:
+    why = _why_unusable(replay)
+    replaced = f"{replay.counts['replaced']:,} were replaced by a newer one before the next control step"
+    return " and ".join(filter(None, (why, replaced if replay.counts["replaced"] else "")))
 
 
 def _why_unusable(replay: Replay) -> str:

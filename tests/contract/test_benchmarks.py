@@ -222,12 +222,12 @@ def test_co_designs_are_compared_with_narrowed_grids(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(limits, "_STARTS", 1)
     monkeypatch.setattr(limits, "_ADMITTANCES", {1: 21, 2: 9})
-    assert limits.check_together(1, 6) == 0
+    assert limits.check_together(1, 14) == 0
     design = limits.design_admittance
     monkeypatch.setattr(
         limits, "design_admittance", lambda task: SimpleNamespace(gain=-1.0, objective=1.01 * design(task).objective)
     )
-    assert limits.check_together(1, 6) == 1
+    assert limits.check_together(1, 14) == 1
 
 
 def test_tasks_with_a_narrow_band_are_feasible() -> None:

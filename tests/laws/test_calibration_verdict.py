@@ -16,6 +16,7 @@ from pretouch._core.warning_codes import split_code
 from pretouch.calibration import Calibration, CalibrationReport, fit, fit_sensor
 from pretouch.calibration.averaging import AveragedCurve, falling_means
 from pretouch.calibration.contact_check import mount, reference_check
+from pretouch.calibration.page import calibration_page
 from pretouch.sensors import SensorModel
 from pretouch.sensors.model import parameter
 from pretouch.uncertainty import reservations_of
@@ -284,3 +285,55 @@ def test_a_low_nearest_reading_may_be_wrong_and_five_repeats_show_it() -> None:
     assert repeated.window.l_min == 0
     assert any("differs from other readings at the same distance" in text for text in repeated.left_out)
     assert "PT117" not in codes((*repeated.reasons, *repeated.notes))
+
+
+DISTANCES = np.array([0.0, 2.0, 5.0, 8.0, 12.0, 17.0, 25.0, 35.0, 50.0, 70.0]) * 1e-3
+
+
+def repeated(distances: Any = DISTANCES, written: Any = None, empty_at: float | None = None) -> Calibration:
+    """Return readings at `distances` that are written as other distances; the empty scene may have a distance, too."""
+    rng = np.random.default_rng(11)
+    outputs = (
+        0.1 + 3.2 * (0.03 / (0.03 + distances[:, None])) ** 2.5 + rng.normal(0, 0.002, (len(distances), 4))
+    ).ravel()
+    empty = 0.1 + rng.normal(0, 0.002, 5)
+    at = np.repeat(distances if written is None else written, 4)
+    if empty_at is None:
+        return Calibration(distances=at, outputs=outputs, unit="V", no_object=empty)
+    return Calibration(distances=np.append(at, np.full(5, empty_at)), outputs=np.append(outputs, empty), unit="V")
+
+
+@pytest.mark.parametrize(
+    ("calibration", "named"),
+    [
+        (repeated(empty_at=0.255), "255 mm"),
+        (repeated(DISTANCES[1:], empty_at=0.0), "0 mm"),
+        (repeated(written=np.append(DISTANCES[:-1], 0.7)), "700 mm"),
+        (repeated(written=DISTANCES / 1000), "0.07 mm"),
+    ],
+)
+def test_a_distance_that_cannot_be_right_is_named_first(calibration: Calibration, named: str) -> None:
+    report = fit(calibration, ("inverse-power", "exponential-1", "table"))
+    assert report.verdict == "usable with reservations"
+    code, text = split_code(report.reasons[0])
+    assert code == "PT114"
+    assert named in text
+    assert report.contradictions[0] == report.reasons[0]
+
+
+@pytest.mark.parametrize("farthest", [0.18, 0.255])
+def test_a_far_distance_that_agrees_with_the_curve_is_believed(farthest: float) -> None:
+    """The signal there is 25 and 12 mV, and the standard error of a mean is 1 mV."""
+    calibration = repeated(np.append(DISTANCES, farthest))
+    assert fit(calibration, ("inverse-power", "exponential-1")).verdict == "usable"
+    assert "PT114" not in codes(fit(replace(calibration, no_object=[]), ("inverse-power",)).reasons)
+
+
+def test_the_first_sentence_says_that_the_slope_is_unknown() -> None:
+    known, unknown = fit(repeated()), fit(repeated(written=np.append(DISTANCES[:-1], 0.7)))
+    assert known.best is not None
+    assert unknown.best is not None
+    assert known.best.middle_slope.is_within(3.0)
+    assert "do not determine" not in calibration_page(known).headline
+    assert not unknown.best.middle_slope.is_within(3.0)
+    assert "do not determine the slope" in calibration_page(unknown).headline

@@ -228,3 +228,25 @@ def test_glitches_at_full_scale_among_good_readings_are_not_clipping(at):
     assert (report.window.l_min, report.window.saturation) == (0.0, None)
     assert find_window(readings, 1000.0).l_min == 0.0
     assert report.best.outliers == tuple(5 * i + 2 for i in range(8)[at])
+
+
+def noisy(clean, seed=6, sigma=0.002, repeats=4):
+    noise = np.random.default_rng(seed).normal(0.0, sigma, (len(clean), repeats))
+    return np.asarray(clean)[:, None] + noise
+
+
+def test_clipping_with_noise_is_clipping_and_costs_no_good_readings():
+    distance = np.array([0.0, 2.0, 5.0, 8.0, 12.0, 17.0, 25.0, 35.0, 50.0, 70.0]) * 1e-3
+    outputs = noisy(np.minimum(0.1 + 3.2 * (0.03 / (0.03 + distance)) ** 2.5, 2.5))
+    empty = noisy([0.1], repeats=5).ravel()
+    readings = Calibration(distances=np.repeat(distance, 4), outputs=outputs.ravel(), unit="V", no_object=empty)
+    window = fit(readings, ["inverse-power"]).window
+    assert window.saturation == outputs[:2].min()
+    assert window.l_min == 0.005
+
+
+def test_a_round_peak_with_noise_is_no_clipping():
+    distance = np.linspace(0.0, 0.06, 16)
+    outputs = noisy(3.0 / (1.0 + (distance / 0.02) ** 2))
+    readings = Calibration(distances=np.repeat(distance, 4), outputs=outputs.ravel(), unit="V")
+    assert find_window(readings, 0.0).saturation is None

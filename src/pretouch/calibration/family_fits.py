@@ -318,7 +318,7 @@ def _worst_outlier(curve: AveragedCurve, raw_noise: ReadingNoise, offset: Offset
     for family in families:
         row = np.abs(_robust_residuals(curve, family, noise, value))
         suspects |= {int(i): None for i in np.argsort(-row)[:2] if i > 0 and row[i] > _SUSPECT}
-    return next((i for i in suspects if _is_outlier(curve, i, raw_noise, offset, families)), None)
+    return next((i for i in suspects if is_outlier(curve, i, raw_noise, offset, families)), None)
 
 
 def _robust_residuals(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: float | None) -> FloatArray:
@@ -338,7 +338,7 @@ def _robust_residuals(curve: AveragedCurve, family: Family, noise: NoiseEstimate
     return row
 
 
-def _is_outlier(
+def is_outlier(
     curve: AveragedCurve, i: int, raw_noise: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...]
 ) -> bool:
     """Return True if the reading at one distance is an outlier.

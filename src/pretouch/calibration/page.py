@@ -18,6 +18,7 @@ from pretouch.sensors.recessed import recess_in_words
 from .result import CalibrationReport, Estimate, SensorFit, uncertainty_in_words
 
 Row = tuple[Cell, ...]
+_KNOWN = 3.0  # factor up to which the ends of the interval of a known slope differ from its value
 _NEXT = "put these lines into the section [sensor] of a scenario file"
 
 
@@ -141,6 +142,11 @@ def _headline(report: CalibrationReport) -> str:
         families = "" if is_table else ", over all families of curves that fit"
         interval = f" (95 %: {slope.low:.4g} to {slope.high:.4g} 1/m{families})"
     curve = "table through the readings" if is_table else f"{report.best.model} curve"
+    if not slope.is_within(_KNOWN):
+        return (
+            f"{name}: the readings do not determine the slope g in the middle of the usable range, {low} to {high}. "
+            f"The {curve} fits best, with g = {slope.value:.4g} 1/m there{interval or ' and an unlimited interval'}."
+        )
     return (
         f"{name}: the readings are usable from {distances}. The {curve} fits "
         f"best, with a slope g = {slope.value:.4g} 1/m in the middle of the usable range{interval}."

@@ -133,7 +133,7 @@ def _prepare(
         other = rising_output(calibration, curve, noise)
     if other:
         return _without_signal(calibration, curve, no_near_end, offset_estimate, other)
-    near = find_near_end(calibration, curve, saturation, near_field_peak)
+    near = find_near_end(calibration, curve, noise, saturation, near_field_peak)
     needed = _FEWEST_DISTANCES + (offset_estimate is None)
     count = len(curve.distance) - near.index
     if not count:

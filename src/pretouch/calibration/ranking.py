@@ -12,6 +12,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.warning_codes import split_code
 
 from .data import Calibration
+from .doubtful_distances import code_reservations, distance_reservations
 from .model_fit import attempt_fit, check_models, model_names
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import CalibrationReport, SensorFit
@@ -19,7 +20,6 @@ from .slope_uncertainty import estimate_slope
 from .verdict_reasons import (
     FEW_POINTS,
     contact_reservations,
-    distance_reservations,
     find_reservations,
     find_weaknesses,
     ignored_readings,
@@ -83,7 +83,10 @@ def fit(
     if math.isfinite(prepared.steep_from):  # no other model follows an output that flattens
         fits = sorted(fits, key=lambda fit: fit.model != "table")
     reasons, notes = prepared.no_signal, tuple[str, ...]()
-    contradictions = too_far = distance_reservations(calibration)
+    contradictions = doubtful = (
+        *distance_reservations(calibration),
+        *(() if prepared.no_signal else code_reservations(prepared)),
+    )
     if not prepared.no_signal:
         check = _check(prepared, fits)
         weaknesses = tuple(
@@ -92,11 +95,12 @@ def fit(
         found = find_reservations(prepared, fits, slope)
         contradictions += tuple(text for text in found if split_code(text)[0] in _DOUBTFUL)
         reasons = (*contact_reservations(prepared, check), *found)
-        if check is not None and check.is_determined and len(prepared.used.distance) >= FEW_POINTS:
+        determined = check is not None and check.is_determined and len(prepared.used.distance) >= FEW_POINTS
+        if determined and not doubtful:  # with wrong distances, the check means nothing
             notes = weaknesses
         else:
             reasons = (*reasons, *weaknesses)
-    reasons += too_far
+    reasons = (*doubtful, *reasons) if not prepared.no_signal else (*reasons, *doubtful)
     usable = "usable with reservations" if reasons else "usable"
     return CalibrationReport(
         calibration=prepared.calibration,

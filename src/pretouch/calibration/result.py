@@ -129,6 +129,18 @@ class Estimate(Value):
     high: float
     unit: str = ""
 
+    def is_within(self, factor: float) -> bool:
+        """Return True if both ends of the interval differ from the value by at most a factor.
+
+        Examples:
+            >>> from dataclasses import replace
+            >>> slope = Estimate(value=-40.0, standard_error=5.0, low=-50.0, high=-30.0, unit="1/m")
+            >>> slope.is_within(3.0), replace(slope, high=-5.0).is_within(3.0)
+            (True, False)
+        """
+        ends = (self.low / self.value, self.high / self.value) if self.value else (0.0, 0.0)
+        return all(1 / factor <= end <= factor for end in ends)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the estimated value as a dictionary for JSON, in SI units."""
         interval = (self.low, self.high)

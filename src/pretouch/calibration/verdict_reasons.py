@@ -32,7 +32,6 @@ _FEW_FLATTENED = 2  # flattened distances that one wrong reading explains as wel
 _FEW_EMPTY = 4  # readings without an object from which the noise can be estimated, as from repeats
 _DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # allowed `PossibleCurves.doubt` of each kind of offset
 _MOST_NAMED = 5  # readings that a sentence lists
-_FARTHEST = 10.0  # distance [m] that no proximity sensor reaches
 _SMALL_FALL = 0.3  # decrease of ln xi over the window below which only the mean slope is determined
 
 
@@ -119,23 +118,6 @@ def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
         f"The {best.model} curve was fitted to readings at {len(best.distances)} distances from {low} to {high}. "
         f"Averaged readings deviate from this curve by {format_percent(best.rmse_log_output)} of the signal (RMS, "
         f"including noise).{flattens}"
-    )
-
-
-def distance_reservations(calibration: Calibration) -> tuple[str, ...]:
-    """Return a warning about implausibly large distances.
-
-    Such distances must have a wrong unit.
-    """
-    farthest = float(calibration.distances.max())
-    if farthest <= _FARTHEST:
-        return ()
-    return (
-        caution(
-            "PT114",
-            f"The distances reach {farthest:.4g} m, which is too far for a proximity sensor: for millimeters, "
-            "use the header `distance [mm]`.",
-        ),
     )
 
 

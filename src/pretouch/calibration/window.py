@@ -94,6 +94,11 @@ def _error(curve: AveragedCurve, noise: ReadingNoise) -> float:
     )
 
 
+_FEWEST_BEYOND: Final = 6  # distances beyond a flat start needed to judge whether the output is still flattened there
+_FEWEST_REPEATED: Final = 3  # readings at each distance of a flat start
+_EQUAL: Final = 4.0  # standard errors within which averaged outputs are equal
+_AHEAD: Final = 3  # distances beyond a flat start whose line is extrapolated to it
+_CORNER: Final = 10.0  # standard errors of the step from this line to the flat start
 _CONVERTER_BITS: Final = (8, 10, 12, 14, 16)
 _CLIPPED_SHARE: Final = 0.99  # share of full scale; converters and amplifiers clip a little below full scale
 
@@ -152,13 +157,14 @@ def find_window(
     offset_estimate = offset if isinstance(offset, OffsetEstimate) else declared_offset(offset)
     calibration = condense(count_copies_once(leave_out_empty_outliers(calibration)[0]))
     curve = average(calibration)
-    sigma = reading_noise(calibration, curve).sigma if noise is None else float(nonnegative(noise, "noise"))
+    estimated = reading_noise(calibration, curve)
+    sigma = estimated.sigma if noise is None else float(nonnegative(noise, "noise"))
     if sigma is None:
         raise InvalidInputError(
             "noise: found None, but too few readings are repeated or without an object to estimate the noise; give the "
             "standard deviation of one reading"
         )
-    near = find_near_end(calibration, curve, saturation, near_field_peak)
+    near = find_near_end(calibration, curve, estimated, saturation, near_field_peak)
     if near.index == len(curve.distance):
         raise CalibrationDataError(
             f"saturation: the readings are clipped at every distance, because {near.reason}. Measure at larger "
@@ -182,7 +188,11 @@ def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
 
 
 def find_near_end(
-    calibration: Calibration, curve: AveragedCurve, saturation: float | str | None, near_field_peak: float | str | None
+    calibration: Calibration,
+    curve: AveragedCurve,
+    noise: ReadingNoise,
+    saturation: float | str | None,
+    near_field_peak: float | str | None,
 ) -> NearEnd:
     """Find the smallest usable distance of a sensor.
 
@@ -195,7 +205,7 @@ def find_near_end(
     if curve.bad_readings:
         kept = np.delete(np.arange(len(calibration.outputs)), curve.bad_readings)
         calibration = replace(calibration, distances=calibration.distances[kept], outputs=calibration.outputs[kept])
-    level, source = _saturation(calibration, curve, saturation)
+    level, source = _saturation(calibration, curve, noise, saturation)
     saturated = calibration.outputs >= (np.inf if level is None else level)
     index = _end_of_clipping(np.isin(curve.distance, calibration.distances[saturated]))
     reason = "first measured distance"
@@ -225,7 +235,9 @@ def _end_of_clipping(clipped: BoolArray) -> int:
     return int(supported[-1]) + 1 if supported else 0
 
 
-def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | str | None) -> tuple[float | None, str]:
+def _saturation(
+    calibration: Calibration, curve: AveragedCurve, noise: ReadingNoise, option: float | str | None
+) -> tuple[float | None, str]:
     """Return the output at which a sensor clips. Also return how this level was found."""
     if option is None:
         return None, ""
@@ -245,7 +257,38 @@ def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | 
     fine = step < 0.02 * float(np.ptp(calibration.outputs))  # with a coarse converter, equal readings are common
     if len(plateau) >= 2 and fine:
         return top, f"the same highest output at {len(plateau)} distances"
+    if count := _flat_start(curve, noise):
+        clipped = calibration.outputs[calibration.distances <= curve.distance[count - 1]]
+        return float(clipped.min()), f"the same highest output within the noise at {count} distances"
     return None, ""
+
+
+def _flat_start(curve: AveragedCurve, noise: ReadingNoise) -> int:
+    """Return the number of nearest distances at which the output clips at a level with noise; 0 without clipping.
+
+    There the averaged outputs are equal within the noise of repeats. The output bends sharply where the clipping ends:
+    it is steepest in one of the next two steps, and the line through the next readings leads far above the clipping
+    level. At a round peak, and under a soft ceiling, the output becomes steeper over several steps.
+    """
+    if noise.sigma is None or len(curve.distance) < _FEWEST_BEYOND + 2:
+        return 0
+    signal = np.maximum(curve.output - curve.output.min(), 0.0)
+    spread = np.hypot(np.hypot(noise.sigma, noise.jitter * signal), noise.resolution / np.sqrt(12.0))
+    error = spread / np.sqrt(curve.count)
+    count = 0
+    for end in range(2, len(curve.distance) - _FEWEST_BEYOND + 1):
+        if curve.count[:end].min() < _FEWEST_REPEATED or np.ptp(curve.output[:end]) > _EQUAL * error[:end].max():
+            break
+        count = end
+    if not count:
+        return 0
+    secants = -np.diff(curve.output) / np.diff(curve.distance)
+    ahead = slice(count, count + _AHEAD)
+    line = np.polyfit(curve.distance[ahead], curve.output[ahead], 1)
+    level, uncertain = float(curve.output[:count].mean()), float(error[: count + _AHEAD].max())
+    above = float(np.polyval(line, curve.distance[count - 1])) - level
+    is_sharp = int(np.argmax(secants)) in (count - 1, count)
+    return count if is_sharp and above > _CORNER * uncertain else 0
 
 
 def _peak(curve: AveragedCurve, start: int, option: float | str | None) -> tuple[int, str]:

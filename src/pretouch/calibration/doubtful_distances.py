@@ -1,0 +1,130 @@
+"""Recognize distances that cannot be right, such as a wrong unit or a code for no object, and say what to do."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.units import format_quantity, supported_digits
+from pretouch._core.warning_codes import caution
+
+from .averaging import AveragedCurve, average, reading_noise
+from .data import Calibration
+from .family_fits import find_noise, fit_free, is_outlier, quick_families
+from .preparation import Prepared
+from .result import OffsetEstimate
+
+_FARTHEST: Final = 10.0  # distance [m] that no proximity sensor reaches
+_SHORTEST: Final = 3e-4  # largest distance [m] of a range that is too short for a robot
+_ISOLATED: Final = 2.5  # ratio of the largest distance to the next one from which on the largest one is tested
+_FEWEST: Final = 6  # other distances needed for this test
+_FAR_BETTER: Final = 12.0  # twice the ln of the ratio of likelihoods that is clear evidence
+_FREEDOM: Final = 3.0  # degrees of freedom of the prior of the error
+_AS_GOOD: Final = 10.0  # times the smallest sum of squares, up to which a family describes the readings
+_EMPTY: Final = 0.05  # share of the range of the outputs up to which an output is that of the empty scene
+_DROP: Final = 0.5  # share of the range of the outputs by which an output at distance 0 must be lower than the next
+
+
+def distance_reservations(calibration: Calibration) -> tuple[str, ...]:
+    """Return a warning about distances that are all implausibly large or small.
+
+    Such distances must have a wrong unit.
+    """
+    farthest = float(calibration.distances.max())
+    if farthest > _FARTHEST:
+        return (
+            caution(
+                "PT114",
+                f"The distances reach {farthest:.4g} m, which is too far for a proximity sensor: for millimeters, "
+                "use the header `distance [mm]`.",
+            ),
+        )
+    if 0 < farthest < _SHORTEST:
+        return (
+            caution(
+                "PT114",
+                f"The distances reach only {format_quantity(farthest, 'm')}, which is too short for a proximity "
+                "sensor on a robot: for meters, use the header `distance [m]`.",
+            ),
+        )
+    return ()
+
+
+def code_reservations(prepared: Prepared) -> tuple[str, ...]:
+    """Return warnings about a single distance that may be a code for no object, or a typing error.
+
+    Some sensors and programs record a fixed distance, such as 0 or 255, if they detect no object.
+    """
+    return tuple(text for text in (_zero(prepared), _isolated(prepared)) if text)
+
+
+def _zero(prepared: Prepared) -> str:
+    """Return a warning if the output at the distance 0 is that of the empty scene; empty if it is not."""
+    calibration = prepared.calibration
+    curve = average(calibration)
+    if len(curve.distance) < _FEWEST or curve.distance[0] != 0:
+        return ""
+    reach, nearest, others = float(np.ptp(curve.output)), float(curve.output[0]), curve.output[1:]
+    empty = float(np.median(calibration.no_object)) if len(calibration.no_object) else float(others[-1])
+    if nearest > empty + _EMPTY * reach or others[0] - nearest < _DROP * reach:
+        return ""
+    scene = "as without an object" if len(calibration.no_object) else "no more than at the largest distance"
+    return caution(
+        "PT114",
+        f"At the distance 0 mm, the output is only {_level(calibration, nearest)}, {scene}: if 0 is a code for no "
+        "object, write inf as the distance of these readings. Otherwise the sensor does not see an object at contact.",
+    )
+
+
+def _isolated(prepared: Prepared) -> str:
+    """Return a warning if the output at a far larger distance than all others does not belong to the curve."""
+    calibration, used, offset = prepared.calibration, prepared.used, prepared.offset
+    if offset is None or len(used.distance) <= _FEWEST or used.distance[-1] < _ISOLATED * used.distance[-2]:
+        return ""
+    output = _level(calibration, float(used.output[-1]))
+    before, last = (format_quantity(float(d), "m") for d in used.distance[-2:])
+    if offset.kind == "fitted" and _is_rather_empty(calibration, used):
+        finding = "agrees far better with the curve through the other readings if it was taken without an object"
+    elif _disagrees(calibration, used, None if offset.kind == "fitted" else offset):
+        finding = "disagrees with every curve through the other readings"
+    else:
+        return ""
+    return caution(
+        "PT114",
+        f"The output of {output} at the largest distance {last} {finding}: if this distance is a code for no object, "
+        f"write inf instead. If it is a typing error, correct it. If it is right, measure between {before} and {last}.",
+    )
+
+
+def _is_rather_empty(calibration: Calibration, used: AveragedCurve) -> bool:
+    """Compare two explanations of the output at the largest distance by their likelihood.
+
+    If it was taken without an object, it is the offset of the curve through the other readings. Otherwise the curve
+    passes through all readings with a free offset. Both have equally many parameters and readings.
+
+    Returns:
+        Whether the explanation without an object is far better.
+    """
+    others, level = used.part(slice(-1)), float(used.output[-1])
+    raw, families = reading_noise(calibration, average(calibration)), quick_families(used)
+    known = OffsetEstimate(value=level, standard_error=0.0, low=level, high=level, kind="measured")
+    noise = find_noise(others, raw, known, families)
+    empty = min(float(fit_free(others, family, noise, level).costs[0]) for family in families)
+    present = min(float(fit_free(used, family, noise, None).costs[0]) for family in families)
+    return len(used.distance) * math.log((_FREEDOM + present) / (_FREEDOM + empty)) > _FAR_BETTER
+
+
+def _disagrees(calibration: Calibration, used: AveragedCurve, offset: OffsetEstimate | None) -> bool:
+    """Return True if the last output deviates from each curve that describes the other readings."""
+    others, raw, families = used.part(slice(-1)), reading_noise(calibration, average(calibration)), quick_families(used)
+    noise, value = find_noise(others, raw, offset, families), None if offset is None else offset.value
+    costs = [float(fit_free(others, family, noise, value).costs[0]) for family in families]
+    limit = _AS_GOOD * (_FREEDOM + min(costs))
+    good = tuple(family for family, cost in zip(families, costs, strict=True) if cost <= limit)
+    return is_outlier(used, len(used.distance) - 1, raw, offset, good)
+
+
+def _level(calibration: Calibration, output: float) -> str:
+    return f"{output:.{supported_digits(output)}g} {calibration.unit}".rstrip()

@@ -228,3 +228,17 @@ def test_the_conditioning_falls_to_zero_as_the_arm_is_stretched() -> None:
     assert conditioning == sorted(conditioning, reverse=True)
     assert conditioning[-1] < 0.05
     assert ["singularity" in " ".join(p.warnings) for p in values] == [False, False, True, True]
+
+
+@pytest.mark.parametrize(("friction", "acceleration", "speed"), [(0, 50, 50 / 3), (20, 30, 10), (60, 0, 0)])
+def test_dry_friction_leaves_less_acceleration_and_speed(friction: float, acceleration: float, speed: float) -> None:
+    """A motor of 50 N moves 1 kg against dry and viscous friction."""
+    model = model_of(
+        f"""<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="a" type="slide" axis="1 0 0" damping="3"
+        frictionloss="{friction}" limited="true" range="-1 1"/><geom size="0.1" mass="1"/>
+        <site name="tip" pos="0.1 0 0"/></body></worldbody>
+        <actuator><motor joint="a" ctrlrange="-50 50"/></actuator></mujoco>"""
+    )
+    projection = project_site(model, make_data(model), SensorSite("tip"))
+    for limits, expected in ((projection.acceleration, acceleration), (projection.speed, speed)):
+        assert (limits.ahead, limits.back) == pytest.approx((expected, expected), rel=1e-9)

@@ -21,6 +21,7 @@ from .model import Data, Model, mujoco
 
 _OPTIMAL: Final = 0  # status of linprog
 _ENDLESS: Final = 1e6  # m/s^2 or N: no robot reaches as much, so that it counts as no limit
+_STILL: Final = 1e-9  # velocity relative to the fastest joint, below which a joint rests
 _FASTEST: Final = 30.0  # m/s: likewise; models with torques but without speed limits allow hundreds of m/s
 
 
@@ -62,6 +63,8 @@ class Drives:
         speeds: largest joint speeds, shape (n,).
         coupling: rows of the constraints that couple driven joints, whose forces the drives need not apply, shape
             (r, n).
+        following: velocities of base and joints per velocity of the joints, as far as constraints cause them.
+        dry_friction: friction loss of base and joints [N m or N], in the same order.
     """
 
     moment: FloatArray
@@ -76,6 +79,8 @@ class Drives:
     friction: FloatArray
     speeds: FloatArray
     coupling: FloatArray
+    following: FloatArray
+    dry_friction: FloatArray
 
     @property
     def has_force_limits(self) -> bool:
@@ -131,6 +136,8 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
         friction=following.T @ (np.asarray(model.dof_damping)[every, None] * following),
         speeds=speeds,
         coupling=reduction.coupling,
+        following=following,
+        dry_friction=np.asarray(model.dof_frictionloss)[every],
     )
 
 
@@ -153,7 +160,14 @@ def acceleration_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisM
     q'' along the axis plus any motion in the null space.
     """
     columns = dynamics.inertia @ np.column_stack([motion.joints, motion.free])
-    return _span(drives, columns, np.zeros((len(motion.joints), 0)))
+    return _span(drives, columns, np.zeros((len(motion.joints), 0)), _friction_torques(drives, motion))
+
+
+def _friction_torques(drives: Drives, motion: AxisMotion) -> FloatArray:
+    """Return the torques [N m or N] that dry friction takes from the drives while a site moves ahead, shape (n,)."""
+    velocities = drives.following @ motion.joints
+    signs = np.sign(np.where(np.abs(velocities) > _STILL * np.abs(velocities).max(), velocities, 0.0))
+    return np.asarray(drives.following.T @ (drives.dry_friction * signs))
 
 
 def speed_limits(drives: Drives, motion: AxisMotion) -> AxisLimits:
@@ -164,7 +178,7 @@ def speed_limits(drives: Drives, motion: AxisMotion) -> AxisLimits:
     keeps the speed plausible, there is no limit.
     """
     velocities = np.column_stack([motion.joints, motion.free])
-    span = _span(drives, drives.friction @ velocities, velocities)
+    span = _span(drives, drives.friction @ velocities, velocities, _friction_torques(drives, motion))
     ahead, back = (speed if speed < _FASTEST else math.inf for speed in (span.ahead, span.back))
     return AxisLimits(ahead, back)
 
@@ -177,7 +191,9 @@ def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
     return _span(drives, (dynamics.axis @ dynamics.relative[:3])[:, None], np.zeros((len(dynamics.inertia), 0)))
 
 
-def _span(drives: Drives, columns: FloatArray, velocities: FloatArray) -> AxisLimits:
+def _span(
+    drives: Drives, columns: FloatArray, velocities: FloatArray, friction: FloatArray | None = None
+) -> AxisLimits:
     """Return the largest acceleration, speed or force that the drives allow.
 
     This quantity is x[0]. The drives apply the joint torques columns @ x + load.
@@ -186,6 +202,8 @@ def _span(drives: Drives, columns: FloatArray, velocities: FloatArray) -> AxisLi
         drives: the drives.
         columns: joint torques per variable, shape (n, k).
         velocities: joint velocities per variable if the variables are velocities, else without columns.
+        friction: torques of dry friction during motion ahead, shape (n,); None for none. The limit is 0 if the drives
+            cannot overcome it.
 
     Returns:
         The largest magnitudes of x[0] in both directions.
@@ -214,7 +232,9 @@ def _span(drives: Drives, columns: FloatArray, velocities: FloatArray) -> AxisLi
         for low, high in (*zip(drives.lowest, drives.highest, strict=True), *drives.controls)
     ]
     ends = []
-    for sign in (1.0, -1.0):
+
+    def largest(sign: float, load: FloatArray) -> float:
+        """Return the largest x[0] in one direction; -1 if the drives cannot bear the load."""
         cost = np.zeros(count + 2 * rows)
         cost[0] = -sign
         result = linprog(
@@ -222,15 +242,20 @@ def _span(drives: Drives, columns: FloatArray, velocities: FloatArray) -> AxisLi
             A_ub=limits[finite] if finite.any() else None,
             b_ub=bounds[finite] if finite.any() else None,
             A_eq=np.vstack([balance, law]),
-            b_eq=np.concatenate([-drives.load, drives.constant[coupled]]),
+            b_eq=np.concatenate([-load, drives.constant[coupled]]),
             bounds=box,
             method="highs",
         )
-        end = float(sign * result.x[0]) if result.status == _OPTIMAL else -1.0
+        return float(sign * result.x[0]) if result.status == _OPTIMAL else -1.0
+
+    for sign in (1.0, -1.0):
+        end = largest(sign, drives.load)
         if end < 0:
             raise InvalidInputError(
                 "actuators: the drives cannot hold the robot at rest in this posture against gravity and springs; "
                 "choose another posture, or raise forcerange or ctrlrange of the actuators"
             )
+        if friction is not None and friction.any():
+            end = max(largest(sign, drives.load + sign * friction), 0.0)
         ends.append(end if end < _ENDLESS * (1 - 1e-6) else math.inf)
     return AxisLimits(*ends)

@@ -160,6 +160,11 @@ def test_a_finer_clock_beside_coarse_times_is_used(tmp_path) -> None:
     assert (np.diff(recording.stamps) == 10_000_000).all()
 
 
+def test_the_clock_of_another_computer_is_no_reading(tmp_path) -> None:
+    rows = [f"{1_700_000_000 + t:.3f},{round(1000 * t)},{v}" for t, v in zip(TIME, VALUES, strict=True)]
+    assert read_recording(written(tmp_path, "pc_time,mcu_ms,adc", rows)).values.tolist() == VALUES
+
+
 def test_two_topics_in_one_table_may_share_their_times(tmp_path) -> None:
     rows = [row for t, v in zip(TIME, VALUES, strict=True) for row in (f"{t},{v},", f"{t},,{v + 1}")]
     recording = read_recording(written(tmp_path, "time [s],left,right", rows), "right")
@@ -228,6 +233,24 @@ def test_a_single_wrong_time_is_left_out_with_its_line(tmp_path, wrong: str, row
     recording = read_recording(written(tmp_path, "time [s],prox", rows))
     assert recording.values.tolist() == VALUES[:row] + VALUES[row + 1 :]
     assert any(f"line {row + 2}." in note for note in recording.notes)
+
+
+def test_two_wrong_times_in_a_row_are_left_out(tmp_path) -> None:
+    rows = [f"{9999.0 if i in {100, 101} else t},{v}" for i, (t, v) in enumerate(zip(TIME, VALUES, strict=True))]
+    recording = read_recording(written(tmp_path, "time [s],prox", rows))
+    assert recording.values.tolist() == VALUES[:100] + VALUES[102:]
+
+
+@pytest.mark.parametrize(("row", "wrong"), [(0, "-1700000000.0"), (299, "1700000000.0")])
+def test_a_first_or_last_time_that_is_years_away_is_left_out(tmp_path, row: int, wrong: str) -> None:
+    rows = [f"{wrong if i == row else t},{v}" for i, (t, v) in enumerate(zip(TIME, VALUES, strict=True))]
+    recording = read_recording(written(tmp_path, "time [s],prox", rows))
+    assert recording.values.tolist() == VALUES[:row] + VALUES[row + 1 :]
+
+
+def test_a_pause_is_no_wrong_time(tmp_path) -> None:
+    rows = [f"{t + 3600 * (i > 150)},{v}" for i, (t, v) in enumerate(zip(TIME, VALUES, strict=True))]
+    assert read_recording(written(tmp_path, "time [s],prox", rows)).values.tolist() == VALUES
 
 
 # --- units of the readings, and what a replay without use is

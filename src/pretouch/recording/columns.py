@@ -15,6 +15,7 @@ from pretouch.tables.documents import DOCUMENTS
 from pretouch.tables.names import is_named, split_title
 from pretouch.tables.text_table import read_table
 from pretouch.tables.times import in_order, read_times, refuse_coarse
+from pretouch.tables.unit_words import TIME, dimension
 
 from .mixed_sensors import is_identity, parse_choice, rows_of_one_sensor
 
@@ -98,7 +99,7 @@ def _index_of(path: Path, table: TextTable, wanted: str, times: tuple[int, ...])
     kinds = ("count", "setting", "statistic")
     numeric = [i for i in others if not any(is_named(header[i], kind) for kind in kinds) and header[i] != LINE]
     numeric = [i for i in numeric if not is_identity(header[i])]
-    numeric = [i for i in numeric if np.isfinite(table.numbers(i)).any()]
+    numeric = [i for i in numeric if np.isfinite(table.numbers(i)).any() and not _is_another_clock(table, i)]
     for candidates in (others, numeric) if not wanted else ():
         if len(candidates) == 1:
             return candidates[0]
@@ -121,6 +122,12 @@ def _index_of(path: Path, table: TextTable, wanted: str, times: tuple[int, ...])
         limit=tuple(names),
         remedy=near[0] if near else "--topic",
     )
+
+
+def _is_another_clock(table: TextTable, index: int) -> bool:
+    """Return True if a column has a unit of time, and only rises: the time of another computer."""
+    numbers = table.numbers(index)
+    return dimension(split_title(table.header[index])[1]) == TIME and bool(np.all(np.diff(numbers) >= 0))
 
 
 def _is_range(table: TextTable, index: int) -> bool:

@@ -15,6 +15,7 @@ _SMALL: Final = 0.01  # of the count, within which these steps must be
 _AROUND: Final = 5  # stamps on each side, whose median a stamp is compared with
 _FAR: Final = 100.0  # steps
 _LEAST: Final = 10**9  # ns from the median, below which a stamp is only late
+_ALONE: Final = 86400 * 10**9  # ns between the first or last reading and all others
 _COARSE: Final = 2.0  # readings with the same stamp
 _BETWEEN: Final = 0.5  # share of different values, and falling steps per rising step, of intervals
 
@@ -47,7 +48,7 @@ def continued(numbers: FloatArray) -> tuple[FloatArray, float | None]:
 
 
 def far_stamps(stamps: IntArray) -> BoolArray:
-    """Return which single stamps are far from those before and after them.
+    """Return which stamps, a few at a time, are far from those before and after them.
 
     Args:
         stamps: the stamps [ns] in the order of the rows.
@@ -64,10 +65,12 @@ def far_stamps(stamps: IntArray) -> BoolArray:
     middle = np.median(windows - stamps[0], axis=1)
     first = np.clip(np.arange(count) - _AROUND, 0, len(middle) - 1)
     away = (stamps - stamps[0]) - middle[first]
-    falls_after = np.append(steps < 0, False)
-    falls_before = np.append(False, steps < 0)
-    far |= (away > limit) & falls_after
-    far |= (away < -limit) & falls_before
+    later = np.append(np.minimum.accumulate(stamps[::-1])[-2::-1], stamps[-1])  # the smallest stamp of later rows
+    earlier = np.append(stamps[0], np.maximum.accumulate(stamps)[:-1])
+    far |= (away > limit) & (stamps > later)
+    far |= (away < -limit) & (stamps < earlier)
+    far[0] |= steps[0] > _ALONE  # such as before a clock was set by the network
+    far[-1] |= steps[-1] > _ALONE
     return far
 
 

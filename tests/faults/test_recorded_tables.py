@@ -165,6 +165,14 @@ def test_the_clock_of_another_computer_is_no_reading(tmp_path) -> None:
     assert read_recording(written(tmp_path, "pc_time,mcu_ms,adc", rows)).values.tolist() == VALUES
 
 
+def test_the_steady_clock_of_the_sensor_is_used_instead_of_arrivals_in_batches(tmp_path) -> None:
+    late = [1_700_000_000 + np.ceil(t / 0.03 - 1e-9) * 0.03 + 0.0005 * (i % 3) for i, t in enumerate(TIME)]
+    rows = [f"{a:.4f},{round(1000 * t)},{v}" for a, t, v in zip(late, TIME, VALUES, strict=True)]
+    recording = read_recording(written(tmp_path, "pc_time,mcu_ms,adc", rows))
+    assert (np.diff(recording.stamps) == 10_000_000).all()
+    assert any("steadier" in note for note in recording.notes)
+
+
 def test_two_topics_in_one_table_may_share_their_times(tmp_path) -> None:
     rows = [row for t, v in zip(TIME, VALUES, strict=True) for row in (f"{t},{v},", f"{t},,{v + 1}")]
     recording = read_recording(written(tmp_path, "time [s],left,right", rows), "right")

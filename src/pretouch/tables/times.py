@@ -45,6 +45,7 @@ _STARTS: Final = (25569, 719529)
 """1970-01-01 in the days of spreadsheets and of MATLAB."""
 _YEARS: Final = (-5000, 55000)
 """Days since 1970 in which recordings are made."""
+_UNSTEADY: Final = 0.2  # mean difference of steps from their median, relative to it: readings came in batches
 _COARSEST: Final = 2e-3  # s between readings that milliseconds tell apart
 _SHOWN: Final = 5
 
@@ -100,6 +101,11 @@ def read_times(table: TextTable) -> Times:
     if _is_coarse(times):
         finer = _with_fraction(table, times, candidates) or _by_unit(table, candidates)
         times, where, unit = finer or (times, where, unit)
+    elif (spread := _spread(times)) > _UNSTEADY:
+        steadier = _by_unit(table, candidates)
+        if steadier is not None and _spread(steadier[0]) < spread / 2:
+            note = f"The times are from {steadier[1]}, because they are steadier than those of {where}."
+            times, where, unit = steadier[0]._replace(notes=(*steadier[0].notes, note)), *steadier[1:]
     return _checked(table, times, where, unit)
 
 
@@ -118,6 +124,13 @@ def _best(table: TextTable, candidates: Sequence[int]) -> tuple[Times, str, str]
 def _is_coarse(times: Times) -> bool:
     stamps = times.stamps[times.usable]
     return len(stamps) > 1 and is_coarse(stamps)
+
+
+def _spread(times: Times) -> float:
+    """Return how much the steps of times differ from their median, relative to it."""
+    steps = np.diff(times.stamps[times.usable])
+    middle = float(np.median(steps)) if len(steps) else 0.0
+    return float(np.mean(np.abs(steps - middle))) / middle if middle > 0 else 0.0
 
 
 def _with_fraction(table: TextTable, times: Times, candidates: Sequence[int]) -> tuple[Times, str, str] | None:

@@ -29,14 +29,14 @@ _FILLED: Final = 0.9  # share of the rows that have a text
 _SHOWN: Final = 6
 
 
-class Choice(NamedTuple):
+class SensorChoice(NamedTuple):
     """A column, and the values of other columns in the rows to be read."""
 
     name: str
     values: tuple[tuple[str, str], ...]
 
 
-def parse_choice(wanted: str, header: Sequence[str]) -> Choice:
+def parse_choice(wanted: str, header: Sequence[str]) -> SensorChoice:
     """Split a text such as `value[sensor=left]` into the column and the rows to be read.
 
     Args:
@@ -52,9 +52,9 @@ def parse_choice(wanted: str, header: Sequence[str]) -> Choice:
     """
     match = None if wanted in header else _CHOICE.fullmatch(wanted)
     if match is None:
-        return Choice(wanted, ())
+        return SensorChoice(wanted, ())
     parts = [part.partition("=") for part in match[2].split(",")]
-    return Choice(match[1], tuple((name.strip(), value.strip()) for name, _, value in parts))
+    return SensorChoice(match[1], tuple((name.strip(), value.strip()) for name, _, value in parts))
 
 
 def is_identity(title: str) -> bool:
@@ -67,7 +67,7 @@ def is_identity(title: str) -> bool:
     return bool(_IDENTITY.fullmatch(name))
 
 
-def rows_of_one_sensor(path: Path, table: TextTable, choice: Choice) -> tuple[TextTable, tuple[str, ...]]:
+def rows_of_one_sensor(path: Path, table: TextTable, choice: SensorChoice) -> tuple[TextTable, tuple[str, ...]]:
     """Return the rows of the chosen sensor, with a remark on the choice.
 
     Args:

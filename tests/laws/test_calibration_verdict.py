@@ -337,3 +337,37 @@ def test_the_first_sentence_says_that_the_slope_is_unknown() -> None:
     assert "do not determine" not in calibration_page(known).headline
     assert not unknown.best.middle_slope.is_within(3.0)
     assert "do not determine the slope" in calibration_page(unknown).headline
+
+
+def no_signal(outputs: Any, unit: str, empty: Any = ()) -> str:
+    report = fit(Calibration(distances=DISTANCES, outputs=outputs, unit=unit, no_object=list(empty)))
+    assert report.verdict == "no usable signal"
+    return report.reasons[0]
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "s"), (1e6, "us")])
+def test_an_echo_time_is_a_distance_and_a_decay_time_is_not(factor: float, unit: str) -> None:
+    echo = no_signal(factor * (3e-4 + 2 * DISTANCES / 343), unit)
+    assert split_code(echo)[0] == "PT113"
+    assert "5.83 us per mm, like an echo at the speed of sound" in echo
+    assert "inverse" not in echo
+    decay = no_signal(factor * 1e-5 * (1 + DISTANCES / 0.03) ** 2.5, unit)
+    assert "inverse, 1 / reading" in decay
+
+
+@pytest.mark.parametrize("bits", [8, 16, 32])
+def test_an_overflow_of_signed_integers_is_named(bits: int) -> None:
+    counts = np.round(0.75 * 2**bits * (0.03 / (0.03 + DISTANCES)) ** 1.5)
+    text = no_signal(np.where(counts >= 2 ** (bits - 1), counts - 2**bits, counts), "counts")
+    assert split_code(text)[0] == "PT113"
+    assert f"{bits}-bit" in text
+    assert f"add {2**bits} " in text
+
+
+@pytest.mark.parametrize("empty", [(979.0, 998.0, 982.0, 987.0), (0.1, 1.2, 2.3, 3.1)])
+def test_readings_without_an_object_that_contradict_the_others_are_named(empty: tuple[float, ...]) -> None:
+    """The first kind has another decimal mark, and the second kind is rows whose distance is missing."""
+    text = no_signal(0.1 + 3.2 * (0.03 / (0.03 + DISTANCES)) ** 2.5, "V", empty)
+    assert split_code(text)[0] == "PT110"
+    assert "finer steps" not in text
+    assert f"{max(empty):g} V" in text

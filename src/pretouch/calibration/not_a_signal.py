@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -12,7 +13,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity, parse_unit, supported_digits
 from pretouch._core.warning_codes import caution
 
-from .averaging import AveragedCurve, ReadingNoise
+from .averaging import AveragedCurve, ReadingNoise, average
 from .data import Calibration
 from .window import valley
 
@@ -22,6 +23,10 @@ _SCENARIO: Final = (
 _FOLLOWS: Final = 0.5, 2.0  # change of the reported distance, over that of the distance, between which it follows
 _CORNER: Final = 0.05  # share of the largest lag of the reported distance within which the corner lies
 _TIME: Final = parse_unit("s").exponents
+_SOUND: Final = 2 / 370, 2 / 310  # increase of an echo time per distance [s/m], for speeds of sound of 370 to 310 m/s
+_STRAIGHT: Final = 0.05  # share of the range of the outputs by which a straight line may miss them
+_FEWEST: Final = 5  # distances needed to see a straight line or an overflow
+_INTEGERS: Final = (8, 16, 32)  # bits
 _RESISTANCES: Final = ("ohm", "\u03a9", "\u2126")
 
 
@@ -88,6 +93,15 @@ def rising_output(calibration: Calibration, curve: AveragedCurve, noise: Reading
     both = falls_and_rises(calibration, curve, noise)
     if both:
         return both
+    if _is_time(calibration.unit) and _is_straight(curve):
+        rate = float(np.polyfit(curve.distance, curve.output * parse_unit(calibration.unit).factor, 1)[0])
+        sound = ", like an echo at the speed of sound" if _SOUND[0] <= rate <= _SOUND[1] else ""
+        return caution(
+            "PT113",
+            f"The sensor output is a time in {calibration.unit} that grows evenly with the distance, by "
+            f"{rate * 1e3:.3g} us per mm{sound}, so it is a distance and needs no calibration: convert it to a "
+            f"distance on the robot, and {_SCENARIO}",
+        )
     if _is_inverse(calibration.unit):
         return caution(
             "PT113",
@@ -123,10 +137,46 @@ def falls_and_rises(calibration: Calibration, curve: AveragedCurve, noise: Readi
     )
 
 
+def overflowed_output(calibration: Calibration, curve: AveragedCurve) -> str:
+    """Return the warning about integers that overflow near the sensor; empty if they do not.
+
+    There the output of a signed integer continues with large negative values. Without the overflow, it falls with the
+    distance.
+    """
+    outputs = calibration.outputs
+    if not (outputs < 0).any() or (np.diff(curve.output) < 0).all() or (outputs % 1).any():
+        return ""
+    for bits in _INTEGERS:
+        limit = 2 ** (bits - 1)
+        if np.abs(outputs).max() > limit or np.ptp(outputs) < limit:
+            continue
+        restored = average(replace(calibration, outputs=np.where(outputs < 0, outputs + 2**bits, outputs))).output
+        if len(restored) >= _FEWEST and (np.diff(restored) < 0).all():
+            at = format_quantity(float(curve.distance[int(np.flatnonzero(curve.output < 0)[-1])]), "m")
+            unit, digits = f" {calibration.unit}".rstrip(), supported_digits(float(curve.output.max()))
+            return caution(
+                "PT113",
+                f"The sensor output jumps from {curve.output.max():.{digits}g}{unit} to negative values at distances "
+                f"up to {at}, probably by an overflow of a signed {bits}-bit integer: read the output as an unsigned "
+                f"integer, or add {2**bits} to each negative reading, in the file and on the robot.",
+            )
+    return ""
+
+
+def _is_straight(curve: AveragedCurve) -> bool:
+    """Return True if the averaged outputs lie on a straight line over the distance. A decay time bends upward."""
+    if len(curve.distance) < _FEWEST:
+        return False
+    line = np.polyval(np.polyfit(curve.distance, curve.output, 1), curve.distance)
+    return bool(np.abs(curve.output - line).max() < _STRAIGHT * np.ptp(curve.output))
+
+
 def _is_inverse(unit: str) -> bool:
     """Return True for units of quantities that are inversely proportional to a photocurrent."""
-    if unit.lower().endswith(_RESISTANCES):
-        return True
+    return unit.lower().endswith(_RESISTANCES) or _is_time(unit)
+
+
+def _is_time(unit: str) -> bool:
     try:
         return parse_unit(unit).exponents == _TIME
     except UnitError:

@@ -28,7 +28,7 @@ from .averaging import (
 from .ceilings import ERROR, CeilingFits, SampleOptions, fit_under_ceilings
 from .data import Calibration
 from .family_fits import find_noise, outlier_indices
-from .not_a_signal import falls_and_rises, reported_distance, rising_output
+from .not_a_signal import falls_and_rises, overflowed_output, reported_distance, rising_output
 from .possible_curves import PossibleCurves, fit_possible_curves
 from .result import NoiseEstimate, OffsetEstimate, UsableWindow
 from .window import NearEnd, declared_offset, end_of_falling, find_near_end, is_rising, window_of
@@ -41,6 +41,7 @@ _FEWEST_DISTANCES = 4  # the inverse power with a known offset, and one point to
 _FALL_LEVEL = 0.05  # significance level of the rank test
 _CLEAR = 13.0  # decrease of ln xi between neighbors, in standard errors: their slope is known within 15 % (95 %)
 _FLATTENED = "the output flattens toward a ceiling at smaller distances, where {} the slope"
+_SCATTERED = 0.3  # share of the range of the outputs by which readings of one empty scene cannot differ
 _CLEAR_FALL = 6.0  # decrease in standard deviations, from the first to the last reading, that needs no rank test
 
 
@@ -129,6 +130,7 @@ def _prepare(
     offset_estimate = _user_offset(calibration, offset, noise)
     no_near_end = NearEnd(index=0, reason="", saturation=None)
     other = reported_distance(calibration, curve) if is_length(calibration.unit) else ""
+    other = other or overflowed_output(calibration, curve)
     if not other and near_field_peak == "auto" and is_rising(curve, noise):
         other = rising_output(calibration, curve, noise)
     if other:
@@ -258,7 +260,7 @@ def _prepared(
             window,
             offset,
             noise,
-            calibration.unit,
+            calibration,
             rises_again=falls_and_rises(calibration, curve, raw) if last else "",
         ),
     )
@@ -391,7 +393,7 @@ def _why_no_signal(
     window: UsableWindow,
     offset: OffsetEstimate,
     noise: NoiseEstimate,
-    unit: str,
+    calibration: Calibration,
     *,
     rises_again: str,
 ) -> tuple[str, ...]:
@@ -402,12 +404,14 @@ def _why_no_signal(
     Returns:
         The reasons; empty if there is a usable signal.
     """
-    reasons = []
+    reasons, unit = [], calibration.unit
     count = len(window.distances)
-    chance = chance_of_falling(tail.output[: 2 * count])  # a long plateau does not inform about the window
+    never = not count and len(tail.output) >= _FEWEST_POINTS and not rises_again
+    # a long plateau does not inform about the window
+    chance = chance_of_falling(tail.output if never else tail.output[: 2 * count])
     near, far = tail.output[0] - offset.value, tail.output[-1] - offset.value
     error = float(np.hypot(*noise.of_means(tail.count[[0, -1]], np.maximum([near, far], 0.0))))
-    if count >= _FEWEST_POINTS and chance > _FALL_LEVEL and near - far < _CLEAR_FALL * error:
+    if (never or count >= _FEWEST_POINTS) and chance > _FALL_LEVEL and near - far < _CLEAR_FALL * error:
         reasons.append(
             caution(
                 "PT110",
@@ -415,8 +419,12 @@ def _why_no_signal(
                 "check power, orientation and range of the sensor.",
             )
         )
+    if never and reasons:  # finer steps near the sensor would not help
+        return tuple(reasons)
     if count < _FEWEST_POINTS and rises_again:
         reasons.append(rises_again)
+    elif count < _FEWEST_POINTS and (contradiction := _contradicting_offset(calibration, tail, offset)):
+        reasons.append(contradiction)
     elif count < _FEWEST_POINTS:
         largest = f" The largest usable distance is {format_quantity(window.distances[-1], 'm')}." if count else ""
         digits = supported_digits(window.floor, abs(window.floor - offset.value))
@@ -432,6 +440,35 @@ def _why_no_signal(
             )
         )
     return tuple(reasons)
+
+
+def _contradicting_offset(calibration: Calibration, tail: AveragedCurve, offset: OffsetEstimate) -> str:
+    """Return why the readings without an object contradict the others; empty if they do not.
+
+    The output clearly falls with the distance. But the readings without an object are larger than most outputs with an
+    object, or they scatter as much as the outputs at different distances.
+    """
+    empty, reach = calibration.no_object, float(np.ptp(tail.output))
+    if offset.kind != "measured" or chance_of_falling(tail.output) > _FALL_LEVEL:
+        return ""
+    values = (float(empty.min()), float(empty.max()), float(tail.output[0]))
+    low, high, first = (f"{v:.{supported_digits(v)}g} {calibration.unit}".rstrip() for v in values)
+    if len(empty) > 1 and np.ptp(empty) > _SCATTERED * reach:
+        return caution(
+            "PT110",
+            f"The readings without an object range from {low} to {high}, about as much as the outputs at different "
+            "distances: check that they have no object, and that no distance is missing in the file.",
+        )
+    below = int((tail.output < offset.low).sum())
+    if 2 * below <= len(tail.output):
+        return ""
+    nearest = format_quantity(float(tail.distance[0]), "m")
+    return caution(
+        "PT110",
+        f"The output falls with the distance, but at {below} of {len(tail.output)} distances it is smaller than "
+        f"without an object ({low} to {high}): check the decimal marks, and that these readings have no object. At "
+        f"{nearest} it is {first}.",
+    )
 
 
 def chance_of_falling(output: FloatArray) -> float:

@@ -133,7 +133,8 @@ def test_the_lines_that_a_fit_proposes_repeat_the_fit_in_a_scenario(run, options
     Path("dark.csv").write_text("output [V]\n0.119\n0.121\n0.12\n0.122\n")
     out = run("fit", *options, "--no-report")[1]
     lines = out.partition("Next: put these lines into the section [sensor] of a scenario file.\n")[2].splitlines()
-    Path("said.toml").write_text(calibrated(*lines[: lines.index("All numbers: --verbose")]))
+    said = [line.replace("# recess", "recess") for line in lines[: lines.index("All numbers: --verbose")]]
+    Path("said.toml").write_text(calibrated(*said))  # the user completes the recess
     sensor = pt.load_scenario("said.toml").sensor
     told = strict(run("fit", *options, "--json")[1])
     best = next(m for m in told["models"] if m["name"] == told["best"])

@@ -201,7 +201,7 @@ def _rows_by_label(
         return ({(): range(len(distances))} if len(distances) else {}), ()
     groups: dict[tuple[str, ...], list[int]] = {}
     shared = []
-    for i, key in enumerate(zip(*(table.columns[k] for k in columns), strict=True)):
+    for i, key in enumerate(zip(*(table.written_columns[k] for k in columns), strict=True)):
         if any(key) and not (all(map(is_no_object, key)) and np.isinf(distances[i]).all()):
             groups.setdefault(key, []).append(i)
             continue

@@ -49,7 +49,8 @@ class TextTable:
     """Text table with a header, columns and rows.
 
     It stores the line number of each row in the file. `floats` has the numbers of each column, None for a column with
-    other cells than numbers with a decimal point. `notes` say how the file was understood, `lost` what is not read.
+    other cells than numbers with a decimal point. Labels are as they are written, so header and columns are also kept
+    without any change. `notes` say how the file was understood, `lost` what is not read.
     """
 
     file: str
@@ -62,6 +63,8 @@ class TextTable:
     columns: tuple[Sequence[str], ...]
     lines: Sequence[int]
     floats: tuple[FloatArray | None, ...]
+    written_header: tuple[str, ...]
+    written_columns: tuple[Sequence[str], ...]
     notes: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
 
@@ -98,7 +101,7 @@ class TextTable:
 
         If the header is empty, return the column number.
         """
-        return self.header[index] or f"column {index + 1}"
+        return self.written_header[index] or f"column {index + 1}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -100,6 +100,8 @@ def read_table(
         columns=plain.columns,
         lines=numbers,
         floats=plain.floats,
+        written_header=header,
+        written_columns=columns,
         notes=(*notes_on_lines, *notes, *notes_on_units, *plain.notes),
         lost=lost,
     )

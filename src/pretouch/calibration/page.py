@@ -294,13 +294,16 @@ def _scenario_text(fit: SensorFit) -> str:
         lines += [f"{key} = {[float(v) for v in getattr(sensor, key)]}" for key in ("distances", "outputs")]
     lines += [f"{name} = {float(value)!r}" for name, value in fit.sensor.parameters.items()]
     start, end = fit.window.l_min, fit.window.l_max
-    limits = {"minimum_distance": start, "maximum_distance": end} if start > 0 else {"maximum_distance": end}
-    less = ", less the recess" if start > 0 else ""
-    lines += [
-        f"{key} = {value:.6g}  # usable distances from the contact surface [m]{less}" for key, value in limits.items()
-    ]
     if start > 0:
-        lines.append(f"# recess = {start:.6g}  # how far the sensor is behind the contact surface [m]")
+        lines += [
+            f"minimum_distance = {start:.6g}  # usable distances from the sensor [m]",
+            f"maximum_distance = {end:.6g}",
+            f"# If the sensor is mounted {recess_in_words(start)} behind the contact surface, use these lines instead:",
+            f"# recess = {start!r}",
+            f"# maximum_distance = {end - start:.6g}",
+        ]
+    else:
+        lines.append(f"maximum_distance = {end:.6g}  # largest usable distance from the contact surface [m]")
     return "\n".join(lines)
 
 

@@ -146,7 +146,7 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
         ),
         (
             "calibrations",
-            ["--sparse", "--count", "3"],
+            ["--sparse", "--count", "6"],
             [
                 r"within 15 % of the predicted contact speed: (\d+) of \1 ",
                 r"without a warning: 0",

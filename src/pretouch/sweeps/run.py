@@ -297,13 +297,14 @@ def _open_finished(plan: Grid, target: Path, *, overwrite: bool) -> xr.Dataset |
                 "name with --output",
                 remedy="--output",
             )
-        problem = f"{target}: the stored sweep is damaged."
+        problem, differing = f"{target}: the stored sweep is damaged.", ""
         if not equal:
             differing = differing_parts(dataset.attrs, plan)
             problem = f"{target}: the stored sweep differs from the requested sweep in {differing}."
         raise OutputExistsError(
             f"{problem} Therefore, pretouch does not overwrite the file. Choose another name with --output, or replace "
             "the file with --force (overwrite=True in Python)",
+            value=differing or None,
             remedy="--force",
         )
     return None

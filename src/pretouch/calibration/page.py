@@ -14,6 +14,7 @@ from pretouch._core.units import format_percent, format_quantity, supported_digi
 from pretouch._core.vocabulary import words_for
 from pretouch._core.warning_codes import split_code
 from pretouch.sensors.recessed import recess_in_words
+from pretouch.tables.dialect import DELIMITERS
 
 from .result import CalibrationReport, Estimate, SensorFit, uncertainty_in_words
 
@@ -327,6 +328,6 @@ def _source_rows(report: CalibrationReport) -> Iterator[Row]:
         yield "SHA-256", s.sha256
         yield "columns", f"{s.distance_column} and {s.output_column}"
         yield "rows, of which dropped", f"{s.rows}, {s.dropped}"
-        delimiter = {"\t": "tabs", " ": "blanks", ",": "commas", ";": "semicolons"}.get(s.delimiter, s.delimiter)
+        delimiter = DELIMITERS.get(s.delimiter, s.delimiter)
         mark = {".": "point", ",": "comma"}.get(s.decimal_mark, s.decimal_mark)
         yield "read as", f"{s.encoding}, columns separated by {delimiter}, decimal {mark}"

@@ -15,6 +15,7 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit
 from pretouch.tables.cells import Column, TextTable, is_missing, is_no_object, is_number, join_first, quoted
 from pretouch.tables.column_options import ColumnOption, ColumnOptions, columns_hint
+from pretouch.tables.dialect import DELIMITERS
 from pretouch.tables.names import (
     DistanceMark,
     distance_mark,
@@ -30,7 +31,6 @@ from pretouch.tables.unit_words import LENGTH, TIME, dimension, unit_in_words
 
 from .data import IF_NEGATIVE
 
-_DELIMITERS = {"\t": "tabs", " ": "blanks", ",": "commas", ";": "semicolons"}
 _SHOWN = 8  # columns that a message lists
 _SIDES = frozenset(
     [
@@ -381,7 +381,7 @@ def _understood(table: TextTable, options: ColumnOptions, distance_column: Colum
     if not is_assumed:
         return []
     signs = (
-        f"{_DELIMITERS.get(table.delimiter, repr(table.delimiter))} separate the columns, the comma is the decimal sign"
+        f"{DELIMITERS.get(table.delimiter, repr(table.delimiter))} separate the columns, the comma is the decimal sign"
     )
     return [f"Read: {', '.join(parts)}{f'; {signs}' if table.decimal_mark == ',' else ''}."]
 

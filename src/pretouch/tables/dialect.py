@@ -10,6 +10,8 @@ from .cells import is_number, is_row
 
 BLANK: Final = " "
 """The delimiter of columns that are set apart by blanks."""
+DELIMITERS: Final = {"\t": "tabs", " ": "blanks", ",": "commas", ";": "semicolons"}
+"""The delimiters in words."""
 BRACKETED: Final = r"[\[(][^\[\]()]*[\])]"
 """Text in brackets, such as a unit."""
 _ROW_WORD = re.compile(r'"[^"]*"|no object|\S+', re.IGNORECASE)

@@ -61,7 +61,7 @@ def test_help_names_every_verb_and_option(run):
         "simulate": ["FILE", "--gain", "--seed", "1 it did not"],
         "verify": ["FILE", "--gain", "--runs", "--seed", "--no-changes", "1 it does not"],
         "export": ["TARGET", "FILE", "--gain", "--unverified", "1 the gain does not hold"],
-        "replay": ["FILE", "BAG", "--topic", "--truth", "--clock", "--mcap", "1 no reading could be used"],
+        "replay": ["FILE", "BAG", "--topic", "--truth", "--clock", "--mcap", "1 almost no reading could be used"],
         "reproduce": ["[ID]...", "table-2", "impact-force", "1 some differences"],
     }
     assert all(verb in out for verb in own)

@@ -7,10 +7,21 @@ from pathlib import Path
 import pytest
 from sessions import SNAPSHOTS, prints_the_same, renewed, run_snapshot
 
+from pretouch.designs.quantities import CONSTRAINT_NAMES, QUANTITY_KINDS, QUANTITY_UNITS
+
 NEEDED = {"project": "mujoco", "sweep": "xarray", "python": "xarray", "replay": "mcap"}
 """Libraries of extras, by the command that needs them."""
 
 VERBS = sorted(path.stem for path in SNAPSHOTS.glob("*.md"))
+
+
+@pytest.fixture(autouse=True)
+def only_built_in_quantities(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take away the quantities that other tests define, which messages would list as well."""
+    own = set(QUANTITY_UNITS) - set(QUANTITY_KINDS.names())
+    for names in (QUANTITY_UNITS, CONSTRAINT_NAMES):
+        for name in own & set(names):
+            monkeypatch.delitem(names, name)
 
 
 @pytest.mark.parametrize("verb", VERBS)

@@ -19,8 +19,20 @@ def write(tmp_path, monkeypatch):
     return writer(tmp_path, monkeypatch)
 
 
+DAMPING = '"250 N*s/m"'
 IN_CHAIN, IN_CONTROLLER = 'noise = "20 counts"', 'rate = "1 kHz"'
 STIFF, MARGIN = 'stiffness = "1.3e5 N/m^1.5"', "stability_margin = 2.0"
+
+
+def controlled(*lines: str) -> str:
+    """Return the rate of the controller, and more lines of its section."""
+    return "\n".join(("rate = 1000", *lines))
+
+
+def damped(*lines: str) -> str:
+    """Return a value of the robot's damping, and more lines of its section."""
+    return "\n".join(("1", *lines))
+
 
 # (what is replaced, by what, the start of the line that is named, key)
 MISTAKES = [
@@ -47,30 +59,30 @@ MISTAKES = [
     (IN_CHAIN, 'rate = "2 kHz"', 'rate = "1', "controller.rate"),
     (IN_CHAIN, "noise = 0", "[controller]", "controller.floor"),
     (IN_CONTROLLER, "", "[controller]", "controller"),
-    (IN_CONTROLLER, 'rate = 1000\nperiod = "1 ms"', "period", "controller.period"),
+    (IN_CONTROLLER, controlled('period = "1 ms"'), "period", "controller.period"),
     (IN_CONTROLLER, 'period = "5 ms"', "period", "controller.period"),
-    (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = "1 mV"', "floor", "controller.floor"),
-    (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = 0', "floor", "controller.floor"),
-    (IN_CONTROLLER, "rate = 1000\nfloor = 3e4", "scale", "sensor.scale"),
-    (IN_CONTROLLER, "rate = 1000\nsaturation = 50", "satur", "controller.saturation"),
-    (IN_CONTROLLER, "rate = 1000\nmedian_window = 17", "median", "controller.median_window"),
-    (IN_CONTROLLER, "rate = 1000\nmedian_window = 3.0", "median", "controller.median_window"),
-    (IN_CONTROLLER, "rate = 1000\nlow_pass_order = 2", "[controller]", "controller.cutoff"),
-    (IN_CONTROLLER, 'rate = 1000\nlow_pass_order = 2\ncutoff = "200 Hz"', "cutoff", "controller.cutoff"),
-    (IN_CONTROLLER, 'rate = 1000\ntimeout = "1 ms"', "timeout", "controller.timeout"),
-    (IN_CONTROLLER, 'rate = 1000\ngain = "-0.7 N"', "gain", "controller.gain"),
-    (IN_CONTROLLER, "rate = 1000\ngain = 1e7", "gain", "controller.gain"),
-    (IN_CONTROLLER, "rate = 1000\nlargest_force = 1e10", "largest_force", "controller.largest_force"),
-    (IN_CONTROLLER, "rate = 1000\ncontact_gain = 1.5", "contact_gain", "controller.contact_gain"),
-    (IN_CONTROLLER, 'rate = 1000\napproach_only = "yes"', "approach", "controller.approach_only"),
-    (IN_CONTROLLER, "rate = 1000\nsensor_period = 1", "sensor_p", "controller.sensor_period"),
+    (IN_CONTROLLER, controlled('floor = "1 mV"'), "floor", "controller.floor"),
+    (IN_CONTROLLER, controlled("floor = 0"), "floor", "controller.floor"),
+    (IN_CONTROLLER, controlled("floor = 3e4"), "scale", "sensor.scale"),
+    (IN_CONTROLLER, controlled("saturation = 50"), "satur", "controller.saturation"),
+    (IN_CONTROLLER, controlled("median_window = 17"), "median", "controller.median_window"),
+    (IN_CONTROLLER, controlled("median_window = 3.0"), "median", "controller.median_window"),
+    (IN_CONTROLLER, controlled("low_pass_order = 2"), "[controller]", "controller.cutoff"),
+    (IN_CONTROLLER, controlled("low_pass_order = 2", 'cutoff = "200 Hz"'), "cutoff", "controller.cutoff"),
+    (IN_CONTROLLER, controlled('timeout = "1 ms"'), "timeout", "controller.timeout"),
+    (IN_CONTROLLER, controlled('gain = "-0.7 N"'), "gain", "controller.gain"),
+    (IN_CONTROLLER, controlled("gain = 1e7"), "gain", "controller.gain"),
+    (IN_CONTROLLER, controlled("largest_force = 1e10"), "largest_force", "controller.largest_force"),
+    (IN_CONTROLLER, controlled("contact_gain = 1.5"), "contact_gain", "controller.contact_gain"),
+    (IN_CONTROLLER, controlled('approach_only = "yes"'), "approach", "controller.approach_only"),
+    (IN_CONTROLLER, controlled("sensor_period = 1"), "sensor_p", "controller.sensor_period"),
     ('kind = "impedance"', "", "[robot]", "robot.kind"),
     ('"impedance"', '"impedence"', "kind", "robot.kind"),
     ('"impedance"', '"position"', "stiffness", "robot.stiffness"),
     ('mass = "4 kg"\n', "", "[robot]", "robot.mass"),
-    ('"250 N*s/m"', '"250 N/m"', 'damping = "250', "robot.damping"),
-    ('"250 N*s/m"', "1\nbandwidth = 80\nviscous_friction = 1", "viscous", "robot.viscous_friction"),
-    ('"250 N*s/m"', "1\nfeedforward = 0", "feedforward", "robot.feedforward"),
+    (DAMPING, '"250 N/m"', 'damping = "250', "robot.damping"),
+    (DAMPING, damped("bandwidth = 80", "viscous_friction = 1"), "viscous", "robot.viscous_friction"),
+    (DAMPING, damped("feedforward = 0"), "feedforward", "robot.feedforward"),
     ('"hunt-crossley"', '"hertz"', 'kind = "hertz"', "contact.kind"),
     (STIFF, 'stiffness = "1e6 N/m"', 'stiffness = "1e', "contact.stiffness"),
     (STIFF, 'stiffness = "1e6 V/m^1.5"', 'stiffness = "1e', "contact.stiffness"),
@@ -170,10 +182,10 @@ def test_an_ideal_robot_has_no_contact(write, robot):
 
 
 def test_several_mistakes_are_told_at_once(write):
-    text = LOOPED.replace('"20 counts"', '"20 mV"').replace(
-        '"1 kHz"', '"1 kHz"\nmedian_window = 20\nlargest_force = 1e10'
-    )
-    text = text.replace('"250 N*s/m"', "1\nbandwidth = 80\nviscous_friction = 1").replace('"1.3e5 N/m^1.5"', '"1 m"')
+    text = replaced(IN_CHAIN, 'noise = "20 mV"', LOOPED)
+    text = replaced(IN_CONTROLLER, controlled("median_window = 20", "largest_force = 1e10"), text)
+    text = replaced(DAMPING, damped("bandwidth = 80", "viscous_friction = 1"), text)
+    text = replaced(STIFF, 'stiffness = "1 m"', text)
     assert [key for _, key in places(write(text))] == [
         "chain.noise",
         "controller.median_window",
@@ -225,7 +237,7 @@ def test_a_file_without_a_loop_has_no_limit_of_stability(write):
 
 
 def test_a_start_outside_of_the_limits_is_refused(write):
-    text = replaced(IN_CONTROLLER, 'rate = "1 kHz"\nlargest_excursion = "1 mm"', LOOPED)
+    text = replaced(IN_CONTROLLER, controlled('largest_excursion = "1 mm"'), LOOPED)
     text = text.replace('[plant]\nposition = "0 m"', '[plant]\nposition = "5 mm"')
     assert (line_of("[controller]", text), "controller") in places(write(text))
 

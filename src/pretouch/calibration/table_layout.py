@@ -171,7 +171,7 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int], 
 
 
 def _sensors(table: TextTable, distance: int | None) -> list[int]:
-    """Return the output columns of several sensors beside one distance column.
+    """Return the output columns of several sensors next to one distance column.
 
     All columns that may be outputs must be alike: they have the same unit, and names that differ in one word or number.
     """

@@ -15,13 +15,13 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch.tables.cells import TextTable, float_of, is_number, join_first, quoted
 from pretouch.tables.names import is_named, split_title
+from pretouch.tables.number_forms import in_decimal
 
 _CHOICE: Final = re.compile(r"(.*?)\s*\[\s*([^\[\]=]+=[^\[\]]*)\]")
 _IDENTITY: Final = re.compile(
     r"(?:.* )?(?:sensor|device|channel|probe|node|module|board|mux|side|kanal|geraet|gerät)"
     r"(?: ?(?:id|name|nr|no|number|index|address|#))?|id|ch|name|label|addr|address|sid|unit|frame id|topic|source"
 )
-_HEXADECIMAL: Final = re.compile(r"0[xX][0-9a-fA-F]{1,8}")
 _MOST: Final = 64  # sensors in one table
 _FEWEST: Final = 2  # rows of each sensor
 _MIXED: Final = 0.5  # share of the rows at which the text changes, above which it names the sensor of each row
@@ -158,8 +158,7 @@ def _column(path: Path, table: TextTable, name: str, value: str) -> int:
 
 
 def _is_equal(cell: str, value: str) -> bool:
-    if _HEXADECIMAL.fullmatch(value):  # tables have the number that it means
-        value = str(int(value, 16))
+    value = in_decimal(value)  # as in the table
     return cell == value or (is_number(cell) and is_number(value) and float_of(cell) == float_of(value))
 
 

@@ -78,8 +78,8 @@ class SiteContact(Value):
     They belong to one run. NaN stands for what does not happen.
 
     Args:
-        time: time of the first contact of the surface at the site [s], on the axis or beside it.
-        relative_velocity: l' at this contact [m/s]; beside the axis, the normal relative velocity at the contact
+        time: time of the first contact of the surface at the site [s], on the axis or next to it.
+        relative_velocity: l' at this contact [m/s]; next to the axis, the normal relative velocity at the contact
             point.
         peak_force: largest contact force on this surface along the axis [N].
         impulse: impulse of all contact forces [N s].

@@ -155,7 +155,7 @@ class Sight:
             return math.inf
         low = self._curve.valid_range[0]
         distances, facing = distances[near], facing[near]
-        # A tilted surface may be nearer than the contact surface beside the axis; there, the curve continues straight.
+        # A tilted surface may be nearer than the contact surface next to the axis; there, the curve continues straight.
         inside = np.maximum(distances, low)
         logs = np.asarray(self._curve.log_output(inside)) + self._first_slope * (distances - inside)
         level = float(logs.max())

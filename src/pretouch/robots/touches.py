@@ -75,7 +75,7 @@ class SiteSurface:
     """The contact surface of a sensor site: the part of its body at which the distance is 0.
 
     It consists of the geoms that the axis meets at the site, and of the points of all other geoms of the same rigid
-    body that are beside the site. Without any geom at the site, it is the whole body of the site.
+    body that are next to the site. Without any geom at the site, it is the whole body of the site.
 
     Args:
         model: the model.
@@ -246,7 +246,7 @@ class Touches:
 def _robot_bodies(
     model: Model, data: Data, drivetrains: Sequence[Drivetrain], carriers: Sequence[int]
 ) -> tuple[frozenset[int], frozenset[int], frozenset[int]]:
-    """Return the bodies of a robot: those that move, those that are fixed beside it, and all of them.
+    """Return the bodies of a robot: those that move, those that are fixed next to it, and all of them.
 
     All bodies under the same root belong to the robot, such as a palm that is fixed to the world, with fingers without
     a sensor. A body that other joints move, which no actuator drives, is an object.

@@ -16,6 +16,7 @@ from pretouch._core.units import parse_unit
 
 from .cells import is_missing, is_no_object, is_number, quoted
 from .names import split_title
+from .number_forms import in_decimal, is_hexadecimal
 from .unit_words import dimension, unit_in_words
 
 _FIRST: Final = 50  # cells that are tried first
@@ -23,7 +24,6 @@ _SPREAD: Final = re.compile(r"(.*?\S)\s*(?:±|\+/-|\+-)\s*[\d.,]+(.*)")
 _WITH_UNIT: Final = re.compile(
     r"([-+\N{MINUS SIGN}]?[\d.,' \u00a0\u202f\N{RIGHT SINGLE QUOTATION MARK}]*\d\.?)\s*([^\d\s.,].*|\")"
 )
-_HEXADECIMAL: Final = re.compile(r"0[xX][0-9a-fA-F]{1,8}")
 _SPACED: Final = re.compile(r"[-+]?\d{1,3}(?:[' \u00a0\u202f\N{RIGHT SINGLE QUOTATION MARK}]\d{3})+(?:[.,]\d+)?")
 _GROUPS: Final = {
     mark: re.compile(rf"[-+]?\d{{1,3}}(?:\{mark}\d{{3}}){{2,}}(?:\{other}\d+)?|[-+]?\d{{1,3}}\{mark}\d{{3}}\{other}\d+")
@@ -133,7 +133,7 @@ def _without_units(forms: dict[str, str], wanted: str | None = None) -> tuple[di
     """
     numbers, units = dict(forms), dict[str, str]()
     for cell, form in forms.items():
-        match = None if _is_plain(form) or _HEXADECIMAL.fullmatch(form) else _WITH_UNIT.fullmatch(form)
+        match = None if _is_plain(form) or is_hexadecimal(form) else _WITH_UNIT.fullmatch(form)
         unit = unit_in_words(match[2].strip()) if match else None
         if match and unit:
             numbers[cell], units[cell] = match[1], unit
@@ -158,8 +158,8 @@ def _without_groups(forms: dict[str, str]) -> dict[str, str]:
     grouped = next((mark for mark, pattern in _GROUPS.items() if any(map(pattern.fullmatch, texts))), "")
     found = {}
     for cell, form in forms.items():
-        if _HEXADECIMAL.fullmatch(form):
-            found[cell] = str(int(form, 16))
+        if is_hexadecimal(form):
+            found[cell] = in_decimal(form)
         elif _SPACED.fullmatch(form):
             found[cell] = re.sub(r"[^\d.,+-]", "", form)
         elif grouped and (_GROUPS[grouped].fullmatch(form) or re.fullmatch(r"[-+]?[\d.,]+", form)):

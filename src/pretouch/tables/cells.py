@@ -14,6 +14,7 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import WORKABLE, has_workable_magnitude
 
+from .number_forms import UNSIGNED, WITH_COMMA, WITH_POINT
 from .unit_words import LENGTH, dimension, unit_in_words
 
 _MISSING = {
@@ -38,9 +39,9 @@ _NO_OBJECT = {
 }
 _INFINITE = re.compile(r"\+?(?:inf|infinity|∞)\s*(\D{1,12})", re.IGNORECASE)
 _BEYOND = re.compile(r"[>≥]\s*\d[\d.,]*\s*\w*")
-_DOTTED = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
-_COMMAED = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
-_QUANTITY = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?\s*([^\d\s.,].{0,20})")
+_DOTTED = re.compile(WITH_POINT)
+_COMMAED = re.compile(WITH_COMMA)
+_QUANTITY = re.compile(rf"[-+]?{UNSIGNED}\s*([^\d\s.,].{{0,20}})")
 _LONGEST_LINE = 60  # characters of a line that a message shows
 
 

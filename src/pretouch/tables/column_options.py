@@ -70,12 +70,11 @@ class ColumnOption:
 class ColumnOptions:
     """User options for the columns of a calibration table.
 
-    They apply to the columns of distances and outputs. The table of a recording has a column of times instead.
+    They apply to the columns of distances and outputs.
     """
 
     distance: ColumnOption = ColumnOption(key="distance")
     output: ColumnOption = ColumnOption(key="output")
-    is_recording: bool = False
 
     @property
     def names_a_column(self) -> bool:

@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 from .cells import is_number, is_row
 from .dialect import cells_of, delimiter_of_row
 from .names import is_named, split_title
+from .number_forms import WITHIN_LINE
 from .unit_words import LENGTH, dimension
 
 TIME_OF_LINE: Final = "time of the line"
@@ -17,13 +18,12 @@ TIME_OF_LINE: Final = "time of the line"
 _STAMP: Final = re.compile(
     r"\s*(\[?)((?:\d{4}-\d\d-\d\d[T ])?\d{1,2}:\d\d:\d\d(?:[.,]\d{1,9})?)(\]?)\s*(->|>|)\s*(.*)", re.DOTALL
 )
-_VALUE: Final = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 _PAIR: Final = re.compile(
-    rf"\s*\"?([^\W\d_][^:=,;\t\"]*?)\"?\s*[:=]\s*(?:({_VALUE})\s*([^\s\d,;:=]*)|(none|inf|no object|nan))"
+    rf"\s*\"?([^\W\d_][^:=,;\t\"]*?)\"?\s*[:=]\s*(?:({WITHIN_LINE})\s*([^\s\d,;:=]*)|(none|inf|no object|nan))"
     r"(?:\s*[,;\t|]\s*|\s+|$)",
     re.IGNORECASE,
 )
-_LENGTH_AND_NUMBERS: Final = re.compile(rf"\s*({_VALUE})\s*([^\s\d,;:=]+)\s*[:=]\s*((?:{_VALUE}[\s,;]*)*)")
+_LENGTH_AND_NUMBERS: Final = re.compile(rf"\s*({WITHIN_LINE})\s*([^\s\d,;:=]+)\s*[:=]\s*((?:{WITHIN_LINE}[\s,;]*)*)")
 _RULE: Final = re.compile(r"[\s|+:=-]*--[\s|+:=-]*|\s*\\(?:hline|toprule|midrule|bottomrule|begin|end)\b.*")
 _MOST: Final = 0.8  # share of the lines that have labels in a file of such lines
 _LOOKED_AT: Final = 200  # lines from which the form is told
@@ -272,7 +272,7 @@ def _of_blocks(numbers: Sequence[int], texts: list[str]) -> FormedLines | None:
         cells = labeled_cells(text) if pair is None else None
         readings: list[str] = []
         if pair is not None and dimension(pair[2]) == LENGTH:
-            place, readings = pair[1], re.findall(_VALUE, pair[3])
+            place, readings = pair[1], re.findall(WITHIN_LINE, pair[3])
             units.add(pair[2])
         elif cells is not None and len(cells) == 1 and is_named(next(iter(cells)), "distance"):
             ((label, place),) = cells.items()

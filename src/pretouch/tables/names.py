@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 from pretouch._core.units import parse_unit
 
 from .cells import is_no_object, is_number
+from .number_forms import UNSIGNED
 from .unit_words import COUNTS, LENGTH, TIME, VOLTAGE, dimension, is_certain, unit_in_words
 
 _DISTANCES = {
@@ -77,7 +78,7 @@ _KIND_OF: dict[tuple[int, ...], str] = {LENGTH: "distance", TIME: "time", VOLTAG
 _BARE: Final = {"m": "m", "V": "V", "s": "s", "in.": "in"}
 """Short words that are units if a header has nothing else; other words must be certain."""
 _DISTANCE_MARK = re.compile(
-    r"(?:(?P<name>[^\W\d_]+)[\s=:@_]*)?(?P<number>[-+\N{MINUS SIGN}]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)"
+    rf"(?:(?P<name>[^\W\d_]+)[\s=:@_]*)?(?P<number>[-+\u2212]?{UNSIGNED})"
     r"(?:[\s_]*[\[(]?(?P<unit>[^\W\d_]+)[\])]?(?:\.\d+)?)?"  # pandas renames a second column 0cm to 0cm.1
 )
 _NO_OBJECT_MARK = re.compile(r"[+]?(inf|infinity|∞)\s*[\[(]?[^\W\d_]*[\])]?", re.IGNORECASE)

@@ -1,50 +1,33 @@
-"""Read the times of a table: with units, as date and time of day, or counted since 1970."""
+"""Choose the columns of a table that have the times of its rows, and read them."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import date
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from pretouch._core.errors import CalibrationDataError
-from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.numbers import IntArray
 from pretouch._core.units import format_quantity, parse_unit
 
 from .cells import TextTable, is_number, join_first, quoted
+from .clock_texts import has_dates, stamps_of_clock
 from .line_forms import TIME_OF_LINE
 from .names import is_named, split_title
 from .time_steps import are_intervals, continued, far_stamps, is_coarse, readings_per_stamp
+from .time_units import are_days, likely_unit, means_days, stamps_in_unit, stamps_of_days
 from .unit_words import TIME, dimension, unit_in_words
 
-_CLOCK: Final = re.compile(
-    r"(?:(\d{4})-(\d\d?)-(\d\d?)[T ]+|(\d{1,2}[./]\d{1,2}[./]\d{2,4})[T ,]+)?"
-    r"(?:(\d{1,2}):)?(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)\s*(AM|PM)?\s*(?:Z|UTC|[+-]\d\d:?\d\d)?",
-    re.IGNORECASE,
-)
 _NANOSECONDS: Final = re.compile(r"(.*?)(?:nanosec|nanosecs|nsec|nsecs|nanoseconds|nanos)", re.IGNORECASE)
 _SECONDS: Final = re.compile(r"(.*?)(?:sec|secs|seconds|s)", re.IGNORECASE)
-_EPOCHS: Final = (("s", 1e9, 1e11), ("ms", 1e11, 1e14), ("us", 1e14, 1e17), ("ns", 1e17, 1e20))
-"""Ranges of times since 1970, from 2001 on, in each unit."""
-_PLAUSIBLE: Final = {"s": (5e-5, 2.0), "ms": (0.5, 2e3), "us": (50.0, 2e6), "ns": (5e4, 2e9)}
-"""Time steps of sensors in each unit: from half a hertz to 2 kHz, or 20 kHz in seconds."""
-_LOOKED_AT: Final = 200  # rows in which dates are looked for
 _MOSTLY: Final = 0.9  # share of the steps in one direction
 _SLOW: Final = 2.0
 _QUICK: Final = 2e-5
 """Time steps [s] beyond which the unit is doubted."""
-_EPOCH: Final = date(1970, 1, 1).toordinal()
-_SECOND: Final = 10**9
-_SECONDS_OF_DAY: Final = 86400
-_DAY: Final = _SECONDS_OF_DAY * _SECOND
-_DAYS: Final = frozenset({"d", "day", "days", "tag", "tage"})
-_STARTS: Final = (25569, 719529)
-"""1970-01-01 in the days of spreadsheets and of MATLAB."""
-_YEARS: Final = (-5000, 55000)
-"""Days since 1970 in which recordings are made."""
+_SECOND: Final = 10**9  # ns
 _UNSTEADY: Final = 0.2  # mean difference of steps from their median, relative to it: readings came in batches
 _COARSEST: Final = 2e-3  # s between readings that milliseconds tell apart
 _SHOWN: Final = 5
@@ -134,7 +117,7 @@ def _spread(times: Times) -> float:
 
 
 def _with_fraction(table: TextTable, times: Times, candidates: Sequence[int]) -> tuple[Times, str, str] | None:
-    """Add a column with the fraction of the second, such as `ms` beside `Time`, to times in whole seconds."""
+    """Add a column with the fraction of the second, such as `ms` next to `Time`, to times in whole seconds."""
     if np.any(times.stamps[times.usable] % _SECOND):
         return None
     for i, title in enumerate(table.header):
@@ -197,13 +180,7 @@ def _candidates(table: TextTable) -> list[int]:
     """Return the columns with times: those with such a name, else those with a unit of time, else those with dates."""
     named = [i for i, title in enumerate(table.header) if is_named(title, "time") or _of_stamp(title)]
     with_unit = [i for i, title in enumerate(table.header) if dimension(split_title(title)[1]) == TIME]
-    return named or with_unit or [i for i, cells in enumerate(table.columns) if _has_dates(cells[:_LOOKED_AT])]
-
-
-def _has_dates(cells: Sequence[str]) -> bool:
-    """Return True if most cells are dates with a time of day."""
-    matches = [_CLOCK.fullmatch(cell.strip()) for cell in cells]
-    return 2 * sum(match is not None and bool(match[1] or match[4]) for match in matches) > len(cells)
+    return named or with_unit or [i for i, cells in enumerate(table.columns) if has_dates(cells)]
 
 
 def in_order(table: TextTable) -> tuple[TextTable, tuple[str, ...]]:
@@ -230,7 +207,7 @@ def _is_falling(table: TextTable, index: int) -> bool:
     """Return True if the times of a column run backwards."""
     numbers = table.numbers(index)
     if not np.isfinite(numbers).any():
-        stamps, usable = _of_clock(table.columns[index])
+        stamps, usable = stamps_of_clock(table.columns[index])
         numbers = np.where(usable, stamps, np.nan)
     numbers = numbers[np.isfinite(numbers)]
     steps = np.diff(numbers)
@@ -260,117 +237,29 @@ def _read(table: TextTable, index: int) -> tuple[Times, str]:
     title, cells = table.header[index], table.columns[index]
     numbers = table.numbers(index)
     if np.isfinite(numbers).sum() < np.count_nonzero([bool(cell) for cell in cells[:1000]]) / 2:
-        return Times(*_of_clock(cells), (), "", ()), "hours, minutes and seconds"
+        return Times(*stamps_of_clock(cells), (), "", ()), "hours, minutes and seconds"
     unit = split_title(title)[1]
-    days = unit is not None and unit.casefold() in _DAYS
+    days = unit is not None and means_days(unit)
     if unit is not None and dimension(unit) != TIME and not days:
         raise CalibrationDataError(
             f"{table.place}: the time column {quoted(title)} has the unit {unit!r}, which is no unit of time; "
             "write the unit of the times into its header, such as time [ms]"
         )
-    if days or _are_days(numbers):
+    if days or are_days(numbers):
         if not days and unit is not None:
             raise CalibrationDataError(
                 f"{table.place}: the times in the column {quoted(title)} look like the days of a spreadsheet, not like "
                 f'times in {unit}; rename the column to "{split_title(title)[0]} [d]"'
             )
-        return Times(*_of_days(numbers), (), "", ()), "days"
+        return Times(*stamps_of_days(numbers), (), "", ()), "days"
     counted, count = continued(numbers)
-    unit = unit or _unit_of(table, title, counted)
-    times = Times(*_in_nanoseconds(cells if count is None else (), counted, unit), (), "", ())
+    unit = unit or likely_unit(table, title, counted)
+    times = Times(*stamps_in_unit(cells if count is None else (), counted, unit), (), "", ())
     if count is not None:
         times = times._replace(
             notes=(f"The counter of the times restarted after {count:,.0f} {unit}: pretouch continued the times.",)
         )
     return times, unit
-
-
-def _are_days(numbers: FloatArray) -> bool:
-    """Return True if numbers without a unit are the days of a spreadsheet or of MATLAB."""
-    found = numbers[np.isfinite(numbers)]
-    steps = np.diff(found)
-    steps = steps[steps > 0]
-    if not len(steps) or not _start_of_days(found):
-        return False
-    step = float(np.median(steps))
-    low, high = _PLAUSIBLE["s"]
-    return step < low <= step * _SECONDS_OF_DAY <= high
-
-
-def _start_of_days(found: FloatArray) -> int:
-    """Return 1970-01-01 in the days that numbers count; 0 if it is unknown."""
-    low, high = (float(end) for end in (np.min(found, initial=np.inf), np.max(found, initial=-np.inf)))
-    return next((start for start in _STARTS if start + _YEARS[0] <= low and high < start + _YEARS[1]), 0)
-
-
-def _of_days(numbers: FloatArray) -> tuple[IntArray, np.ndarray]:
-    """Return stamps [ns] from days of a spreadsheet or of MATLAB, or from days after any other time."""
-    start = _start_of_days(numbers[np.isfinite(numbers)])
-    usable = np.isfinite(numbers) & (np.abs(numbers - start) < _YEARS[1])
-    return np.round(np.where(usable, numbers - start, 0.0) * _DAY).astype(np.int64), usable
-
-
-def _in_nanoseconds(cells: Sequence[str], numbers: FloatArray, unit: str) -> tuple[IntArray, np.ndarray]:
-    """Convert times to integers in nanoseconds; integers are converted exactly."""
-    size = parse_unit(unit).factor * 1e9
-    usable = np.isfinite(numbers) & (np.abs(numbers) < 2.0**62 / size)
-    whole = np.where(usable, np.floor(numbers), 0)
-    exact = whole.astype(np.int64)
-    if cells and size >= 1 and np.any(np.abs(numbers[usable]) > 2.0**53):  # epochs in nanoseconds are no exact floats
-        rows = zip(cells, whole, strict=True)
-        exact = np.array([int(cell) if cell.isdigit() else int(number) for cell, number in rows])
-    rest = np.where(usable, numbers - whole, 0)
-    return exact * round(size) + np.round(rest * size).astype(np.int64), usable
-
-
-def _of_clock(cells: Sequence[str]) -> tuple[IntArray, np.ndarray]:
-    """Return stamps [ns] from dates and times of day; a time of day before the one above it is of the next day."""
-    stamps, usable = np.zeros(len(cells), dtype=np.int64), np.zeros(len(cells), dtype=bool)
-    days, last, first = 0, -1, ""
-    for i, cell in enumerate(cells):
-        match = _CLOCK.fullmatch(cell.strip())
-        if match is None:
-            continue
-        year, month, day, other, hours, minutes, seconds, half = match.groups()
-        whole, _, fraction = seconds.replace(",", ".").partition(".")
-        hour = int(hours or 0) % 12 + 12 * (half.upper() == "PM") if half else int(hours or 0)
-        of_day = (3600 * hour + 60 * int(minutes) + int(whole)) * 10**9 + int(f"{fraction:0<9}"[:9])
-        if year:
-            try:
-                days = date(int(year), int(month), int(day)).toordinal() - _EPOCH
-            except ValueError:
-                continue
-        elif of_day < last - _DAY // 2 or (other and first and other != first and of_day < last):
-            days += 1
-        first, last = other or first, of_day
-        stamps[i], usable[i] = days * _DAY + of_day, True
-    return stamps, usable
-
-
-def _unit_of(table: TextTable, title: str, numbers: FloatArray) -> str:
-    """Return the unit of times that have none, from their size or their steps."""
-    found = numbers[np.isfinite(numbers)]
-    largest = float(np.max(np.abs(found), initial=0.0))
-    epoch = next((unit for unit, low, high in _EPOCHS if low <= largest < high), None)
-    steps = np.diff(found)
-    steps = steps[steps > 0]
-    if not len(steps):
-        return epoch or "s"
-    step, whole = float(np.median(steps)), bool(np.all(found == np.floor(found)))
-    plausible = [unit for unit, (low, high) in _PLAUSIBLE.items() if low <= step <= high]
-    if epoch is not None and (epoch in plausible or not plausible):
-        return epoch  # a counter of microseconds also reaches such numbers, but with larger steps
-    if not whole and "s" in plausible:
-        return "s"
-    if len(plausible) == 1:
-        return plausible[0]
-    rates = ", ".join(
-        f"{format_quantity(1 / (step * parse_unit(u).factor), 'Hz')} if they are in {u}" for u in ("s", "ms", "us")
-    )
-    raise CalibrationDataError(
-        f"{table.place}: the times in the column {quoted(title)} have no unit. The rate of the readings is {rates}. "
-        f'Write the unit into the header: rename the column to "{title} [UNIT]", with s, ms or us in place of UNIT'
-    )
 
 
 def _is_rising(times: Times) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -93,7 +94,7 @@ def test_a_sensor_that_reports_distances_is_led_to_a_scenario_that_needs_no_cali
     Path("range.csv").write_text("distance [mm],output [mm]\n" + "".join(f"{d},{d + 2}\n" for d in range(0, 60, 5)))
     code, out, _ = run("fit", "range.csv", "--no-report")
     assert code == 1
-    assert "with pretouch init --part VL53L0X. Correct rate and noise in [chain] of this file." in " ".join(out.split())
+    assert "with pretouch init --part VL53L0X, and correct rate and noise in [chain] of this file." in " ".join(out.split())
     code, out, _ = run("init", "--part", "VL53L0X")
     assert code == 0
     assert out.startswith("scenario.toml: this first scenario file uses the sensor part VL53L0X. This part needs no")
@@ -232,6 +233,17 @@ def test_a_wrong_option_of_fit_ends_with_2_and_says_what_is_expected(run, option
     assert code == 2
     assert says in strict(out)["message"]
     assert says in err
+
+
+@pytest.mark.parametrize("options", [["--model", "polynomial"], ["--floor-sigmas", "-1"]])
+def test_nothing_is_printed_before_a_refusal(run, options):
+    assert run("fit", "two.csv", *options)[:2] == (2, "")
+
+
+def test_the_selection_that_several_curves_name_is_one_that_works(run):
+    _, out, _ = run("fit", "two.csv")
+    selection = shlex.split(out[out.rindex("--select") :])
+    assert run("fit", "two.csv", *selection, "--json")[0] == 0
 
 
 def test_options_of_fit_reach_the_fit(run):

@@ -146,6 +146,23 @@ def test_design_chooses_the_admittance_where_the_file_leaves_it_open(run):
     assert told["free"] == ["gain", "damping_ratio"]
 
 
+@pytest.mark.slow
+def test_the_lines_that_a_free_admittance_is_replaced_by_are_verified(run):
+    loop = '[chain]\nrate = "500 Hz"\nnoise = "1 mV"\n[controller]\nrate = "1 kHz"\nfloor = "34.9 mV"\n'
+    text = SCENARIO.replace("scale = 0.458", 'scale = "0.458 V"') + loop
+    free = text.replace("[obstacle]", "damping_ratio_bounds = [0.7, 1.5]\n[obstacle]")
+    Path("free.toml").write_text(free)
+    for verb in (["verify", "--runs", "5"], ["simulate"], ["simulate", "--gain", "-0.7 N*s"]):
+        code, out, err = run(verb[0], "free.toml", *verb[1:])
+        assert (code, out, "admittance.damping_ratio_bounds" in err) == (2, "", True)
+    designed = run("design", "free.toml", "--no-report")[1]
+    section = re.search(r"  \[admittance\]\n(?:  \w+ = .*\n)+", designed)[0].replace("  ", "")
+    start, end = free.index("[admittance]"), free.index("[obstacle]")
+    Path("one.toml").write_text(free[:start] + section + free[end:])
+    gain = strict(run("simulate", "one.toml", "--json")[1])["gain"]
+    assert gain == pytest.approx(strict(run("design", "free.toml", "--json")[1])["gain"], rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("section", "line", "says"),
     [

@@ -112,3 +112,29 @@ def test_a_report_explains_each_code(code: str) -> None:
     page = assert_sound(page_html(Page(kind="test", headline="x", warnings=(caution(code, "text"),))))
     assert explanation(code).title in page.words
     assert code.lower() in page.anchors
+
+
+ACTS = re.compile(
+    r"(?:Also|Then|To use|If (?:it|this) is|Add|Check|Choose|Copy|Correct|Extend|Give|Let|Lower|Measure|Mount|Or|Raise"
+    r"|Record|Reduce|Remove|Repeat|Replace|Run|Set|Use|Write) [a-z]"
+)
+"""How a sentence begins that tells what to do."""
+
+
+def sentences(node: ast.expr) -> list[str]:
+    """Return the sentences of a text in the source; a value in it is an X."""
+    parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+    text = "".join(str(part.value) if isinstance(part, ast.Constant) else "X" for part in parts)
+    return re.split(r"(?<=[\w)%][.!?])\s+(?=[A-Z])", text)
+
+
+def test_the_first_sentence_of_a_warning_has_the_whole_remedy() -> None:
+    """The terminal prints the first sentence only, so who follows it must get where the whole text leads."""
+    late, checked = [], 0
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "caution":
+                checked += 1
+                late += [f"{path.name}:{node.lineno}: {s}" for s in sentences(node.args[1])[1:] if ACTS.match(s)]
+    assert checked > 60
+    assert late == []

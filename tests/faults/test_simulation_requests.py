@@ -67,7 +67,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
             lambda: pt.simulation.LoopTiming(rate=100.0, sections=[(1.0, 0.0)]),
             {"argument": "sections", "value": (1.0, 0.0)},
         ),
-        (lambda: simulate(runs=0), {"argument": "runs", "value": 0}),
+        (lambda: simulate(runs=0), {"argument": "runs", "value": 0, "limit": (1, 1_000_000)}),
         (
             lambda: simulate(runs=10**12),
             {"argument": "runs", "value": 1000000000000},

@@ -52,6 +52,16 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
             lambda: pt.verify(pt.Task(SEVERAL, SENSOR, OBJECTIVE, loop=QUICK, bounds=BOUNDS)),
             {"argument": "scenario"},
         ),
+        (lambda: verdict(QUICK, damping_ratio=(0.7, 1.5)), {"argument": "damping_ratio"}),
+        (lambda: verdict(QUICK, gain=-0.7, natural_frequency=(3.0, 8.0)), {"argument": "natural_frequency"}),
+        (
+            lambda: pt.simulate(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=-0.7, damping_ratio=(0.7, 1.5))),
+            {"argument": "damping_ratio"},
+        ),
+        (
+            lambda: pt.robust(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, damping_ratio=(0.7, 1.5))),
+            {"argument": "damping_ratio"},
+        ),
     ],
 )
 def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], fields: dict[str, Any]) -> None:

@@ -35,6 +35,15 @@ def design(constraints: Any = (), *, sensor: Any = EXPONENTIAL, bounds: Any = BO
     return pt.design(pt.Task(scenario, sensor, OBJECTIVE, bounds=bounds, constraints=constraints, **changed))
 
 
+@pytest.mark.parametrize("name", ["spede", "position", "displacement", "largest_speed"])
+def test_a_constraint_without_a_limit_of_this_name_is_refused_when_it_is_made(name: str) -> None:
+    with refused("constraint", value=name) as caught:
+        limited(1.0, name)
+    if name.startswith("largest_"):
+        assert str(caught.value).endswith("has the name speed")
+        assert limited(1.0, "speed").quantity == name
+
+
 @examples(25)
 @given(
     limit=st.floats(0.02, 9.0),

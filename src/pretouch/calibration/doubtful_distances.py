@@ -94,7 +94,7 @@ def _isolated(prepared: Prepared) -> str:
     return caution(
         "PT114",
         f"The output of {output} at the largest distance {last} {finding}: if this distance is a code for no object, "
-        f"write inf instead. If it is a typing error, correct it. If it is right, measure between {before} and {last}.",
+        f"write inf instead; if it is a typing error, correct it; if it is right, measure between {before} and {last}.",
     )
 
 

@@ -18,7 +18,7 @@ from .data import Calibration
 from .window import valley
 
 _SCENARIO: Final = (
-    "write a scenario file with `pretouch init --part VL53L0X`. Correct rate and noise in `[chain]` of this file."
+    "write a scenario file with `pretouch init --part VL53L0X`, and correct rate and noise in `[chain]` of this file."
 )
 _FOLLOWS: Final = 0.5, 2.0  # change of the reported distance, over that of the distance, between which it follows
 _CORNER: Final = 0.05  # share of the largest lag of the reported distance within which the corner lies
@@ -55,9 +55,9 @@ def reported_distance(calibration: Calibration, curve: AveragedCurve) -> str:
             level = format_quantity(float(np.median(reported[:end])), "m", 3)
             return caution(
                 "PT113",
-                f"{text}, but it remains at about {level} up to the distance {far}: the robot cannot see an object "
-                f"that is nearer. Use a sensor with a smaller minimum distance, or mount this sensor {far} or more "
-                f"behind the contact surface. Then {_SCENARIO}",
+                f"{text}, but it remains at about {level} up to the distance {far}, so the robot cannot see an object "
+                f"that is nearer: use a sensor with a smaller minimum distance, or mount this sensor {far} or more "
+                f"behind the contact surface; then {_SCENARIO}",
             )
     return caution("PT113", f"{text} and needs no calibration: {_SCENARIO}")
 
@@ -132,8 +132,8 @@ def falls_and_rises(calibration: Calibration, curve: AveragedCurve, noise: Readi
         "PT113",
         f"The sensor output falls up to the distance {at}, and rises again from {low} to {high} at larger distances, "
         "so an output does not determine the distance: find the cause, such as a wall, a second reflection or an "
-        f"object that leaves the beam, and measure again. To use only approaches from nearer than {at}, remove the "
-        "readings beyond.",
+        f"object that leaves the beam, and measure again, or remove the readings beyond to use only approaches "
+        f"from nearer than {at}.",
     )
 
 

@@ -149,8 +149,7 @@ def _prepare(
         few = caution(
             "PT110" if near.flat else "PT101",  # noise has a peak anywhere
             f"The number of usable distances is {usable}, but a curve needs at least {needed}: measure at 8 or "
-            "more distances. Extend the measurement until the output no longer changes. Also record readings with no "
-            "object.",
+            "more distances, up to one from which on the output no longer changes, and record readings with no object.",
         )
         return replace(_without_signal(calibration, curve, near, offset_estimate, few), too_few=not near.flat)
     if not np.ptp(curve.output[near.index :]) > 0:
@@ -434,7 +433,7 @@ def _why_no_signal(
             caution(
                 "PT110",
                 f"The output exceeds the noise at only {count} of {_FEWEST_POINTS} required distances: "
-                "measure in finer steps near the sensor. Repeat readings, and record the output with no object. "
+                "measure in finer steps near the sensor, repeat readings, and record the output with no object. "
                 f"Averaged outputs above {floor} contain a signal.{largest} The offset is {offset.in_words(unit)}. The "
                 f"noise of one reading is {sigma}.",
             )

@@ -112,23 +112,24 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
             f"curves. Choose a curve with --select, for example {selection_of(curves[0].label)}"
         )
     width = max(len(curve.label) for curve in curves)
-    usable, objects = 0, []
-    if not shown.json:
-        print_text(f"{'curve':<{width}}  {'best model':<14}  {'RMSE ln ξ':>10}  {'window [mm]':>13}  verdict")
+    usable, objects, doubtful = 0, [], ""
     for number, curve in enumerate(curves, start=1):
         report = request.rank(curve)
         usable += report.best is not None
+        doubtful = doubtful or ("" if report.verdict == "usable" else curve.label)
         if shown.json:
             print_progress(f"{number} of {len(curves)} curves fitted")
             objects.append({"label": curve.label, **report.to_dict()})
-        else:
-            print_text(_row(curve.label, width, report))
+            continue
+        if number == 1:  # after the first fit, which may refuse the options
+            print_text(f"{'curve':<{width}}  {'best model':<14}  {'RMSE ln ξ':>10}  {'window [mm]':>13}  verdict")
+        print_text(_row(curve.label, width, report))
     if shown.json:
         print_text(as_json({"file": request.path.name, "usable": usable, "curves": objects}))
     else:
         print_text(
             f"\n{usable} of {len(curves)} calibration curves are usable. To get the report and figures of a curve, "
-            "choose it with --select"
+            f"choose it with --select, such as {selection_of(doubtful or curves[0].label)}"
         )
     end(good=usable > 0)
 

@@ -91,7 +91,8 @@ def design(shown: Presentation, *, file: ScenarioFile) -> None:
     task = _load(file, "searching gains")
     result = design(task)
     good = result.holds if isinstance(result, DragDesign) else result.status == "optimal"
-    shown.show(result, f"{file.stem}-design.html", task, good=good)
+    lines = 20 if task.is_admittance_free else 15  # the section [admittance] to copy takes four
+    shown.show(result, f"{file.stem}-design.html", task, good=good, lines=lines)
 
 
 @verb

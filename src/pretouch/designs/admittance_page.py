@@ -43,7 +43,28 @@ def admittance_page(design: AdmittanceDesign) -> Page:
     step = page.next_step
     if design.status is DesignStatus.INFEASIBLE:
         step = step_without_gain(design.problem.task, contact=True, relaxations=design.relaxations)
-    return replace(page, headline=design.headline, good=chosen, next_step=step, blocks=(admittance, *page.blocks))
+    lines = _lines_for_scenario(design) if chosen else ()
+    if lines:
+        step = f"replace [admittance] of the scenario file by the lines below. Then {step}"
+    return replace(
+        page,
+        headline=design.headline,
+        good=chosen,
+        next_step=step,
+        next_lines=lines,
+        blocks=(admittance, *page.blocks),
+    )
+
+
+def _lines_for_scenario(design: AdmittanceDesign) -> tuple[str, ...]:
+    """Return the section [admittance] with the optimal admittance, which verification and export need."""
+    chosen = design.scenario.admittance
+    return (
+        "[admittance]",
+        f'mass = "{float(chosen.mass):.9g} kg"',
+        f'natural_frequency = "{float(chosen.natural_frequency):.9g} rad/s"',
+        f"damping_ratio = {float(chosen.damping_ratio):.9g}",
+    )
 
 
 def _rows(design: AdmittanceDesign) -> Iterator[Row]:

@@ -38,9 +38,15 @@ class Constraint:
 
     def __post_init__(self) -> None:
         check_types(self)
-        if self.name not in CONSTRAINT_NAMES and QUANTITY_KINDS.find(self.name) is None:
+        if self.name not in CONSTRAINT_NAMES:
+            QUANTITY_KINDS.find(self.name)  # reads the quantity of an installed package, which adds its constraint
+        if self.name not in CONSTRAINT_NAMES:
             names = dict.fromkeys((*CONSTRAINT_NAMES, *QUANTITY_KINDS.installed()))
-            raise InvalidInputError(**not_one_of("constraint", self.name, names))
+            refusal = not_one_of("constraint", self.name, names)
+            own = next((name for name, quantity in CONSTRAINT_NAMES.items() if quantity == self.name), None)
+            if own is not None:
+                refusal["message"] += f". The limit of {self.name} has the name {own}"
+            raise InvalidInputError(**refusal)
         if not finite(self.limit, f"constraint {self.name}", self.unit) > 0:
             raise InvalidInputError(
                 f"constraint {self.name}: found a limit of {self.limit:g} {self.unit}, expected a positive limit",

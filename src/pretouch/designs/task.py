@@ -185,6 +185,29 @@ class Task(ExplainsNames, Described, Value):
         """
         return self.natural_frequency is not None or self.damping_ratio is not None
 
+    def refuse_free_admittance(self, reason: str) -> None:
+        """Raise an error if the admittance has bounds.
+
+        Args:
+            reason: why the function needs one admittance.
+
+        Raises:
+            InvalidInputError: natural frequency or damping ratio are free.
+        """
+        if self.is_admittance_free:
+            free = [name for name in ("natural_frequency", "damping_ratio") if getattr(self, name) is not None]
+            advice = (
+                f"set {' and '.join(f'{name}=None' for name in free)}, with the admittance of `design` in the scenario "
+                "and in any loop"
+                if self.source is None
+                else "replace [admittance] by the lines without bounds that pretouch design prints"
+            )
+            raise InvalidInputError(
+                f"admittance {free[0]}_bounds: found bounds of the admittance, expected one admittance, because "
+                f"{reason}; {advice}",
+                argument=free[0],
+            )
+
     def stable_bounds(self) -> tuple[float, float]:
         """Return the gain bounds that guarantee the required gain margin.
 

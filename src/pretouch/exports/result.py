@@ -100,7 +100,7 @@ def _warnings(export: Export) -> Iterator[str]:
             yield caution("PT316", "The number of the law is 0, so the law never moves the robot.")
         yield caution(
             "PT316",
-            f"The exported law is not verified. Unknown are {UNKNOWN}. Run pretouch verify before you use it.",
+            f"The exported law is not verified: run pretouch verify before you use it. Unknown are {UNKNOWN}.",
         )
     if export.is_written and not export.is_limited:
         yield caution(

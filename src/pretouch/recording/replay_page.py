@@ -163,7 +163,7 @@ def _warnings(replay: Replay) -> Iterator[str]:
     yield from (
         caution(
             "PT611",
-            f"{each.words}: lag, leads and a calibration from both topics are wrong by this difference. Use the "
+            f"{each.words}, and lag, leads and a calibration from both topics are wrong by this difference: use the "
             "receive times with --clock receive.",
         )
         for each in replay.clocks
@@ -248,7 +248,7 @@ def _drift_warnings(replay: Replay) -> Iterator[str]:
         yield caution(
             "PT612",
             f"Without an object, the readings drift from {offset.start:.5g} to {offset.start + offset.change:.5g} over "
-            f"the recording, but the controller subtracts a constant offset; its noise floor is {floor:.4g}. Let the "
+            f"the recording, but the controller subtracts a constant offset; its noise floor is {floor:.4g}: let the "
             "sensor warm up, and measure its offset again before each use.",
         )
     drift = replay.drift
@@ -259,14 +259,14 @@ def _drift_warnings(replay: Replay) -> Iterator[str]:
             yield caution(
                 "PT612",
                 f"Compared with the reference, the measured distance drifts by {format_quantity(drift.change, 'm', 3)} "
-                "over the recording. Let the sensor warm up, and record again.",
+                "over the recording: let the sensor warm up, and record again.",
             )
     elif abs(drift.change) > _DRIFTED_SIGNAL:
         change, low, high = (100 * math.expm1(value) for value in (drift.change, drift.low, drift.high))
         yield caution(
             "PT612",
             f"At equal distances, the signal drifts by {change:+.2g} % over the recording (linear trend, 95 %: "
-            f"{low:+.2g} to {high:+.2g} %), so a calibration from it mixes different curves. Let the sensor warm up, "
+            f"{low:+.2g} to {high:+.2g} %), so a calibration from it mixes different curves: let the sensor warm up, "
             "and record again.",
         )
 

@@ -127,7 +127,11 @@ def _time(seconds: float) -> str:
 def whole(value: Any, name: str, least: int, most: int) -> int:
     """Return an integer after checking its range."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
-        raise InvalidInputError(f"{name}: found {value!r}, expected a whole number from {least} to {most}", value=value)
+        raise InvalidInputError(
+            f"{name}: found {value!r}, expected a whole number from {least:,} to {most:,}",
+            value=value,
+            limit=(least, most),
+        )
     return int(value)
 
 
@@ -136,8 +140,10 @@ def runs_of(value: Any) -> int:
 
     It must be a positive integer and not too large.
     """
-    refuse_too_many_runs(runs := whole(value, "runs", 1, 2**63))
-    return runs
+    least = 1
+    if not isinstance(value, bool) and isinstance(value, (int, np.integer)) and value >= least:
+        refuse_too_many_runs(int(value))
+    return whole(value, "runs", least, MOST_RUNS)
 
 
 _COURSE: Final = 8192  # steps in contact that a trace records: about fifty rebounds

@@ -38,6 +38,7 @@ from .reasons import judged, no_gain_with_margin
 from .result import Verdict
 from .stability import NOISES, check_stability, limit_of, plausible_rate, rates_for_margins, stability_margin
 
+_ONE_ADMITTANCE: Final = "a controller runs with one"
 _CALM: Final = 0.3  # share of the distance to an object: a smaller motion by noise stays far from it
 _NEAREST_REST: Final = 0.01  # m: a distance at rest at which a motion below 1 mm was found
 _NO_LOOP: Final = "loop: found none, expected the sampled loop, loop=ClosedLoop(...)"
@@ -233,6 +234,7 @@ def _check_task(task: Task) -> Task:
             f"scenario: found an array of encounters of shape {task.scenario.shape}, expected a single encounter"
         )
     law: Any = _loop_of(task).law
+    task.refuse_free_admittance(_ONE_ADMITTANCE)
     if not isinstance(law, TunableLaw):
         raise InvalidInputError(
             f"loop: the control law {type(law).__name__} has no method with_value; add a method with_value "
@@ -326,6 +328,7 @@ def simulate(task: Task) -> SimulatedEncounter:
             f"scenario: found an array of encounters of shape {scenario.shape}, expected a single encounter; use "
             "ClosedLoop.run for many encounters"
         )
+    task.refuse_free_admittance(_ONE_ADMITTANCE)
     gain = finite(chosen_gain(task), "gain", task.law.number.unit)
     if not isinstance(gain, float):
         raise InvalidInputError("gain: found an array, expected one number: a controller runs with one gain")

@@ -81,6 +81,7 @@ def robust(task: Task) -> RobustDesign:
         >>> round(design.gain, 3)
         -0.778
     """
+    task.refuse_free_admittance("a robust design chooses only the gain")
     axis, task = GainAxis.between(task.stable_bounds(), task.law.number), _with_defaults(task)
     options, evaluate = task.robust, task.evaluate
     samples, validation, seed = options.samples or 0, options.validation or 0, options.seed

@@ -94,7 +94,9 @@ def test_a_sensor_that_reports_distances_is_led_to_a_scenario_that_needs_no_cali
     Path("range.csv").write_text("distance [mm],output [mm]\n" + "".join(f"{d},{d + 2}\n" for d in range(0, 60, 5)))
     code, out, _ = run("fit", "range.csv", "--no-report")
     assert code == 1
-    assert "with pretouch init --part VL53L0X, and correct rate and noise in [chain] of this file." in " ".join(out.split())
+    assert "with pretouch init --part VL53L0X, and correct rate and noise in [chain] of this file." in " ".join(
+        out.split()
+    )
     code, out, _ = run("init", "--part", "VL53L0X")
     assert code == 0
     assert out.startswith("scenario.toml: this first scenario file uses the sensor part VL53L0X. This part needs no")

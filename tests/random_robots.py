@@ -152,3 +152,60 @@ def _rotation(q: Any) -> Any:
 def _inertia(pin: Any, link: Link) -> Any:
     turn = _rotation(link.turn)
     return pin.Inertia(link.mass, link.center, turn @ np.diag(link.moments) @ turn.T)
+
+
+def standing_robot(seed: int) -> tuple[str, Any]:
+    """Return a random robot with legs and an arm with a site, on a pad under each foot, and its configuration.
+
+    The contacts do not correct their penetration, so that the accelerations at rest are those of rigid contacts.
+    """
+    import mujoco
+
+    rng = np.random.default_rng(seed)
+    legs, joints, motors = int(rng.integers(3, 6)), int(rng.integers(1, 4)), []
+
+    def limb(name: str, count: int, first: str, step: str, rod: str, end: str) -> str:
+        for j in reversed(range(count)):
+            motors.append(f'<motor joint="{name} {j}" ctrlrange="-200 200"/>')
+            end = (
+                f'<body pos="{step if j else first}"><joint name="{name} {j}" axis="{_row(_unit(rng.normal(size=3)))}" '
+                f'range="-3 3"/><geom type="capsule" fromto="0 0 0 {rod}" size="0.015" mass="{rng.uniform(0.2, 1)}"/>'
+                f"{end}</body>"
+            )
+        return end
+
+    angles = 2 * np.pi * (np.arange(legs) + rng.uniform(-0.2, 0.2, legs)) / legs
+    kinds = rng.choice(["sphere", "box"], legs)
+    feet = "".join(
+        limb(
+            f"leg {i}",
+            joints,
+            _row((0.3 * np.cos(angle), 0.3 * np.sin(angle), -0.05)),
+            "0 0 -0.15",
+            "0 0 -0.15",
+            f'<geom name="foot {i}" type="{kind}" size="0.03 0.03 0.03" pos="0 0 -0.2" mass="0.1" contype="1" '
+            'conaffinity="1"/>',
+        )
+        for i, (angle, kind) in enumerate(zip(angles, kinds, strict=True))
+    )
+    arm = limb("arm", int(rng.integers(1, 4)), "0.1 0 0.1", "0.1 0 0.1", "0.2 0 0", '<site name="tip" pos="0.2 0 0"/>')
+    text = (
+        '<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81" tolerance="1e-16" iterations="200" '
+        f'timestep="0.001" cone="{rng.choice(["pyramidal", "elliptic"])}"/><default><geom contype="0" conaffinity="0" '
+        f'friction="{rng.uniform(0.6, 1.5)} 0.05 0.01" condim="{rng.choice([3, 4, 6])}" solimp="0.9999 0.9999" '
+        'solref="-1e-6 -1"/></default><worldbody>{pads}<body name="trunk" pos="0 0 1"><freejoint/><geom type="box" '
+        f'size=".2 .2 .05" mass="{rng.uniform(2, 20)}"/>{feet}{arm}</body></worldbody>'
+        f"<actuator>{''.join(motors)}</actuator></mujoco>"
+    )
+    model = mujoco.MjModel.from_xml_string(text.replace("{pads}", ""))
+    data = mujoco.MjData(model)
+    data.qpos[7:] = rng.uniform(-0.4, 0.4, model.nq - 7)
+    mujoco.mj_forward(model, data)
+    pads = ""
+    for i, kind in enumerate(kinds):
+        foot = data.geom(f"foot {i}")
+        x, y, z = foot.xpos
+        height = 0.03 * (1.0 if kind == "sphere" else float(np.abs(foot.xmat.reshape(3, 3)[2]).sum()))
+        place = _row((x, y, z - height - 0.1 + 1e-5))
+        pads += f'<geom type="box" size="0.2 0.2 0.1" pos="{place}" contype="1" conaffinity="1"/>'
+    return text.replace("{pads}", pads), data.qpos.copy()

@@ -165,6 +165,30 @@ def test_the_drive_of_one_finger_moves_both() -> None:
     assert (detection.reflected_mass, detection.recoil_share) == (pytest.approx(2.0), pytest.approx(0.0, abs=1e-12))
 
 
+@pytest.mark.parametrize("ratio", [1.0, -2.0, 0.5])
+@pytest.mark.parametrize("coupling", ["joint", "tendon"])
+def test_the_range_of_a_follower_ends_the_path(ratio: float, coupling: str) -> None:
+    """The joint b moves by the ratio of the motion of a, so that its range ends the motion of a."""
+    text = FINGERS.replace(
+        '<joint name="b" type="slide" axis="1 0 0"/>',
+        '<joint name="b" type="slide" axis="1 0 0" limited="true" range="-0.03 0.04"/>',
+    ).replace("0 1 0 0 0", f"0 {ratio} 0 0 0")
+    if coupling == "tendon":
+        coils = f'<joint joint="a" coef="{ratio}"/><joint joint="b" coef="-1"/>'
+        fixed = f'<tendon><fixed name="t">{coils}</fixed></tendon><equality><tendon tendon1="t"'
+        text = text.replace('<equality><joint joint1="b" joint2="a" polycoef="0 ' + f'{ratio} 0 0 0"', fixed)
+    model = model_of(text)
+    low, high = sorted((-0.03 / ratio, 0.04 / ratio))
+    ahead, back = project_site(model, make_data(model), TIP).excursion
+    assert [ahead.length, back.length] == pytest.approx([min(high, 0.1), -low], abs=1e-7)
+    assert ahead.reason == "end of the range of b"
+    scene = with_object(text, make_data(model), "tip", 0.3)
+    law = SiteLaw(site=TIP, controller=controller())
+    contact = simulate_robot(*scene, [law], horizon=0.5, follow_time=0.0).contacts[0][0]
+    assert contact.obstacle == "joint range"
+    assert contact.excursion > -low > 0
+
+
 def test_two_motors_on_coupled_fingers_share_the_load() -> None:
     text = FINGERS.replace("</actuator>", '<motor joint="b" ctrlrange="-10 10"/></actuator>').replace(
         'type="slide" axis="1 0 0"/>', 'type="slide" axis="1 0 0" range="-1 1" limited="true"/>'

@@ -162,6 +162,17 @@ def test_a_joint_at_its_end_leaves_the_motion_to_the_others() -> None:
     assert [path.length for path in projection.excursion] == pytest.approx([0.13, 0.21], abs=1e-7)
 
 
+def test_a_long_slide_with_a_small_body_moves_along_its_whole_range() -> None:
+    """The size of the model says nothing about the travel of a slide."""
+    model = model_of(
+        """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="a" type="slide" axis="1 0 0" limited="true"
+        range="-1 1.5"/><geom size="0.05" mass="1"/><site name="tip" pos="0.05 0 0"/></body></worldbody>
+        <actuator><motor joint="a" ctrlrange="-5 5"/></actuator></mujoco>"""
+    )
+    projection = project_site(model, make_data(model), SensorSite("tip"))
+    assert [path.length for path in projection.excursion] == pytest.approx([1.5, 1.0], abs=1e-7)
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.5, -1.0])
 def test_gravity_leaves_less_acceleration_upward(angle: float) -> None:
     """A pendulum with a point mass: J q'' = tau - m g r cos(angle), and the tip moves with r q''."""

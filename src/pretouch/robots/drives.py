@@ -13,11 +13,12 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 
-from .dynamics import AxisMotion, Drivetrain, PostureDynamics, actuator_moment, constraint_rows, reduce_base
+from .dynamics import AxisMotion, Drivetrain, PostureDynamics, Reduction, actuator_moment, constraint_rows, reduce_base
 from .model import Data, Model, mujoco
+from .stance import forces_of
 
 _OPTIMAL: Final = 0  # status of linprog
 _ENDLESS: Final = 1e6  # m/s^2 or N: no robot reaches as much, so that it counts as no limit
@@ -58,11 +59,14 @@ class Drives:
         damping: loss of force per velocity of the actuator, shape (rows,).
         controls: smallest and largest control, shape (rows, 2).
         torques: smallest and largest torque of all actuators at each joint, shape (n, 2).
-        load: torques that hold the robot at rest against gravity and springs, shape (n,).
+        load: generalized forces that hold the robot at rest against gravity and springs, shape (n + k,).
         friction: viscous damping of the joints, shape (n, n).
         speeds: largest joint speeds, shape (n,).
-        coupling: rows of the constraints that couple driven joints, whose forces the drives need not apply, shape
-            (r, n).
+        reactions: generalized forces of the constraints and of the edges of the friction cones of the contacts on which
+            the robot stands, shape (r, n + k). The drives need not apply them.
+        pushes: whether each reaction can only push, as contacts do, shape (r,).
+        tests: virtual velocities of base and joints whose power has to balance: one for each driven joint, which moves
+            the base along, and k of the base that its contacts hold, shape (m + n, n + k).
         following: velocities of base and joints per velocity of the joints, as far as constraints cause them.
         dry_friction: friction loss of base and joints [N m or N], in the same order.
     """
@@ -78,7 +82,9 @@ class Drives:
     load: FloatArray
     friction: FloatArray
     speeds: FloatArray
-    coupling: FloatArray
+    reactions: FloatArray
+    pushes: BoolArray
+    tests: FloatArray
     following: FloatArray
     dry_friction: FloatArray
 
@@ -120,8 +126,9 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
     torques = np.where(torque_limited[:, None], np.asarray(model.jnt_actfrcrange)[joints], (-math.inf, math.inf))
     every, mass = np.concatenate([base, driven]), np.zeros((model.nv, model.nv))
     library.mj_fullM(model, data, mass)
-    reduction = reduce_base(mass[np.ix_(every, every)], constraint_rows(model, data)[:, every], len(base))
-    together = np.vstack([reduction.motion, np.eye(len(driven))])
+    rows_held = constraint_rows(model, data, drivetrain.footholds)[:, every]
+    reduction = reduce_base(mass[np.ix_(every, every)], rows_held, len(base))
+    tests, reactions, pushes = _reactions(model, data, drivetrain, reduction)
     following = np.vstack([reduction.forced, np.eye(len(driven))])
     return Drives(
         moment=moment,
@@ -132,13 +139,45 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
         damping=np.where(affine_bias & supported, -bias_of[:, 2], 0.0),
         controls=_controls(model, rows, supported),
         torques=torques,
-        load=together.T @ np.array(data.qfrc_bias - data.qfrc_passive)[every],
-        friction=following.T @ (np.asarray(model.dof_damping)[every, None] * following),
+        load=tests.T
+        @ _weight(mass[np.ix_(every, every)], reduction, np.array(data.qfrc_bias - data.qfrc_passive)[every]),
+        friction=tests.T @ (np.asarray(model.dof_damping)[every, None] * following),
         speeds=speeds,
-        coupling=reduction.coupling,
+        reactions=reactions,
+        pushes=pushes,
+        tests=tests,
         following=following,
         dry_friction=np.asarray(model.dof_frictionloss)[every],
     )
+
+
+def _reactions(
+    model: Model, data: Data, drivetrain: Drivetrain, reduction: Reduction
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return virtual velocities, the power of all constraint forces along them, and which forces can only push.
+
+    Constraints can push and pull. Then their power along the joint motions suffices. Contacts only push, so that their
+    forces have to balance what they hold of the base, too.
+    """
+    every, count = np.concatenate([drivetrain.base, drivetrain.driven]), len(drivetrain.base)
+    joints = np.vstack([reduction.motion, np.eye(len(every) - count)])
+    if not drivetrain.footholds:
+        return joints, reduction.coupling, np.zeros(len(reduction.coupling), dtype=bool)
+    loose = reduction.loose
+    held = np.linalg.svd(loose, full_matrices=True)[0][:, loose.shape[1] :] if loose.size else np.eye(count)
+    tests = np.hstack([joints, np.vstack([held, np.zeros((len(every) - count, held.shape[1]))])])
+    free = constraint_rows(model, data)[:, every]
+    edges = forces_of(model, data, drivetrain.footholds)[:, every]
+    return tests, np.vstack([free, edges]) @ tests, np.arange(len(free) + len(edges)) >= len(free)
+
+
+def _weight(mass: FloatArray, reduction: Reduction, force: FloatArray) -> FloatArray:
+    """Return the force that holds a robot at rest, with its base as far as constraints and contacts hold it."""
+    loose, count = reduction.loose, len(reduction.loose)
+    if not loose.size:
+        return force
+    falling = loose @ np.linalg.solve(loose.T @ mass[:count, :count] @ loose, -loose.T @ force[:count])
+    return np.asarray(force + mass[:, :count] @ falling)
 
 
 def _controls(model: Model, rows: Any, known: Any) -> FloatArray:
@@ -159,7 +198,10 @@ def acceleration_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisM
     The site starts from rest, and accelerates relative to the robot's base. The torques are (inertia) q'' + load, with
     q'' along the axis plus any motion in the null space.
     """
-    columns = dynamics.inertia @ np.column_stack([motion.joints, motion.free])
+    velocities = np.vstack([dynamics.reduction.motion, np.eye(len(motion.joints))]) @ np.column_stack(
+        [motion.joints, motion.free]
+    )
+    columns = drives.tests.T @ dynamics.mass @ velocities
     return _span(drives, columns, np.zeros((len(motion.joints), 0)), _friction_torques(drives, motion))
 
 
@@ -167,7 +209,7 @@ def _friction_torques(drives: Drives, motion: AxisMotion) -> FloatArray:
     """Return the torques [N m or N] that dry friction takes from the drives while a site moves ahead, shape (n,)."""
     velocities = drives.following @ motion.joints
     signs = np.sign(np.where(np.abs(velocities) > _STILL * np.abs(velocities).max(), velocities, 0.0))
-    return np.asarray(drives.following.T @ (drives.dry_friction * signs))
+    return np.asarray(drives.tests.T @ (drives.dry_friction * signs))
 
 
 def speed_limits(drives: Drives, motion: AxisMotion) -> AxisLimits:
@@ -188,7 +230,8 @@ def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
 
     On a floating base, the force accelerates base and joints together, without motion between them.
     """
-    return _span(drives, (dynamics.axis @ dynamics.relative[:3])[:, None], np.zeros((len(dynamics.inertia), 0)))
+    columns = (dynamics.axis @ dynamics.full[:3] @ drives.tests)[:, None]
+    return _span(drives, columns, np.zeros((len(dynamics.inertia), 0)))
 
 
 def _span(
@@ -196,14 +239,14 @@ def _span(
 ) -> AxisLimits:
     """Return the largest acceleration, speed or force that the drives allow.
 
-    This quantity is x[0]. The drives apply the joint torques columns @ x + load.
+    This quantity is x[0]. Drives and reactions apply the generalized forces columns @ x + load.
 
     Args:
         drives: the drives.
-        columns: joint torques per variable, shape (n, k).
+        columns: generalized forces per variable, shape (n + k, v).
         velocities: joint velocities per variable if the variables are velocities, else without columns.
-        friction: torques of dry friction during motion ahead, shape (n,); None for none. The limit is 0 if the drives
-            cannot overcome it.
+        friction: generalized forces of dry friction during motion ahead, shape (n + k,); None for none. The limit is 0
+            if the drives cannot overcome it.
 
     Returns:
         The largest magnitudes of x[0] in both directions.
@@ -213,13 +256,13 @@ def _span(
     """
     from scipy.optimize import linprog  # noqa: PLC0415 - slow to import
 
-    columns = np.hstack([columns, drives.coupling.T])
-    velocities = np.hstack([velocities, np.zeros((len(columns), len(drives.coupling) * bool(velocities.shape[1])))])
-    count, rows = columns.shape[1], len(drives.moment)
-    joints = len(columns)
+    own, (rows, joints) = columns.shape[1], drives.moment.shape
+    columns = np.hstack([columns, -drives.reactions.T])
+    velocities = np.hstack([velocities, np.zeros((joints, len(drives.reactions) * bool(velocities.shape[1])))])
+    count, beyond = columns.shape[1], np.zeros((len(columns) - joints, rows))
     moving = velocities if velocities.shape[1] else np.zeros((joints, count))
     # unknowns: x, then the forces, then the controls
-    balance = np.hstack([columns, -drives.moment.T, np.zeros((joints, rows))])
+    balance = np.hstack([columns, np.vstack([-drives.moment.T, beyond]), np.zeros((len(columns), rows))])
     coupled = np.flatnonzero(drives.gain != 0)
     law = np.hstack([drives.damping[:, None] * (drives.moment @ moving), np.eye(rows), -np.diag(drives.gain)])[coupled]
     torques = np.hstack([np.zeros((joints, count)), drives.moment.T, np.zeros((joints, rows))])
@@ -227,7 +270,8 @@ def _span(
     limits = np.vstack([torques, -torques, speeds, -speeds])
     bounds = np.concatenate([drives.torques[:, 1], -drives.torques[:, 0], drives.speeds, drives.speeds])
     finite = np.isfinite(bounds)
-    box = [(-_ENDLESS, _ENDLESS), *[(None, None)] * (count - 1)] + [
+    reactions = [(0, None) if only_pushes else (None, None) for only_pushes in drives.pushes]
+    box = [(-_ENDLESS, _ENDLESS), *[(None, None)] * (own - 1), *reactions] + [
         (low if math.isfinite(low) else None, high if math.isfinite(high) else None)
         for low, high in (*zip(drives.lowest, drives.highest, strict=True), *drives.controls)
     ]

@@ -2,7 +2,8 @@
 
 The equations of motion are M v' + h = B f + J^T F + A^T c, with the generalized velocity v = (v_b, q') of the base and
 of the driven joints, and constraint forces c that keep A v = A_b v_b + A_q q' = 0. The rows of A are the active
-equality constraints of the model: joints and tendons that are coupled, loops, and welds.
+equality constraints of the model: joints and tendons that are coupled, loops, and welds. The contacts on which the
+robot stands are further rows.
 
 The constraints determine a part of the base, v_b = P q' with P = -A_b^+ A_q. The rest, with a basis B of the null space
 of A_b, moves so that nothing but gravity changes its momentum: B^T (M_bb v_b + M_bq q') stays 0 in a frame that falls
@@ -33,10 +34,12 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 
 from .model import Data, Model, joint_label, mujoco, names_of, tree_of
+from .stance import Foothold, footholds_of, rows_of
 
 _FEASIBLE: Final = 1e-7  # residual of the motion along the axis, above which the joints cannot hold a direction
 _RANK: Final = 1e-10  # relative singular values below it are zero up to rounding
 _DEPENDENT: Final = 1e-8  # of constraint rows of length 1: rounding of loops that are closed up to it
+_HELD: Final = 1e-12  # share of the mobility of a site, below which the constraints hold it up to rounding
 _FALLING: Final = 0.01  # share of gravity by which the acceleration of a falling robot may differ from it
 _CLOSED: Final = 1e-10  # m or rad: error of a closed loop
 _CLOSING: Final = 20  # steps of Newton's method
@@ -53,6 +56,7 @@ class Drivetrain:
         root: those of the base by which the whole robot moves: no driven joint is between them and the world.
         joints: the joint of each driven degree of freedom, shape (n,).
         rows: indices of the actuator outputs that act on the robot.
+        footholds: the contacts on which the robot stands. They hold their points along all motions.
     """
 
     site: int
@@ -61,6 +65,7 @@ class Drivetrain:
     root: IntArray
     joints: IntArray
     rows: IntArray
+    footholds: tuple[Foothold, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,19 +100,28 @@ class PostureDynamics:
         """Effective mass [kg] in an impact along the sensor axis.
 
         It is 1 / (u^T J M^-1 J^T u) with the axis u, the Jacobian J and the mass matrix M. Constraints of the model
-        count: the site moves as they allow. It is infinite if they hold the site.
+        and contacts on which the robot stands count: the site moves as they allow. It is infinite if they hold the
+        site.
         """
-        free = self.reduction.allowed
-        row = self.axis @ self.full[:3] @ free
+        return self.mass_with(self.reduction.allowed)
+
+    def mass_with(self, free: FloatArray) -> float:
+        """Return the effective mass [kg] along the axis if only some velocities are possible.
+
+        Args:
+            free: a basis of these velocities, the base first, shape (m + n, k).
+        """
+        row, whole = self.axis @ self.full[:3] @ free, self.axis @ self.full[:3]
         if not len(row):
             return math.inf
         mobility = float(row @ np.linalg.solve(free.T @ self.mass @ free, row))
-        return 1 / mobility if mobility > 0 else math.inf
+        unconstrained = float(whole @ np.linalg.solve(self.mass, whole))
+        return 1 / mobility if mobility > _HELD * unconstrained else math.inf
 
     @property
     def lightest_mass(self) -> float:
         """The smallest effective mass [kg] in any direction that the joints allow."""
-        free = _null_space(self.reduction.coupling)
+        free = null_space(self.reduction.coupling)
         jacobian = self.own[:3] @ free
         mobility = jacobian @ np.linalg.solve(free.T @ self.inertia @ free, jacobian.T)
         return float(1 / np.linalg.eigvalsh(mobility)[-1])
@@ -174,9 +188,12 @@ def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
             "actuators: found an actuator with several controls or forces, expected actuators with one of each"
         )
     base = tree[~moved]
-    free = np.abs(_null_space(constraint_rows(model, data)[:, base])).max(axis=1, initial=0.0) > _RANK
-    root = np.intersect1d(_root_of(model, site, driven), base[free])
-    return Drivetrain(site, driven, base, root, joints, rows)
+    chain = np.intersect1d(_root_of(model, site, driven), base)
+    footholds = footholds_of(model, data, (base, driven, chain), constraint_rows(model, data))
+    held = constraint_rows(model, data, footholds)
+    free = np.abs(null_space(held[:, base])).max(axis=1, initial=0.0) > _RANK
+    root = np.intersect1d(chain, base[free])
+    return Drivetrain(site, driven, base, root, joints, rows, footholds)
 
 
 def _linked(model: Model, data: Data, tree: IntArray) -> IntArray:
@@ -213,20 +230,22 @@ def joined(drivetrains: Sequence[Drivetrain]) -> tuple[Drivetrain, ...]:
     names = "driven", "base", "root", "joints"
     driven, base, root, joints = (np.concatenate([getattr(d, name) for d in trees]) for name in names)
     rows = np.unique(np.concatenate([d.rows for d in trees]))
-    return tuple(Drivetrain(d.site, driven, base, root, joints, rows) for d in drivetrains)
+    footholds = tuple(foothold for d in trees for foothold in d.footholds)
+    return tuple(Drivetrain(d.site, driven, base, root, joints, rows, footholds) for d in drivetrains)
 
 
-def constraint_rows(model: Model, data: Data) -> FloatArray:
-    """Return the Jacobian of the active equality constraints, shape (k, nv).
+def constraint_rows(model: Model, data: Data, footholds: Sequence[Foothold] = ()) -> FloatArray:
+    """Return the Jacobian of the active equality constraints and of the given contacts, shape (k, nv).
 
     The state has to be that after `mj_forward` or `update_posture`. The rows have unit length.
     """
     equal = np.asarray(data.efc_type) == int(mujoco().mjtConstraint.mjCNSTR_EQUALITY)
-    if not model.neq or not equal.any():
-        return np.zeros((0, model.nv))
-    rows = _all_rows(model, data)[equal]
+    rows = rows_of(model, data, footholds)
+    if model.neq and equal.any():
+        rows = np.vstack([_all_rows(model, data)[equal], rows])
     sizes = np.linalg.norm(rows, axis=1)
-    return np.asarray(rows[sizes > 0] / sizes[sizes > 0, None])
+    real = sizes > _RANK * sizes.max(initial=0.0)  # directions in which the joints cannot move a contact are rounding
+    return np.asarray(rows[real] / sizes[real, None])
 
 
 def _all_rows(model: Model, data: Data) -> FloatArray:
@@ -238,7 +257,7 @@ def _all_rows(model: Model, data: Data) -> FloatArray:
     return dense
 
 
-def _null_space(rows: FloatArray) -> FloatArray:
+def null_space(rows: FloatArray) -> FloatArray:
     """Return a basis of the vectors that all rows map to 0; the identity without rows."""
     count = rows.shape[1]
     if not len(rows) or not count:
@@ -283,11 +302,11 @@ def reduce_base(mass: FloatArray, constraints: FloatArray, count: int) -> Reduct
         return Reduction(motion, np.zeros_like(motion), np.eye(count), nothing, np.eye(len(mass)))
     of_base, of_joints = constraints[:, :count], constraints[:, count:]
     inverse = np.linalg.pinv(of_base, rcond=_DEPENDENT) if count else np.zeros((0, len(constraints)))
-    forced, loose = -inverse @ of_joints, _null_space(of_base)
+    forced, loose = -inverse @ of_joints, null_space(of_base)
     rest = np.linalg.solve(loose.T @ mass[:count, :count] @ loose, loose.T @ (mass[:count] @ _stack(forced)))
     coupling = of_joints - of_base @ inverse @ of_joints
     sizes = np.linalg.norm(coupling, axis=1)
-    return Reduction(forced - loose @ rest, forced, loose, coupling[sizes > _DEPENDENT], _null_space(constraints))
+    return Reduction(forced - loose @ rest, forced, loose, coupling[sizes > _DEPENDENT], null_space(constraints))
 
 
 def _stack(motion: FloatArray) -> FloatArray:
@@ -311,7 +330,7 @@ def free_acceleration(model: Model, data: Data, drivetrain: Drivetrain) -> Float
     mass, jacobian = np.zeros((model.nv, model.nv)), np.zeros((3, model.nv))
     mujoco().mj_fullM(model, data, mass)
     mujoco().mj_jacSite(model, data, jacobian, None, drivetrain.site)
-    loose = _null_space(constraint_rows(model, data)[:, base])
+    loose = null_space(constraint_rows(model, data, drivetrain.footholds)[:, base])
     force = np.array(data.qfrc_passive - data.qfrc_bias)[base]
     acceleration = loose @ np.linalg.solve(loose.T @ mass[np.ix_(base, base)] @ loose, loose.T @ force)
     return np.asarray(jacobian[:, base] @ acceleration)
@@ -351,19 +370,22 @@ def close_loops(model: Model, data: Data, drivetrain: Drivetrain) -> None:
     """Move the base of a robot so that it meets its constraints for the positions of the driven joints.
 
     The state is that after `update_posture`. Newton's method moves what the constraints determine; without constraints,
-    nothing changes.
+    nothing changes. The points of contacts on which the robot stands stay where they are: feet do not roll.
     """
-    if not model.neq:
+    footholds = drivetrain.footholds
+    if not model.neq and not footholds:
         return
     library, base = mujoco(), drivetrain.base
     before = math.inf
     for _ in range(_CLOSING):
         equal = np.asarray(data.efc_type) == int(library.mjtConstraint.mjCNSTR_EQUALITY)
-        error = np.array(data.efc_pos)[equal]
+        parts = [np.array(data.efc_pos)[equal] if model.neq else np.zeros(0), *(f.error(data) for f in footholds)]
+        error = np.concatenate(parts)
         size = float(np.abs(error).max(initial=0.0))
         if size < _CLOSED or size >= before:
             return
-        before, rows = size, _all_rows(model, data)[equal][:, base]
+        equalities = _all_rows(model, data)[equal] if model.neq else np.zeros((0, model.nv))
+        before, rows = size, np.vstack([equalities, rows_of(model, data, footholds)])[:, base]
         step = np.zeros(model.nv)
         step[base] = -np.linalg.pinv(rows, rcond=_DEPENDENT) @ error
         library.mj_integratePos(model, data.qpos, step, 1.0)
@@ -391,7 +413,7 @@ def posture_dynamics(model: Model, data: Data, drivetrain: Drivetrain, direction
     library.mj_fullM(model, data, mass)
     library.mj_jacSite(model, data, jacobian[:3], jacobian[3:], site)
     mass, jacobian, count = mass[np.ix_(every, every)], jacobian[:, every], len(base)
-    reduction = reduce_base(mass, constraint_rows(model, data)[:, every], count)
+    reduction = reduce_base(mass, constraint_rows(model, data, drivetrain.footholds)[:, every], count)
     together = _stack(reduction.motion)
     return PostureDynamics(
         mass=mass,

@@ -568,7 +568,7 @@ class _Run:
         if len(base) or model.neq:
             every = np.concatenate([base, driven])
             own = mass[every[:, None], every]
-            motion = reduce_base(own, constraint_rows(model, data)[:, every], len(base)).motion
+            motion = reduce_base(own, constraint_rows(model, data, drivetrain.footholds)[:, every], len(base)).motion
             together = np.vstack([motion, np.eye(len(driven))])
             inertia, force = together.T @ own @ together, together.T @ load[every]
         state = JointState(

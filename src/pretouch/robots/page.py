@@ -102,6 +102,11 @@ def _figures(p: Projection) -> Iterator[tuple[str, Cell]]:
     yield f"mass moved by the drives along the axis (hold option: {p.hold})", Measured(p.moved_mass, "kg")
     if p.followers:
         yield "joints that follow by constraints of the model", ", ".join(p.followers)
+    if p.support:
+        yield "contacts on which the robot stands, fixed in this report", ", ".join(p.support)
+        if math.isfinite(p.support_limit):
+            yield "push on the site from which a contact lifts or slides", Measured(p.support_limit, "N")
+        yield "reflected mass if these contacts do not hold", Measured(p.unsupported_mass, "kg")
     if p.base:
         yield "recoil share \u03ba of the base", Measured(p.recoil_share)
     yield "conditioning (1 best, 0 singular)", Measured(p.conditioning)

@@ -9,11 +9,28 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
-from .dynamics import AxisMotion, Drivetrain, axis_motion, close_loops, posture_dynamics, update_posture
-from .model import Data, Model, describe_position, joint_label, mujoco, range_of, unit_of_joint
+from .dynamics import (
+    AxisMotion,
+    Drivetrain,
+    PostureDynamics,
+    axis_motion,
+    close_loops,
+    posture_dynamics,
+    update_posture,
+)
+from .model import (
+    Data,
+    Model,
+    describe_position,
+    is_scalar_joint,
+    joint_label,
+    mujoco,
+    range_of,
+    unit_of_joint,
+)
 
 SINGULAR: Final = 0.02
 """Conditioning below which a path ends: there, the joints move fifty times as much as in the best direction."""
@@ -22,7 +39,8 @@ _TOLERANCE: Final = 1e-9  # of the joint positions along a path [rad or m]
 _ACCURACY: Final = 1e-7  # of the integration of a path, so that its length is right to micrometers
 _SHORTEST: Final = 1e-6  # m: shorter paths are rounding of the joint positions
 _STEP: Final = 0.05  # longest step, as a share of the size of the robot
-_REACH: Final = 2.0  # longest path, in sizes of the robot
+_STILL: Final = 1e-9  # of the velocity of a joint: rounding
+_REACH: Final = 2.0  # longest path, in sizes of the robot, as far as hinges move it
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +67,9 @@ def excursion(
 
     The path ends where the joint ranges allow no further motion. The path starts in the posture of `data` and is a
     solution of q' = (joint motion along the axis), with the least kinetic energy. A joint that reaches the end of its
-    range stays there, and the others continue if they can. Every point of the path is inside the ranges. Collisions of
-    the robot with itself or its surroundings are not considered.
+    range stays there, and the others continue if they can. Every point of the path is inside the ranges, also those of
+    joints without an actuator that constraints move with the others. Collisions of the robot with itself or its
+    surroundings are not considered.
 
     Args:
         model: the model.
@@ -64,12 +83,12 @@ def excursion(
         The length of the path and what ends it.
     """
     check_posture(model, data, drivetrain)
-    ranges = ranges_of(model, drivetrain)
+    ranges, followers = ranges_of(model, drivetrain), limited_followers(model, drivetrain)
     scratch = mujoco().MjData(model)
     scratch.qpos[:] = data.qpos
     places = np.asarray(model.jnt_qposadr)[drivetrain.joints]
     u = np.array(data.site_xmat[drivetrain.site]).reshape(3, 3) @ direction
-    path = _Path(model, scratch, drivetrain, places, u if ahead else -u, ranges, hold)
+    path = _Path(model, scratch, drivetrain, places, u if ahead else -u, ranges, hold, followers)
     if model.neq:  # a loop at its dead center is as heavy in every direction
         start = path.moved_mass(np.array(data.qpos)[places])
         path = replace(path, heaviest=start / SINGULAR**2)
@@ -83,6 +102,43 @@ def ranges_of(model: Model, drivetrain: Drivetrain) -> FloatArray:
     The shape is (n, 2).
     """
     return np.array([range_of(model, int(joint)) for joint in drivetrain.joints])
+
+
+def _travel(model: Model, drivetrain: Drivetrain) -> tuple[float, int]:
+    """Return how far all driven slides together can move a site [m], and the number of driven hinges."""
+    slides = [int(joint) for joint in drivetrain.joints if unit_of_joint(model, int(joint)) == "m"]
+    ranges = (range_of(model, joint) for joint in slides)
+    return math.fsum(high - low for low, high in ranges), len(drivetrain.joints) - len(slides)
+
+
+@dataclass(frozen=True, slots=True)
+class Followers:
+    """The joints with a range that no actuator moves.
+
+    Args:
+        joints: their indices.
+        places: where their positions are in the configuration.
+        degrees: their place among the degrees of freedom of the base.
+        ranges: their ranges [rad or m], shape (n, 2).
+    """
+
+    joints: IntArray
+    places: IntArray
+    degrees: IntArray
+    ranges: FloatArray
+
+
+def limited_followers(model: Model, drivetrain: Drivetrain) -> Followers:
+    """Return the joints of the base that have a range."""
+    of_degree = np.asarray(model.dof_jntid)[drivetrain.base]
+    degrees = np.flatnonzero(np.asarray(model.jnt_limited)[of_degree] & np.isin(of_degree, _scalar_joints(model)))
+    joints = of_degree[degrees].astype(np.int64)
+    ranges = np.asarray(model.jnt_range, dtype=np.float64)[joints].reshape(-1, 2)
+    return Followers(joints, np.asarray(model.jnt_qposadr)[joints].astype(np.int64), degrees, ranges)
+
+
+def _scalar_joints(model: Model) -> list[int]:
+    return [joint for joint in range(model.njnt) if is_scalar_joint(model, joint)]
 
 
 def check_posture(model: Model, data: Data, drivetrain: Drivetrain) -> None:
@@ -102,7 +158,10 @@ def check_posture(model: Model, data: Data, drivetrain: Drivetrain) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Path:
-    """A path of a sensor site along a fixed direction in space."""
+    """A path of a sensor site along a fixed direction in space.
+
+    Joints are locked by their number: driven joints first, then the followers with a range.
+    """
 
     model: Model
     data: Data
@@ -111,6 +170,7 @@ class _Path:
     direction: FloatArray
     ranges: FloatArray
     hold: str
+    followers: Followers
     heaviest: float = math.inf
 
     def moved_mass(self, joints: FloatArray) -> float:
@@ -122,18 +182,19 @@ class _Path:
         """Integrate the path from one joint limit to the next."""
         from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import
 
-        size = float(self.model.stat.extent)
-        length, locked = 0.0, self._blocked(joints, ())
+        size, length, locked = float(self.model.stat.extent), 0.0, self._blocked(joints, ())
+        travel, hinges = _travel(self.model, self.drivetrain)
+        farthest, longest = _REACH * size + travel, _STEP * (size if hinges else size + travel)
         while True:
             if locked is None or self._motion(joints, locked) is None:
                 return Excursion(length, self._reason(joints), joints)
             solution = solve_ivp(
                 lambda _, q, locked=locked: self._rates(q, locked),
-                (length, _REACH * size),
+                (length, farthest),
                 joints,
                 rtol=_ACCURACY,
                 atol=_ACCURACY,
-                max_step=_STEP * size,
+                max_step=longest,
                 events=(
                     self._event(lambda q, locked=locked: self._slack(q, locked)),
                     self._event(lambda q, locked=locked: self._conditioning(q, locked) - SINGULAR),
@@ -146,15 +207,33 @@ class _Path:
                 return Excursion(length, "the posture becomes singular", joints)
             locked = self._blocked(joints, locked)
 
-    def _motion(self, joints: FloatArray, locked: tuple[int, ...]) -> Any:
-        """Return the joint motion along the path; None if none exists or the posture is singular."""
+    def _posture(self, joints: FloatArray) -> PostureDynamics:
+        """Return the dynamics of the robot in a posture, with its base as constraints and contacts place it."""
         self.data.qpos[self.places] = joints
         update_posture(self.model, self.data)
         close_loops(self.model, self.data, self.drivetrain)
         turn = np.array(self.data.site_xmat[self.drivetrain.site]).reshape(3, 3)
-        dynamics = posture_dynamics(self.model, self.data, self.drivetrain, turn.T @ self.direction)
-        motion = axis_motion(dynamics, self.hold, locked)
+        return posture_dynamics(self.model, self.data, self.drivetrain, turn.T @ self.direction)
+
+    def _motion(self, joints: FloatArray, locked: tuple[int, ...]) -> AxisMotion | None:
+        """Return the joint motion along the path; None if none exists or the posture is singular."""
+        return self._motion_in(self._posture(joints), locked)
+
+    def _motion_in(self, dynamics: PostureDynamics, locked: tuple[int, ...]) -> AxisMotion | None:
+        count = len(dynamics.inertia)
+        still = self._following(dynamics)[[i - count for i in locked if i >= count]]
+        reduction = replace(dynamics.reduction, coupling=np.vstack([dynamics.reduction.coupling, still]))
+        motion = axis_motion(replace(dynamics, reduction=reduction), self.hold, [i for i in locked if i < count])
         return None if motion is None or self._share(motion) <= SINGULAR else motion
+
+    def _following(self, dynamics: PostureDynamics) -> FloatArray:
+        """Return the velocities of the followers per velocity of the driven joints, shape (k, n)."""
+        rows = dynamics.reduction.forced[self.followers.degrees]
+        return np.where(np.abs(rows) > _STILL, rows, 0.0)
+
+    def _positions(self, joints: FloatArray) -> FloatArray:
+        """Return the positions of driven joints and followers in the last posture."""
+        return np.concatenate([joints, np.array(self.data.qpos)[self.followers.places]])
 
     def _rates(self, joints: FloatArray, locked: tuple[int, ...]) -> FloatArray:
         motion = self._motion(joints, locked)
@@ -170,32 +249,43 @@ class _Path:
 
     def _slack(self, joints: FloatArray, locked: tuple[int, ...]) -> float:
         """Return the smallest distance [rad or m] to a joint limit. Only moving joints count."""
-        low, high = np.delete(self.ranges, locked, axis=0).T
-        q = np.delete(joints, locked)
-        return float(np.minimum(q - low, high - q).min() + _TOLERANCE)
+        moves = self._moving(self._posture(joints))
+        moves[list(locked)] = False
+        q, (low, high) = self._positions(joints)[moves], self._every_range[moves].T
+        return float(np.minimum(q - low, high - q).min(initial=math.inf) + _TOLERANCE)
 
     def _blocked(self, joints: FloatArray, locked: tuple[int, ...]) -> tuple[int, ...] | None:
         """Find the joints that would leave their ranges along the path."""
-        low, high = self.ranges.T
+        dynamics, (low, high) = self._posture(joints), self._every_range.T
+        positions = self._positions(joints)
         while True:
-            motion = self._motion(joints, locked)
+            motion = self._motion_in(dynamics, locked)
             if motion is None:
-                return locked if len(locked) < len(joints) else None
-            out = ((joints <= low + 2 * _TOLERANCE) & (motion.joints < 0)) | (
-                (joints >= high - 2 * _TOLERANCE) & (motion.joints > 0)
+                return locked if len(locked) < len(positions) else None
+            rates = np.concatenate([motion.joints, self._following(dynamics) @ motion.joints])
+            out = ((positions <= low + 2 * _TOLERANCE) & (rates < -_STILL)) | (
+                (positions >= high - 2 * _TOLERANCE) & (rates > _STILL)
             )
             new = tuple(int(i) for i in np.flatnonzero(out) if i not in locked)
             if not new:
                 return locked
             locked = (*locked, *new)
-            if len(locked) == len(joints):
-                return None
+
+    @property
+    def _every_range(self) -> FloatArray:
+        return np.vstack([self.ranges, self.followers.ranges])
+
+    def _moving(self, dynamics: PostureDynamics) -> BoolArray:
+        """Return which of driven joints and followers move; passive joints that follow nothing do not."""
+        return np.concatenate([np.ones(len(self.ranges), dtype=bool), self._following(dynamics).any(axis=1)])
 
     def _reason(self, joints: FloatArray) -> str:
         """Describe why the path ends."""
-        low, high = self.ranges.T
-        at_end = np.flatnonzero((joints <= low + 2 * _TOLERANCE) | (joints >= high - 2 * _TOLERANCE))
-        names = [joint_label(self.model, int(self.drivetrain.joints[i])) for i in at_end]
+        moves, (low, high) = self._moving(self._posture(joints)), self._every_range.T
+        positions = self._positions(joints)
+        ends = (positions <= low + 2 * _TOLERANCE) | (positions >= high - 2 * _TOLERANCE)
+        numbers = np.concatenate([self.drivetrain.joints, self.followers.joints])
+        names = [joint_label(self.model, int(joint)) for joint in numbers[ends & moves]]
         return f"end of the range of {', '.join(names)}" if names else "the posture is singular"
 
     @staticmethod

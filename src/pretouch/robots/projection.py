@@ -21,11 +21,21 @@ from pretouch.motion import Scenario
 
 from .deviations import SIDEWAYS, TURN
 from .drives import AxisLimits, acceleration_limits, drives_of, force_limits, speed_limits
-from .dynamics import AxisMotion, Drivetrain, PostureDynamics, axis_motion, drivetrain_of, posture_dynamics
+from .dynamics import (
+    AxisMotion,
+    Drivetrain,
+    PostureDynamics,
+    axis_motion,
+    constraint_rows,
+    drivetrain_of,
+    null_space,
+    posture_dynamics,
+)
 from .model import Data, Model, check_model, joint_label, mujoco, site_index, unit_of_joint
 from .obstruction import refuse_covered_sensor
 from .path import Excursion, excursion
 from .site import SensorSite
+from .stance import describe_footholds, forces_of, holding_torques, largest_push, supporting_bodies
 
 POOR: Final = 0.2
 """Conditioning below which a projection warns, because the moved mass exceeds 25 times the lightest one."""
@@ -63,6 +73,11 @@ class Projection(Described, Value):
         turning: angle by which the axis of the sensor turns per motion of the site [rad/m], by the joints and by the
             recoil of the base.
         sideways: motion across the axis per motion of the site, likewise.
+        support: contacts on which the robot stands, as pairs of bodies. They count as fixed in all masses and motions,
+            and push and rub in the limits of the drives.
+        support_limit: force of an object on the site along the axis [N] from which such a contact lifts or slides while
+            the drives keep their torques; infinite without one.
+        unsupported_mass: reflected mass without these contacts [kg].
         warnings: sentences on properties of the posture or of the model that matter for a design.
     """
 
@@ -84,6 +99,9 @@ class Projection(Described, Value):
     turning: float
     sideways: float
     followers: tuple[str, ...] = ()
+    support: tuple[str, ...] = ()
+    support_limit: float = math.inf
+    unsupported_mass: float = math.nan
     warnings: tuple[str, ...] = ()
 
     @property
@@ -205,6 +223,9 @@ class Projection(Described, Value):
             "turning": self.turning,
             "sideways": self.sideways,
             "followers": list(self.followers),
+            "support": list(self.support),
+            "support_limit": finite_or_none(self.support_limit),
+            "unsupported_mass": finite_or_none(self.unsupported_mass),
             "warnings": list(self.warnings),
         }
 
@@ -276,10 +297,50 @@ def project_site(
         turning=motion.turning,
         sideways=motion.sideways,
         followers=_followers(model, drivetrain, dynamics),
-        warnings=tuple(
-            posture_warnings(model, drivetrain, dynamics, motion, lambda: back.length, limited=drives.has_force_limits)
+        support=describe_footholds(model, drivetrain.footholds),
+        support_limit=support_limit(model, data, drivetrain, dynamics),
+        unsupported_mass=_unsupported_mass(model, data, drivetrain, dynamics),
+        warnings=(
+            *posture_warnings(
+                model, drivetrain, dynamics, motion, lambda: back.length, limited=drives.has_force_limits
+            ),
+            *_falling_warnings(model, data, drivetrain),
         ),
     )
+
+
+def support_limit(model: Model, data: Data, drivetrain: Drivetrain, dynamics: PostureDynamics) -> float:
+    """Return the force of an object on a site [N] from which a contact of a robot that stands lifts or slides.
+
+    It is infinite without such contacts.
+    """
+    footholds, base = drivetrain.footholds, drivetrain.base
+    if not footholds:
+        return math.inf
+    every, equality = np.concatenate([base, drivetrain.driven]), constraint_rows(model, data)
+    rest = holding_torques(model, data, base, footholds, equality) - np.array(data.qfrc_bias - data.qfrc_passive)
+    edges = forces_of(model, data, footholds)[:, every]
+    push = -dynamics.axis @ dynamics.full[:3]
+    return largest_push((dynamics.mass, dynamics.reduction.allowed), (rest[every], edges, equality[:, every]), push)
+
+
+def _unsupported_mass(model: Model, data: Data, drivetrain: Drivetrain, dynamics: PostureDynamics) -> float:
+    """Return the reflected mass if no contact holds the robot [kg]."""
+    every = np.concatenate([drivetrain.base, drivetrain.driven])
+    return dynamics.mass_with(null_space(constraint_rows(model, data)[:, every]))
+
+
+def _falling_warnings(model: Model, data: Data, drivetrain: Drivetrain) -> Iterator[str]:
+    """Yield a warning if a robot touches something, but does not stand on it."""
+    if not len(drivetrain.root) or not np.any(model.opt.gravity):
+        return
+    pairs = supporting_bodies(model, data, np.concatenate([drivetrain.base, drivetrain.driven]))
+    if pairs:
+        yield caution(
+            "PT555",
+            f"The robot touches the ground, but cannot stand in this posture ({', '.join(pairs)}): choose a posture in "
+            "which it balances and its contacts do not slide. pretouch treats it as a robot that falls freely.",
+        )
 
 
 def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, ...]:

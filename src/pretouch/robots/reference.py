@@ -23,7 +23,7 @@ from .dynamics import (
     update_posture,
 )
 from .model import Data, Model, mujoco
-from .path import check_posture, ranges_of
+from .path import check_posture, limited_followers, ranges_of
 from .site import SensorSite
 
 _SPACING: Final = 1e-3  # m: the joint motion per motion of the sites is computed again after as much
@@ -67,11 +67,14 @@ class JointPath:
             "_direction",
             "_first",
             "_drivetrains",
+            "_ends",
+            "_followers",
             "_holds",
             "_inside",
             "_joints",
             "_model",
             "_motions",
+            "_passive",
             "_places",
         ),
         *("_points", "_ranges", "_scratch", "_turn", "start"),
@@ -82,10 +85,12 @@ class JointPath:
     ) -> None:
         self._model, self._drivetrains = model, drivetrains
         check_posture(model, data, drivetrains[0])
-        self._ranges = ranges_of(model, drivetrains[0])
+        self._ranges, self._followers = ranges_of(model, drivetrains[0]), limited_followers(model, drivetrains[0])
+        self._ends = False
         self._places = np.asarray(model.jnt_qposadr)[drivetrains[0].joints]
         self._scratch = mujoco().MjData(model)
         self._scratch.qpos[:] = data.qpos
+        self._passive = np.array(data.qpos)[self._followers.places]
         self._axes = [
             np.array(data.site_xmat[d.site]).reshape(3, 3) @ s.direction
             for d, s in zip(drivetrains, sites, strict=True)
@@ -120,7 +125,7 @@ class JointPath:
 
         The points of the path that were already computed are kept.
         """
-        self._joints = self._inside = self.start
+        self._joints, self._inside, self._ends = self.start, self.start, False
         self._motions, self._turn = self._first, np.zeros_like(self._first)
         self._points, self._direction = np.zeros(self._first.shape[1]), np.zeros(self._first.shape[1])
         return self
@@ -165,13 +170,14 @@ class JointPath:
         """
         step = points - self._points
         if float(step @ step) >= _SPACING**2:
+            self._ends = False
             self._anchor(step)
             step = points - self._points
         along = float(step @ self._direction)
         motions = self._motions + along * self._turn
         position = self._joints + (self._motions + along / 2 * self._turn) @ step
         low, high = self._ranges.T
-        if np.any((position < low - _MARGIN) | (position > high + _MARGIN)):
+        if self._ends or np.any((position < low - _MARGIN) | (position > high + _MARGIN)):
             return JointReference(self._inside, np.zeros(len(position)), np.zeros(len(position)), "joint range")
         self._inside = position
         turning = float(velocities @ self._direction) * self._turn
@@ -204,12 +210,23 @@ class JointPath:
             after = self._solve(self._parts(end))
             if middle is None or after is None:
                 return False  # a singularity: the joint motion of the last anchor remains
+            if self._leaves_range():
+                self._ends = True
+                return False
             length = float(np.linalg.norm(part))
             anchor = end, after, (after - self._motions) / length, part / length, self._points + part
             if key is not None:
                 self._anchors[key] = anchor
         self._joints, self._motions, self._turn, self._direction, self._points = anchor
         return True
+
+    def _leaves_range(self) -> bool:
+        """Return True if a joint without an actuator that follows the others has moved out of its range."""
+        now = np.array(self._scratch.qpos)[self._followers.places]
+        beyond = [
+            np.maximum(self._followers.ranges[:, 0] - q, q - self._followers.ranges[:, 1]) for q in (now, self._passive)
+        ]
+        return bool(np.any(beyond[0] > np.maximum(beyond[1], 0.0) + _MARGIN))
 
     def _parts(self, joints: FloatArray) -> list[PostureDynamics]:
         self._scratch.qpos[self._places] = joints

@@ -253,3 +253,107 @@ def test_dry_friction_leaves_less_acceleration_and_speed(friction: float, accele
     projection = project_site(model, make_data(model), SensorSite("tip"))
     for limits, expected in ((projection.acceleration, acceleration), (projection.speed, speed)):
         assert (limits.ahead, limits.back) == pytest.approx((expected, expected), rel=1e-9)
+
+
+def slide_with(actuator: str, body: str = "") -> object:
+    """A slide of 2 kg with an actuator."""
+    return model_of(
+        f"""<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="a" type="slide" axis="1 0 0" limited="true"
+        range="-0.2 0.5"/><geom size="0.1" mass="2"/><site name="tip" pos="0.1 0 0"/>{body}</body></worldbody>
+        <actuator>{actuator}</actuator></mujoco>"""
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "ahead", "back", "reasons", "codes"),
+    [
+        ("", 1000 * 0.4, 1000 * 0.3, ("control range of s", "control range of s"), ["PT556"]),
+        ('forcerange="-70 50"', 50, 70, ("force range of s", "force range of s"), []),
+        ('forcerange="-900 50"', 50, 300, ("force range of s", "control range of s"), []),
+        ('forcerange="-900 900" gear="2"', 2 * 1000 * (0.5 - 0.2), 2 * 1000 * 0.4, ("control range of s",) * 2, []),
+    ],
+)
+def test_the_limit_of_a_position_servo_is_said(options, ahead, back, reasons, codes) -> None:
+    """At 0.1 m, with kp = 1000 N/m and a control from -0.2 to 0.5: the force is kp times the range from there."""
+    model = slide_with(f'<position name="s" joint="a" kp="1000" kv="5" ctrlrange="-0.2 0.5" {options}/>')
+    projection = project_site(model, make_data(model, {"a": 0.1}), SensorSite("tip"))
+    limits = projection.acceleration
+    assert (limits.ahead, limits.back) == pytest.approx((ahead / 2, back / 2))
+    assert limits.reasons == reasons
+    assert [text[:5] for text in projection.warnings] == codes
+
+
+def test_the_force_of_a_muscle_is_that_of_its_length_and_it_lags() -> None:
+    """Against MuJoCo's own force at full activation."""
+    model = slide_with(
+        '<muscle name="m" joint="a" range="0.6 1.2" lengthrange="-0.5 0.5" force="80" timeconst="0.02 0.07"/>'
+        '<motor joint="a" ctrlrange="-300 300" name="other"/>'
+    )
+    data = make_data(model, {"a": 0.1})
+    projection = project_site(model, data, SensorSite("tip"))
+    data.act[:], data.ctrl[:] = 1.0, (1.0, -300.0)
+    mujoco.mj_forward(model, data)
+    assert projection.acceleration.back == pytest.approx(-float(data.qfrc_actuator[0]) / 2)
+    assert projection.lag == 0.07
+    assert [text[:5] for text in projection.warnings] == ["PT557"]
+
+
+@pytest.mark.parametrize(
+    ("actuator", "lag"),
+    [
+        ('<general joint="a" dyntype="filter" dynprm="0.05" ctrlrange="-9 9"/>', 0.05),
+        ('<general joint="a" dyntype="filterexact" dynprm="0.2" ctrlrange="-9 9"/>', 0.2),
+        ('<intvelocity joint="a" kp="50" ctrlrange="-2 2" actrange="-0.2 0.5" forcerange="-9 9"/>', 0.35),
+        ('<general joint="a" dyntype="user" dynprm="0.2" ctrlrange="-9 9"/>', math.nan),
+        ('<motor joint="a" ctrlrange="-9 9"/>', 0.0),
+    ],
+)
+def test_the_activation_of_an_actuator_is_a_lag(actuator: str, lag: float) -> None:
+    model = slide_with(actuator)
+    projection = project_site(model, make_data(model), SensorSite("tip"))
+    assert projection.lag == pytest.approx(lag, nan_ok=True)
+    assert [text[:5] for text in projection.warnings if "PT557" in text] == ["PT557"] * (lag != 0)
+
+
+def test_a_tendon_drives_two_joints_together() -> None:
+    """One tendon pulls two slides in series with coefficients 1 and 0.5: it accelerates them by M^-1 (1, 0.5) f.
+
+    The motion of the tip is that of MuJoCo's forward dynamics, and no torques drive the joints on their own.
+    """
+    text = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="a" type="slide" axis="1 0 0"
+        limited="true" range="-1 1"/><geom size="0.05" mass="1"/><body><joint name="b" type="slide" axis="1 0 0"
+        limited="true" range="-1 1"/><geom size="0.02" mass="2"/><site name="tip" pos="0.2 0 0"/></body></body>
+        </worldbody>
+        <tendon><fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef="0.5"/></fixed></tendon>
+        <actuator><motor tendon="t" ctrlrange="-30 30"/></actuator>{}</mujoco>"""
+    model = model_of(text.format(""))
+    data = make_data(model)
+    projection = project_site(model, data, SensorSite("tip"))
+    data.ctrl[:] = 30.0
+    mujoco.mj_forward(model, data)
+    assert projection.acceleration.ahead == pytest.approx(abs(float(data.qacc.sum())))
+    assert [projection.joint_motion[n] for n in "ab"] == pytest.approx((data.qacc / data.qacc.sum()).tolist())
+    assert [text[:5] for text in projection.warnings] == ["PT558"]
+    coupled = model_of(text.format('<equality><joint joint1="b" joint2="a" polycoef="0 1 0 0 0"/></equality>'))
+    projection = project_site(coupled, make_data(coupled), SensorSite("tip"))
+    assert projection.moved_mass == pytest.approx((1 + 2 * 2**2) / 2**2)
+    assert projection.acceleration.ahead == pytest.approx(30 * 1.5 / (1 + 2 * 2**2) * 2)
+    assert projection.warnings == ()
+
+
+def test_a_force_at_a_site_drives_all_joints_of_its_arm() -> None:
+    """A transmission by a site: torques are the transposed Jacobian, as in MuJoCo's own forward dynamics."""
+    model = model_of(
+        TWO_LINKS.format(gravity=0, elbow="-2 2").replace(
+            '<motor joint="shoulder" ctrlrange="-20 20"/>', '<motor site="tip" gear="1 0 0 0 0 0" ctrlrange="-5 5"/>'
+        )
+    )
+    data = make_data(model, {"shoulder": 0.4, "elbow": -1.0})
+    projection = project_site(model, data, SensorSite("tip", hold="axis"))
+    best = 0.0
+    for push in (-5, 5):
+        for torque in (-10, 10):
+            data.ctrl[:] = push, torque
+            mujoco.mj_forward(model, data)
+            best = max(best, float(projection.axis @ site_acceleration(model, data)))
+    assert projection.acceleration.ahead == pytest.approx(best)

@@ -13,15 +13,16 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
 from .dynamics import AxisMotion, Drivetrain, PostureDynamics, Reduction, actuator_moment, constraint_rows, reduce_base
-from .model import Data, Model, mujoco
+from .model import Data, Model, joint_label, mujoco
 from .stance import forces_of
 
 _OPTIMAL: Final = 0  # status of linprog
 _ENDLESS: Final = 1e6  # m/s^2 or N: no robot reaches as much, so that it counts as no limit
+_PRICE: Final = 1e-9  # share of the largest price of a limit, below which it is rounding
 _STILL: Final = 1e-9  # velocity relative to the fastest joint, below which a joint rests
 _FASTEST: Final = 30.0  # m/s: likewise; models with torques but without speed limits allow hundreds of m/s
 
@@ -33,10 +34,12 @@ class AxisLimits(Value):
     Args:
         ahead: toward objects; infinite without a limit.
         back: away from objects; infinite without a limit.
+        reasons: what limits both, such as "force range of elbow"; empty without a limit.
     """
 
     ahead: float
     back: float
+    reasons: tuple[str, str] = ("", "")
 
     @property
     def least(self) -> float:
@@ -58,6 +61,9 @@ class Drives:
         constant: force at rest without control, shape (rows,).
         damping: loss of force per velocity of the actuator, shape (rows,).
         controls: smallest and largest control, shape (rows, 2).
+        lags: times by which the force follows the control [s], shape (rows,); infinite for an unknown one.
+        names: names of the actuators.
+        joint_names: names of the driven joints.
         torques: smallest and largest torque of all actuators at each joint, shape (n, 2).
         load: generalized forces that hold the robot at rest against gravity and springs, shape (n + k,).
         friction: viscous damping of the joints, shape (n, n).
@@ -69,6 +75,7 @@ class Drives:
             the base along, and k of the base that its contacts hold, shape (m + n, n + k).
         following: velocities of base and joints per velocity of the joints, as far as constraints cause them.
         dry_friction: friction loss of base and joints [N m or N], in the same order.
+        servo: whether the force of an actuator falls with its position or velocity, shape (rows,).
     """
 
     moment: FloatArray
@@ -78,6 +85,9 @@ class Drives:
     constant: FloatArray
     damping: FloatArray
     controls: FloatArray
+    lags: FloatArray
+    names: tuple[str, ...]
+    joint_names: tuple[str, ...]
     torques: FloatArray
     load: FloatArray
     friction: FloatArray
@@ -87,6 +97,7 @@ class Drives:
     tests: FloatArray
     following: FloatArray
     dry_friction: FloatArray
+    servo: BoolArray
 
     @property
     def has_force_limits(self) -> bool:
@@ -95,6 +106,18 @@ class Drives:
         by_force = np.isfinite(self.lowest) & np.isfinite(self.highest)
         by_torque = np.isfinite(self.torques).all()
         return bool((by_control | by_force).all() or by_torque)
+
+    @property
+    def bare_servos(self) -> FloatArray:
+        """Largest forces [N or N m] of servos that only their control limits, and 0 for all other actuators.
+
+        A servo is an actuator whose force falls with its position or velocity. Its largest force is its gain times the
+        range of its control from the present position.
+        """
+        ends = np.abs(self.gain[:, None] * self.controls + self.constant[:, None]).max(axis=1)
+        endless = ~(np.isfinite(self.lowest) & np.isfinite(self.highest))
+        joints = (self.moment != 0) @ (~np.isfinite(self.torques).all(axis=1)) > 0
+        return np.where(self.servo & endless & joints & np.isfinite(ends), ends, 0.0)
 
 
 def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArray) -> Drives:
@@ -117,11 +140,16 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
     kinds, biases = np.asarray(model.actuator_gaintype)[rows], np.asarray(model.actuator_biastype)[rows]
     length, gains, bias_kinds = np.array(data.actuator_length)[rows], library.mjtGain, library.mjtBias
     affine_gain, affine_bias = kinds == int(gains.mjGAIN_AFFINE), biases == int(bias_kinds.mjBIAS_AFFINE)
+    muscles = (kinds == int(gains.mjGAIN_MUSCLE)) & (biases == int(bias_kinds.mjBIAS_MUSCLE))
     supported = (affine_gain | (kinds == int(gains.mjGAIN_FIXED))) & (
         affine_bias | (biases == int(bias_kinds.mjBIAS_NONE))
     )
     gain = np.where(supported, gain_of[:, 0] + np.where(affine_gain, gain_of[:, 1] * length, 0.0), 0.0)
     bias = np.where(affine_bias & supported, bias_of[:, 0] + bias_of[:, 1] * length, 0.0)
+    for i in np.flatnonzero(muscles):  # at rest, the force is affine in the activation
+        muscle = np.asarray(model.actuator_lengthrange)[rows[i]], float(model.actuator_acc0[rows[i]])
+        gain[i] = library.mju_muscleGain(length[i], 0.0, *muscle, gain_of[i, :9])
+        bias[i] = library.mju_muscleBias(length[i], *muscle, bias_of[i, :9])
     torque_limited = np.asarray(model.jnt_actfrclimited).astype(bool)[joints]
     torques = np.where(torque_limited[:, None], np.asarray(model.jnt_actfrcrange)[joints], (-math.inf, math.inf))
     every, mass = np.concatenate([base, driven]), np.zeros((model.nv, model.nv))
@@ -137,7 +165,11 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
         gain=gain,
         constant=bias,
         damping=np.where(affine_bias & supported, -bias_of[:, 2], 0.0),
-        controls=_controls(model, rows, supported),
+        controls=np.where(muscles[:, None], (0.0, 1.0), _controls(model, rows, supported)),
+        lags=_lags(model, rows),
+        names=tuple(library.mj_id2name(model, library.mjtObj.mjOBJ_ACTUATOR, i) or f"number {i}" for i in rows),
+        joint_names=tuple(joint_label(model, int(joint)) for joint in joints),
+        servo=affine_bias & supported & (bias_of[:, 1:3] != 0).any(axis=1),
         torques=torques,
         load=tests.T
         @ _weight(mass[np.ix_(every, every)], reduction, np.array(data.qfrc_bias - data.qfrc_passive)[every]),
@@ -192,6 +224,23 @@ def _controls(model: Model, rows: Any, known: Any) -> FloatArray:
     return np.where((limited & known)[:, None], ranges, (-math.inf, math.inf))
 
 
+def _lags(model: Model, rows: Any) -> FloatArray:
+    """Return the time [s] by which the force of each actuator follows its control."""
+    library = mujoco()
+    kinds, parameters = np.asarray(model.actuator_dyntype)[rows], np.asarray(model.actuator_dynprm)[rows]
+    limited = np.asarray(model.actuator_ctrllimited).astype(bool)[rows]
+    most = np.abs(np.asarray(model.actuator_ctrlrange)[rows]).max(axis=1)
+    widths = np.ptp(np.asarray(model.actuator_actrange)[rows], axis=1)
+    lags = np.where(kinds == int(library.mjtDyn.mjDYN_NONE), 0.0, math.inf)
+    for kind in (library.mjtDyn.mjDYN_FILTER, library.mjtDyn.mjDYN_FILTEREXACT):
+        lags = np.where(kinds == int(kind), parameters[:, 0], lags)
+    lags = np.where(kinds == int(library.mjtDyn.mjDYN_MUSCLE), parameters[:, :2].max(axis=1), lags)
+    # an integrator crosses its range at the largest control; one without a range of its control is as fast as wanted
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = np.where(limited, widths / most, 0.0)
+    return np.asarray(np.where(kinds == int(library.mjtDyn.mjDYN_INTEGRATOR), crossing, lags), dtype=np.float64)
+
+
 def acceleration_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) -> AxisLimits:
     """Return the largest accelerations of a sensor site along its axis [m/s^2].
 
@@ -221,8 +270,10 @@ def speed_limits(drives: Drives, motion: AxisMotion) -> AxisLimits:
     """
     velocities = np.column_stack([motion.joints, motion.free])
     span = _span(drives, drives.friction @ velocities, velocities, _friction_torques(drives, motion))
-    ahead, back = (speed if speed < _FASTEST else math.inf for speed in (span.ahead, span.back))
-    return AxisLimits(ahead, back)
+    fast = [speed >= _FASTEST for speed in (span.ahead, span.back)]
+    ahead, back = (math.inf if over else speed for over, speed in zip(fast, (span.ahead, span.back), strict=True))
+    first, second = ("" if over else reason for over, reason in zip(fast, span.reasons, strict=True))
+    return AxisLimits(ahead, back, (first, second))
 
 
 def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
@@ -275,10 +326,10 @@ def _span(
         (low if math.isfinite(low) else None, high if math.isfinite(high) else None)
         for low, high in (*zip(drives.lowest, drives.highest, strict=True), *drives.controls)
     ]
-    ends = []
+    ends, reasons = [], []
 
-    def largest(sign: float, load: FloatArray) -> float:
-        """Return the largest x[0] in one direction; -1 if the drives cannot bear the load."""
+    def largest(sign: float, load: FloatArray) -> tuple[float, str]:
+        """Return the largest x[0] in one direction, and what limits it; -1 if the drives cannot bear the load."""
         cost = np.zeros(count + 2 * rows)
         cost[0] = -sign
         result = linprog(
@@ -290,16 +341,39 @@ def _span(
             bounds=box,
             method="highs",
         )
-        return float(sign * result.x[0]) if result.status == _OPTIMAL else -1.0
+        if result.status != _OPTIMAL:
+            return -1.0, ""
+        prices = result.ineqlin.marginals if finite.any() else np.zeros(0)
+        return float(sign * result.x[0]), _limiting(drives, result, count, np.flatnonzero(finite), prices)
 
     for sign in (1.0, -1.0):
-        end = largest(sign, drives.load)
+        end, reason = largest(sign, drives.load)
         if end < 0:
             raise InvalidInputError(
                 "actuators: the drives cannot hold the robot at rest in this posture against gravity and springs; "
                 "choose another posture, or raise forcerange or ctrlrange of the actuators"
             )
         if friction is not None and friction.any():
-            end = max(largest(sign, drives.load + sign * friction), 0.0)
-        ends.append(end if end < _ENDLESS * (1 - 1e-6) else math.inf)
-    return AxisLimits(*ends)
+            end, reason = largest(sign, drives.load + sign * friction)
+            end, reason = (end, reason) if end > 0 else (0.0, "dry friction")
+        endless = end >= _ENDLESS * (1 - 1e-6)
+        ends.append(math.inf if endless else end)
+        reasons.append("" if endless else reason)
+    return AxisLimits(ends[0], ends[1], (reasons[0], reasons[1]))
+
+
+def _limiting(drives: Drives, result: Any, count: int, bounds: IntArray, prices: FloatArray) -> str:
+    """Name the limits that a linear program is at: those whose change would change its result."""
+    rows, joints = drives.moment.shape
+    price = np.abs(np.asarray(result.lower.marginals)) + np.abs(np.asarray(result.upper.marginals))
+    least = _PRICE * max(float(price.max(initial=0.0)), float(np.abs(prices).max(initial=0.0)))
+    ends = price > least
+    forces, controls = ends[count : count + rows], ends[count + rows :]
+    names = [f"force range of {drives.names[i]}" for i in np.flatnonzero(forces)]
+    names += [f"control range of {drives.names[i]}" for i in np.flatnonzero(controls)]
+    for bound in bounds[np.abs(prices) > least]:
+        kind = "torque range" if bound < 2 * joints else "speed"
+        names.append(f"{kind} of {drives.joint_names[int(bound) % joints]}")
+    if ends[count - int(drives.pushes.sum()) : count].any():
+        names.append("contacts that only push and rub")
+    return ", ".join(dict.fromkeys(names))

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -57,6 +57,8 @@ class Drivetrain:
         joints: the joint of each driven degree of freedom, shape (n,).
         rows: indices of the actuator outputs that act on the robot.
         footholds: the contacts on which the robot stands. They hold their points along all motions.
+        shared: whether actuators drive several joints together, such as by a tendon, so that some joint motions are
+            driven by none.
     """
 
     site: int
@@ -66,6 +68,7 @@ class Drivetrain:
     joints: IntArray
     rows: IntArray
     footholds: tuple[Foothold, ...] = ()
+    shared: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +196,17 @@ def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
     held = constraint_rows(model, data, footholds)
     free = np.abs(null_space(held[:, base])).max(axis=1, initial=0.0) > _RANK
     root = np.intersect1d(chain, base[free])
-    return Drivetrain(site, driven, base, root, joints, rows, footholds)
+    torques = np.vstack([moment[np.ix_(rows, driven)], _couplings(model, data, base, driven, footholds)])
+    shared = np.linalg.matrix_rank(torques) < len(driven)
+    return Drivetrain(site, driven, base, root, joints, rows, footholds, bool(shared))
+
+
+def _couplings(model: Model, data: Data, base: IntArray, driven: IntArray, footholds: Sequence[Foothold]) -> FloatArray:
+    """Return the rows of the constraints that couple driven joints, shape (r, n)."""
+    every, mass = np.concatenate([base, driven]), np.zeros((model.nv, model.nv))
+    mujoco().mj_fullM(model, data, mass)
+    rows = constraint_rows(model, data, footholds)[:, every]
+    return reduce_base(mass[np.ix_(every, every)], rows, len(base)).coupling
 
 
 def _linked(model: Model, data: Data, tree: IntArray) -> IntArray:
@@ -231,7 +244,8 @@ def joined(drivetrains: Sequence[Drivetrain]) -> tuple[Drivetrain, ...]:
     driven, base, root, joints = (np.concatenate([getattr(d, name) for d in trees]) for name in names)
     rows = np.unique(np.concatenate([d.rows for d in trees]))
     footholds = tuple(foothold for d in trees for foothold in d.footholds)
-    return tuple(Drivetrain(d.site, driven, base, root, joints, rows, footholds) for d in drivetrains)
+    shared = any(d.shared for d in trees)
+    return tuple(Drivetrain(d.site, driven, base, root, joints, rows, footholds, shared) for d in drivetrains)
 
 
 def constraint_rows(model: Model, data: Data, footholds: Sequence[Foothold] = ()) -> FloatArray:
@@ -274,7 +288,8 @@ class Reduction:
         motion: -G, the velocities of the base per velocity of the joints, shape (m, n).
         forced: P, the part of it that constraints cause, shape (m, n).
         loose: B, a basis of the base motions that no constraint holds, shape (m, k).
-        coupling: C, rows that are 0 for all joint velocities that the constraints allow, shape (r, n).
+        coupling: C, rows that are 0 for all joint velocities that the constraints allow, and that actuators cause which
+            drive several joints together, shape (r, n).
         allowed: N, a basis of all velocities that the constraints allow, the base first, shape (m + n, l).
     """
 
@@ -361,6 +376,7 @@ def update_posture(model: Model, data: Data) -> None:
     library.mj_kinematics(model, data)
     library.mj_comPos(model, data)
     library.mj_tendon(model, data)
+    library.mj_transmission(model, data)
     library.mj_makeM(model, data)
     if model.neq:
         library.mj_makeConstraint(model, data)
@@ -415,9 +431,14 @@ def posture_dynamics(model: Model, data: Data, drivetrain: Drivetrain, direction
     mass, jacobian, count = mass[np.ix_(every, every)], jacobian[:, every], len(base)
     reduction = reduce_base(mass, constraint_rows(model, data, drivetrain.footholds)[:, every], count)
     together = _stack(reduction.motion)
+    inertia = together.T @ mass @ together
+    if drivetrain.shared:  # what no actuator drives keeps its momentum, as a passive joint does
+        torques = np.vstack([actuator_moment(model, data)[np.ix_(drivetrain.rows, driven)], reduction.coupling])
+        undriven = null_space(torques).T @ inertia
+        reduction = replace(reduction, coupling=np.vstack([reduction.coupling, undriven]))
     return PostureDynamics(
         mass=mass,
-        inertia=together.T @ mass @ together,
+        inertia=inertia,
         own=jacobian @ _stack(reduction.forced),
         relative=jacobian @ together,
         full=jacobian,

@@ -47,11 +47,19 @@ def projection_page(projection: Projection) -> Page:
                             ("static force", p.force, "N"),
                         )
                     ),
+                    *_reasons(p),
                 ),
                 brief=True,
             ),
         ),
     )
+
+
+def _reasons(p: Projection) -> Iterator[tuple[Cell, ...]]:
+    """Yield what limits acceleration, speed and force, if something does."""
+    for name, span in (("acceleration", p.acceleration), ("speed", p.speed), ("static force", p.force)):
+        if any(span.reasons):
+            yield f"{name} limited by", *(reason or "-" for reason in span.reasons)
 
 
 def table_page(table: ProjectionTable) -> Page:
@@ -107,6 +115,8 @@ def _figures(p: Projection) -> Iterator[tuple[str, Cell]]:
         if math.isfinite(p.support_limit):
             yield "push on the site from which a contact lifts or slides", Measured(p.support_limit, "N")
         yield "reflected mass if these contacts do not hold", Measured(p.unsupported_mass, "kg")
+    if p.lag > 0:
+        yield "lag of the drives", Measured(p.lag, "s", 3)
     if p.base:
         yield "recoil share \u03ba of the base", Measured(p.recoil_share)
     yield "conditioning (1 best, 0 singular)", Measured(p.conditioning)

@@ -12,7 +12,7 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite_or_none, positive
+from pretouch._core.numbers import FloatArray, IntArray, finite_or_none, positive
 from pretouch._core.units import format_quantity, to_si
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
@@ -20,7 +20,7 @@ from pretouch.designs import Constraint, Task
 from pretouch.motion import Scenario
 
 from .deviations import SIDEWAYS, TURN
-from .drives import AxisLimits, acceleration_limits, drives_of, force_limits, speed_limits
+from .drives import AxisLimits, Drives, acceleration_limits, drives_of, force_limits, speed_limits
 from .dynamics import (
     AxisMotion,
     Drivetrain,
@@ -78,6 +78,8 @@ class Projection(Described, Value):
         support_limit: force of an object on the site along the axis [N] from which such a contact lifts or slides while
             the drives keep their torques; infinite without one.
         unsupported_mass: reflected mass without these contacts [kg].
+        lag: longest time by which the force of a drive along this motion follows its control [s], such as the time
+            constant of a filter or a muscle; NaN for an activation without a known one. The limits do not include it.
         warnings: sentences on properties of the posture or of the model that matter for a design.
     """
 
@@ -102,6 +104,7 @@ class Projection(Described, Value):
     support: tuple[str, ...] = ()
     support_limit: float = math.inf
     unsupported_mass: float = math.nan
+    lag: float = 0.0
     warnings: tuple[str, ...] = ()
 
     @property
@@ -201,7 +204,11 @@ class Projection(Described, Value):
         All values are in SI units. None stands for no limit.
         """
         spans = {
-            name: {"ahead": finite_or_none(span.ahead), "back": finite_or_none(span.back)}
+            name: {
+                "ahead": finite_or_none(span.ahead),
+                "back": finite_or_none(span.back),
+                "reasons": list(span.reasons),
+            }
             for name, span in (("acceleration", self.acceleration), ("speed", self.speed), ("force", self.force))
         }
         paths = zip(("ahead", "back"), self.excursion, strict=True)
@@ -226,6 +233,7 @@ class Projection(Described, Value):
             "support": list(self.support),
             "support_limit": finite_or_none(self.support_limit),
             "unsupported_mass": finite_or_none(self.unsupported_mass),
+            "lag": finite_or_none(self.lag),
             "warnings": list(self.warnings),
         }
 
@@ -300,11 +308,13 @@ def project_site(
         support=describe_footholds(model, drivetrain.footholds),
         support_limit=support_limit(model, data, drivetrain, dynamics),
         unsupported_mass=_unsupported_mass(model, data, drivetrain, dynamics),
+        lag=_longest_lag(drives, motion),
         warnings=(
             *posture_warnings(
                 model, drivetrain, dynamics, motion, lambda: back.length, limited=drives.has_force_limits
             ),
             *_falling_warnings(model, data, drivetrain),
+            *drive_warnings(drives, motion),
         ),
     )
 
@@ -367,7 +377,59 @@ def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, .
     def retreat() -> float:
         return excursion(model, data, drivetrain, site.direction, hold=motion.hold, ahead=False).length
 
-    return tuple(posture_warnings(model, drivetrain, dynamics, motion, retreat, limited=drives.has_force_limits))
+    return (
+        *posture_warnings(model, drivetrain, dynamics, motion, retreat, limited=drives.has_force_limits),
+        *drive_warnings(drives, motion),
+    )
+
+
+def _longest_lag(drives: Drives, motion: AxisMotion) -> float:
+    """Return the longest lag of the drives that a motion needs [s]; NaN if one is unknown."""
+    lags = drives.lags[_drives_along(drives, motion)]
+    return float(lags.max(initial=0.0)) if np.isfinite(lags).all() else math.nan
+
+
+def _drives_along(drives: Drives, motion: AxisMotion) -> IntArray:
+    """Return the actuators that move along with a motion."""
+    rates = np.abs(drives.moment @ motion.joints)
+    return np.flatnonzero(rates > _FOLLOWS * rates.max(initial=0.0))
+
+
+def drive_warnings(drives: Drives, motion: AxisMotion) -> Iterator[str]:
+    """Yield warnings about actuators whose model is not that of a drive.
+
+    Args:
+        drives: the actuators.
+        motion: the motion of the joints along the axis of a sensor.
+
+    Yields:
+        Sentences, for a warning.
+    """
+    along = _drives_along(drives, motion)
+    forces = drives.bare_servos[along]
+    if forces.any():
+        named = ", ".join(f"{drives.names[i]} {f:.3g}" for i, f in zip(along, forces, strict=True) if f > 0)
+        yield caution(
+            "PT556",
+            f"Only the control range limits the force of these servos ({named} N or N m): add forcerange to each. The "
+            "number is the gain times the range of the control from this posture. A real drive may have less.",
+        )
+    lag = _longest_lag(drives, motion)
+    if math.isnan(lag):
+        named = ", ".join(drives.names[i] for i in along if not math.isfinite(drives.lags[i]))
+        yield caution(
+            "PT557",
+            f"pretouch does not know the activation dynamics of these actuators ({named}): measure how fast their "
+            "force follows the control. The limits and the simulation assume that it follows at once.",
+        )
+    elif lag > 0:
+        named = ", ".join(f"{drives.names[i]} {drives.lags[i]:.3g} s" for i in along if drives.lags[i] > 0)
+        yield caution(
+            "PT557",
+            f"The force of these actuators follows its control late ({named}): count on the largest acceleration only "
+            "after as long. The simulation has no such lag; PositionControl with a bandwidth of "
+            f"{1 / (2 * math.pi * lag):.2g} Hz has one.",
+        )
 
 
 def _followers(model: Model, drivetrain: Drivetrain, dynamics: PostureDynamics) -> tuple[str, ...]:
@@ -451,6 +513,13 @@ def posture_warnings(
             f"The model has no range for these hinges, so pretouch lets them turn without limit "
             f"({', '.join(endless)}): add the range of each hinge that cannot turn endlessly. With a range, the robot "
             "may retreat less.",
+        )
+    if drivetrain.shared:
+        yield caution(
+            "PT558",
+            "Actuators drive several joints of the robot together, so that some motions of these joints have no drive: "
+            "add an equality constraint if the joints are coupled. pretouch lets these motions keep their momentum, as "
+            "those of passive joints.",
         )
     free = np.abs(dynamics.reduction.loose).max(axis=1, initial=0.0) > _FOLLOWS
     loose = np.setdiff1d(drivetrain.base[free], drivetrain.root)

@@ -1,5 +1,6 @@
 #include "pretouch_law.h"
 
+#include <float.h>
 #include <math.h>
 
 #ifdef PRETOUCH_FLOAT
@@ -8,6 +9,7 @@
 #define FABS fabsf
 #define FLOOR floorf
 #define R(x) x##f
+#define EPSILON FLT_EPSILON
 #define SAME_INSTANT 1e-4f
 #define ROUNDING 1e-5f
 #else
@@ -16,6 +18,7 @@
 #define FABS fabs
 #define FLOOR floor
 #define R(x) x
+#define EPSILON DBL_EPSILON
 #define SAME_INSTANT 1e-6 /* of a period: closer readings are the same reading */
 #define ROUNDING 1e-9     /* of an impulse or a level: a smaller remainder counts as zero */
 #endif
@@ -286,7 +289,9 @@ static real fastest(const pretouch_motion_limits *p, real room) {
 static int limit_motion(const pretouch_motion_limits *p, pretouch_motion now, pretouch_motion *wanted) {
     const real step = p->acceleration * p->period, drifted = now.velocity * p->period;
     const real moved = wanted->position - now.position;
-    real low = larger(-p->speed, now.velocity - step), high = smaller(p->speed, now.velocity + step);
+    /* so much smaller that the acceleration is within its limit also after rounding */
+    const real change = larger(step - 2 * EPSILON * (FABS(now.velocity) + step), 0);
+    real low = larger(-p->speed, now.velocity - change), high = smaller(p->speed, now.velocity + change);
     /* a stiff admittance can leave the limits and return within a period, so the position is checked, too */
     const int steady = FABS(moved) <= p->speed * p->period && FABS(moved - drifted) <= step * p->period / 2;
     if (steady && low <= wanted->velocity && wanted->velocity <= high) {

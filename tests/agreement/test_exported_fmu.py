@@ -58,6 +58,7 @@ class Unit:
     def __init__(self, fmu: Any, description: Any) -> None:
         self.fmu, self.is_2 = fmu, description.fmiVersion == "2.0"
         self.reference = {v.name: v.valueReference for v in description.modelVariables}
+        self.time = 0.0
 
     def set_reals(self, **values: float) -> None:
         set_values = self.fmu.setReal if self.is_2 else self.fmu.setFloat64
@@ -67,17 +68,20 @@ class Unit:
         get_values = self.fmu.getReal if self.is_2 else self.fmu.getFloat64
         return list(get_values([self.reference[name] for name in names]))
 
-    def start(self) -> None:
+    def start(self, time: float = 0.0) -> None:
+        self.time = time
         if self.is_2:
-            self.fmu.setupExperiment(startTime=0.0)
-        self.fmu.enterInitializationMode()
+            self.fmu.setupExperiment(startTime=time)
+        self.fmu.enterInitializationMode(*(() if self.is_2 else (None, time)))
         self.fmu.exitInitializationMode()
 
-    def step(self, sample: Sample, duration: float) -> list[float]:
-        """The real outputs and the status after one communication step."""
+    def step(self, sample: Sample, duration: float, time: float | None = None) -> list[float]:
+        """The real outputs and the status after one communication step, which starts where the last one ended."""
+        self.time = self.time if time is None else time
         self.set_reals(**{name: getattr(sample, name) for name in INPUTS})
         self.fmu.setBoolean([self.reference["fresh"]], [bool(sample.fresh)])
-        self.fmu.doStep(currentCommunicationPoint=0.0, communicationStepSize=duration)
+        self.fmu.doStep(currentCommunicationPoint=self.time, communicationStepSize=duration)
+        self.time += duration
         status = (self.fmu.getInteger if self.is_2 else self.fmu.getInt32)([self.reference["status"]])
         return [*self.get_reals(*OUTPUTS), status[0]]
 
@@ -164,6 +168,7 @@ def test_the_library_gives_every_bit_of_the_vectors_without_an_importer(
         return value.value
 
     real, integer = ("Real", "Integer") if standard == 2 else ("Float64", "Int32")
+    period = law.controller.period
     for case in law.cases:
         assert call("Reset")(unit) == 0
         if standard == 2:
@@ -171,17 +176,18 @@ def test_the_library_gives_every_bit_of_the_vectors_without_an_importer(
         else:
             assert call("EnterInitializationMode")(unit, no, number(0), number(0), no, number(0)) == 0
         assert call("ExitInitializationMode")(unit) == 0
-        for sample, out in zip(case.samples, case.outputs, strict=True):
+        for i, (sample, out) in enumerate(zip(case.samples, case.outputs, strict=True)):
             for variable in INPUTS:
                 access("Set", real, variable, number(getattr(sample, variable)))
             access("Set", "Boolean", "fresh", flag(bool(sample.fresh)))
             results = () if standard == 2 else tuple(map(ctypes.byref, (flag(), flag(), flag(), number())))
-            assert call("DoStep")(unit, number(0), number(law.controller.period), no, *results) == 0
+            assert call("DoStep")(unit, number(i * period), number(period), no, *results) == 0
             found = [access("Get", real, variable, number()) for variable in OUTPUTS]
             assert [*found, access("Get", integer, "status", ctypes.c_int32())] == [*out[:-1], int(out.status)]
     call("FreeInstance")(unit)
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_exported_test_notices_another_output(exports: dict[str, Path], tmp_path: Path) -> None:
     pytest.importorskip("fmpy", reason="FMPy is not installed (pip install pretouch[fmu])")
@@ -197,6 +203,7 @@ def test_the_exported_test_notices_another_output(exports: dict[str, Path], tmp_
     assert "FAILED" in run.stdout
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("standard", STANDARDS)
 def test_a_simulation_of_fmpy_gives_the_same_bits(standard: int, exports: dict[str, Path]) -> None:
@@ -217,6 +224,7 @@ def test_a_simulation_of_fmpy_gives_the_same_bits(standard: int, exports: dict[s
         np.testing.assert_array_equal(result[name][1:], wanted)
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("standard", STANDARDS)
 def test_a_step_of_several_periods_equals_single_periods(standard: int, exports: dict[str, Path]) -> None:
@@ -230,7 +238,7 @@ def test_a_step_of_several_periods_equals_single_periods(standard: int, exports:
         moved = {"reference_position": x + v * at + a * at**2 / 2, "reference_velocity": v + a * at}
         samples.append(
             Sample(
-                reading=1000.0 * 1.01**i,
+                reading=3000.0 * 1.01**i,
                 fresh=i % 3 == 0,
                 age=0.0,
                 contact_force=0.0,
@@ -247,12 +255,109 @@ def test_a_step_of_several_periods_equals_single_periods(standard: int, exports:
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
 
 
+def on_the_grid(controller: Controller, start: float, steps: list[tuple[float, float, Sample]]) -> list[list[float]]:
+    """What a unit has to give after each step of a master: the law, sampled at its own period.
+
+    Args:
+        controller: the law.
+        start: time of the first step [s].
+        steps: start and duration [s] of each step, and its inputs.
+    """
+    run, period, count, waiting, found, last = controller.begin(), controller.period, 0, None, [], []
+    for time, duration, sample in steps:
+        if sample.fresh:
+            waiting = (time, sample)
+        while start + count * period < time + duration - 1e-6 * period:
+            tick = start + count * period
+            after = tick - time if tick - time > 1e-6 * period else 0.0
+            reading, age, fresh = sample.reading, sample.age, waiting is not None
+            if waiting is not None:
+                waited = tick - waiting[0]
+                reading = waiting[1].reading
+                age = waiting[1].age + (waited if waited > 1e-6 * period else 0.0)
+                waiting = None
+            x, v, a = sample.reference_position, sample.reference_velocity, sample.reference_acceleration
+            moved = {"reference_position": x + after * (v + after / 2 * a), "reference_velocity": v + after * a}
+            force = {"contact_force": sample.contact_force, "reference_acceleration": a}
+            out = run.step(reading, fresh, age, **moved, **force)
+            last = [*out[:-1], int(out.status)]
+            count += 1
+        found.append(last)
+    return found
+
+
+def random_master(rng: np.random.Generator, period: float) -> tuple[float, list[tuple[float, float, Sample]]]:
+    """The steps of a master with a step of its own, or with steps of any length, and inputs at any time."""
+    start = float(rng.choice([0.0, 0.0123, 100.0, -3.7]))
+    lengths = {
+        "fraction": np.full(300, period / rng.integers(1, 12)),
+        "multiple": np.full(60, period * rng.integers(1, 7)),
+        "other": np.full(150, period * rng.uniform(0.05, 4.0)),
+        "variable": period * 10 ** rng.uniform(-3, 0.9, 200),
+        "short end": np.append(np.full(40, 2 * period), 0.5 * period),
+    }[str(rng.choice(["fraction", "multiple", "other", "variable", "short end"]))]
+    accumulates, time, steps, reading = rng.random() < 0.5, start, [], 3000.0
+    for i, length in enumerate(lengths):
+        if not accumulates and len(set(lengths)) == 1:
+            time = start + i * length
+        reading *= np.exp(rng.normal(0.01, 0.03))
+        inputs = Sample(
+            reading=float(reading),
+            fresh=bool(rng.random() < 0.7),
+            age=float(rng.choice([0.0, 0.3 * period])),
+            contact_force=float(rng.choice([0.0, -2.0])),
+            reference_position=float(rng.normal(0, 0.1)),
+            reference_velocity=float(rng.normal(0, 0.1)),
+            reference_acceleration=float(rng.normal(0, 1.0)),
+        )
+        steps.append((float(time), float(length), inputs))
+        time += length
+    return start, steps
+
+
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("standard", STANDARDS)
-@pytest.mark.parametrize("share", [0.5, 1.5, 1.001, 0.0, -1.0, float("nan"), 1e30])
-def test_a_step_that_is_no_multiple_of_the_period_is_refused(
-    share: float, standard: int, exports: dict[str, Path]
+@pytest.mark.parametrize("design", ["damper", "drag", "filters"])
+def test_any_steps_of_a_master_give_the_law_at_its_own_period(
+    design: str, standard: int, exports: dict[str, Path]
 ) -> None:
+    """200 random masters in all: each output after each step is, bit for bit, that of the law on its grid."""
+    controller = controller_of(DESIGNS[design]())
+    rng = np.random.default_rng(standard)
+    forces = 0
+    with instance(unit_in(exports[design], standard)) as unit:
+        for _ in range(34):
+            start, steps = random_master(rng, controller.period)
+            unit.fmu.reset()
+            unit.start(start)
+            found = [unit.step(sample, length, time) for time, length, sample in steps]
+            assert found == on_the_grid(controller, start, steps)
+            forces += sum(out[3] != 0 for out in found)
+    assert forces > 1000
+
+
+@pytest.mark.slow
+@needs_compiler
+@pytest.mark.parametrize("standard", STANDARDS)
+@pytest.mark.parametrize("periods", [0.5, 1.5, 3.7])
+def test_a_simulation_of_fmpy_may_have_any_step_and_stop_time(
+    periods: float, standard: int, exports: dict[str, Path]
+) -> None:
+    """FMPy's own loop over time, also with a last step that is shorter."""
+    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install pretouch[fmu])")
+    design = law_design(DESIGNS["course"](), verify=False)
+    period = design.controller.period
+    path, stop = str(unit_in(exports["course"], standard)), 41.3 * period
+    result = fmpy.simulate_fmu(path, output=["position"], stop_time=stop, output_interval=periods * period)
+    assert result["time"][-1] >= stop - periods * period
+
+
+@pytest.mark.slow
+@needs_compiler
+@pytest.mark.parametrize("standard", STANDARDS)
+@pytest.mark.parametrize("share", [0.0, -1.0, float("nan"), 1e30])
+def test_a_step_that_does_not_move_on_is_refused(share: float, standard: int, exports: dict[str, Path]) -> None:
     task = DESIGNS["damper"]()
     samples = law_design(task, verify=False).cases[0].samples
     period = task.loop.law.period
@@ -261,9 +366,12 @@ def test_a_step_that_is_no_multiple_of_the_period_is_refused(
         first = unit.step(samples[0], period)
         with pytest.raises(Exception, match="status 3"):
             unit.step(samples[1], share * period)
+        with pytest.raises(Exception, match="status 3"):
+            unit.step(samples[1], period, time=5 * period)
         assert unit.get_reals(*OUTPUTS) == first[:-1]
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("standard", STANDARDS)
 def test_the_gain_can_be_weaker_but_not_stronger(standard: int, exports: dict[str, Path]) -> None:
@@ -285,6 +393,7 @@ def test_the_gain_can_be_weaker_but_not_stronger(standard: int, exports: dict[st
     assert wanted != expected(design.controller, samples)
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("standard", STANDARDS)
 @pytest.mark.parametrize("design", ["damper", "drag"])
@@ -304,15 +413,18 @@ def test_a_restored_state_repeats_the_run(design: str, standard: int, exports: d
         middle = len(samples) // 2
         for sample in samples[:middle]:
             unit.step(sample, period)
-        stored = store()
+        stored, time = store(), unit.time
         stored_bytes = serialize(stored)
         wanted = [unit.step(sample, period) for sample in samples[middle:]]
         restore(stored)
+        unit.time = time
         assert [unit.step(sample, period) for sample in samples[middle:]] == wanted
         restore(deserialize(stored_bytes))
+        unit.time = time
         assert [unit.step(sample, period) for sample in samples[middle:]] == wanted
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("standard", STANDARDS)
 def test_before_the_first_step_the_outputs_are_the_reference(standard: int, exports: dict[str, Path]) -> None:
@@ -370,6 +482,7 @@ def test_a_compiler_that_fails_is_named(tmp_path: Path, monkeypatch: pytest.Monk
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_a_hostile_file_name_gives_valid_units(tmp_path: Path) -> None:
     task = DESIGNS["damper"]()

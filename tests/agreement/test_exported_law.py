@@ -19,6 +19,7 @@ import pretouch as pt
 from exported_designs import DESIGNS
 from pretouch.control import Status
 from pretouch.exports import export
+from pretouch.exports.law_design import law_design
 from pretouch.exports.law_source import structures
 from pretouch.verification.verdict import chosen_gain
 
@@ -147,12 +148,29 @@ def test_vectors_restore_every_number_and_start_from_the_simulation(
         assert [getattr(out, n) for n in names] == [float(row[n]) for n in names]
         assert out.status == int(row["status"])
         seen |= {flag for flag in Status if out.status & flag}
-    assert case == "8"
+    assert case == "9"
     # every fault of the cases is really met; LOST follows from the gap
     assert seen >= {Status.DETECTING, Status.STALE, Status.LOST, Status.INVALID, Status.SATURATED, Status.INPUT_FAULT}
     trace = task.loop.run(task.scenario, task.sensor, controller.law.value).trace()
     first = [float(row["virtual_force"]) for row in rows if row["case"] == "0"]
     np.testing.assert_array_equal(first[: len(trace.virtual_force)], trace.virtual_force[: len(first)])
+
+
+def test_the_vectors_of_a_pressing_object_fail_with_a_wrong_sign() -> None:
+    """A robot that is pressed retreats; a reversed contact force or position gives other outputs."""
+    law = law_design(DESIGNS["filters"](), verify=False)
+    (case,) = (case for case in law.cases if case.name == "pressed")
+    positions = np.array([out.position for out in case.outputs])
+    assert law.controller.contact_gain > 0
+    assert min(sample.contact_force for sample in case.samples) < 0
+    assert positions.min() < -1e-5
+    assert positions.max() <= 0
+    run = law.controller.begin()
+    reversed_signs = [
+        run.step(sample.reading, sample.fresh, sample.age, contact_force=-sample.contact_force).position
+        for sample in case.samples
+    ]
+    np.testing.assert_array_equal(reversed_signs, -positions)
 
 
 def test_every_constant_has_its_comment_from_the_c_header(tmp_path: Path, exported: Callable[[str], pt.Task]) -> None:

@@ -44,12 +44,16 @@ static pretouch_sample any_sample(double level) {
     return sample;
 }
 
-static int is_good(const pretouch_design_state *state, const pretouch_output *out) {
+static int is_good(double before, const pretouch_sample *sample, const pretouch_design_state *state,
+                   const pretouch_output *out) {
     const pretouch_motion_limits *const limits = &pretouch_design.drive.limits;
-    const double rounding = 1 + 4e-6, x = (double)state->drive.motion.position, v = (double)state->drive.motion.velocity;
-    return isfinite(out->position) && isfinite(out->velocity) && isfinite(out->acceleration) && isfinite(out->log_level) &&
+    const double x = (double)state->drive.motion.position, v = (double)state->drive.motion.velocity;
+    const double largest = (double)limits->acceleration;
+    const int steady = sample->reference_acceleration == 0;
+    return fabs(v - before) <= largest * (double)limits->period &&
+           (!steady || fabs((double)out->acceleration) <= largest) && isfinite(out->position) && isfinite(out->velocity) && isfinite(out->acceleration) && isfinite(out->log_level) &&
            fabs((double)out->virtual_force) <= (double)pretouch_design.drive.largest_force &&
-           fabs(x) <= (double)limits->excursion && fabs(v) <= (double)limits->speed * rounding;
+           fabs(x) <= (double)limits->excursion && fabs(v) <= (double)limits->speed;
 }
 
 static int replay(void) {
@@ -83,9 +87,10 @@ int main(int argc, char **argv) {
             level = (double)pretouch_design.sensing.floor * exp(8 * unit());
         }
         const pretouch_sample sample = any_sample(level);
+        const double before = (double)state.drive.motion.velocity;
         pretouch_output out;
         pretouch_design_step(&state, &sample, &out);
-        if (!is_good(&state, &out)) return printf("step %" PRIu64 " of seed %s fails\n", i, argv[2]), 1;
+        if (!is_good(before, &sample, &state, &out)) return printf("step %" PRIu64 " of seed %s fails\n", i, argv[2]), 1;
         moved += fabs((double)out.virtual_force) > 0;
     }
     printf("%" PRIu64 " steps, %" PRIu64 " with a force\n", count, moved);

@@ -18,7 +18,7 @@ from pretouch._core.units import format_quantity
 from pretouch.control import Controller, Status
 from pretouch.control.components import NO_LIMIT
 
-from .law_design import WEAKER_NUMBER, LawDesign
+from .law_design import SIGNS, WEAKER_NUMBER, LawDesign
 from .law_source import HEADER, SOURCE, Field, law_text, structures
 from .vectors import cases_as_csv
 
@@ -72,6 +72,7 @@ def filled(name: str, design: LawDesign | None = None, **more: str) -> str:
         weaker=WEAKER_NUMBER.format(name=design.number),
         suffix=design.suffix,
         step=f"pretouch_step{design.suffix}",
+        signs="\n".join(f"- {line}" for line in SIGNS),
         limits="\n".join(_limit_lines(design.controller)),
         flags="\n".join(_flag_table()),
         **more,

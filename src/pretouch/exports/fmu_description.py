@@ -74,7 +74,13 @@ class Variable:
 _input, _output = partial(Variable, "input"), partial(Variable, "output")
 _TIME: Final = Variable("independent", "time", "Time of the simulation", "s")
 _INPUTS: Final = (
-    _input("reading", "Raw output of the sensor at the start of the step", _READING, variability="discrete", start="0"),
+    _input(
+        "reading",
+        "Raw output of the sensor, with the polarity of the calibration",
+        _READING,
+        variability="discrete",
+        start="0",
+    ),
     _input(
         "fresh",
         "Whether the reading arrived since the last step",
@@ -83,14 +89,23 @@ _INPUTS: Final = (
         start="false",
     ),
     _input("age", "Time since the reading was measured", "s", variability="discrete", start="0"),
-    _input("contact_force", "Measured contact force on the robot along x; 0 without a force sensor", "N", start="0"),
+    _input(
+        "contact_force",
+        "Force of the object on the robot along x, negative while the object presses; 0 without a force sensor",
+        "N",
+        start="0",
+    ),
     _input("reference_position", "Reference x_d of the robot at the start of the step", "m", start="0"),
     _input("reference_velocity", "Velocity of the reference at the start of the step", "m/s", start="0"),
     _input("reference_acceleration", "Acceleration of the reference during the step", "m/s2", start="0"),
 )
 _OUTPUTS: Final = (
-    _output("position", "Commanded position x_v at the end of the step", "m", follows=("reference_position",)),
-    _output("velocity", "Commanded velocity at the end of the step", "m/s", follows=("reference_velocity",)),
+    _output(
+        "position", "Commanded position x_v at the end of the period of the law", "m", follows=("reference_position",)
+    ),
+    _output(
+        "velocity", "Commanded velocity at the end of the period of the law", "m/s", follows=("reference_velocity",)
+    ),
     _output(
         "acceleration",
         "Commanded acceleration, its mean over the last period",

@@ -13,7 +13,7 @@ from typing import Any, Final
 from pretouch._core.files import as_json
 
 from .c import filled
-from .law_design import LawDesign
+from .law_design import SIGNS, LawDesign
 from .law_source import structures
 from .vectors import cases_as_csv
 
@@ -29,6 +29,7 @@ def json_files(design: LawDesign) -> dict[str, str]:
         "law": design.law_text,
         "scenario": {"file": design.origin, "sha256": design.digest},
         "verification": {"text": design.verdict_text, "date": design.date},
+        "signs": [line.replace("`", "") for line in SIGNS],
         "parameters": _parameters(design.controller.parameters()),
         "meanings": dict(_meanings(f"pretouch_parameters{design.suffix}")),
     }

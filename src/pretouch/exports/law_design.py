@@ -21,6 +21,20 @@ from .vectors import Case, make_cases
 WEAKER_NUMBER: Final = "A weaker {name} makes contact harder, and the verification does not cover it."
 """Warning for files that let their user weaken the gain or drag."""
 
+SIGNS: Final = (
+    "x is the axis of the sensor, positive toward the object. All positions, velocities, accelerations and forces "
+    "count along x.",
+    "`contact_force` is the force of the object on the robot. It is negative while an object in front of the sensor "
+    "presses against the robot. A force sensor that reports the force of the robot on the object has the other sign: "
+    "with it, the robot would press against the object.",
+    "`reading` is the raw output with the polarity of the calibration. Do not subtract the offset; the law does it.",
+    "A law that retreats commands a negative `virtual_force`, `velocity` and `position` when an object approaches.",
+    "In the case `pressed` of `vectors.csv`, an object presses against the robot, and the reference retreats. A "
+    "program around the law that reverses the sign of `contact_force` or of the commanded position fails this case, "
+    "unless the design ignores contact forces (`contact_gain` is 0).",
+)
+"""The sign conventions of all exported laws, sentence by sentence."""
+
 UNKNOWN: Final = (
     "the contact speed on the sampled loop, the limits, the stability of the loop, and how noise and failing readings "
     "move the robot"

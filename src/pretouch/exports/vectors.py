@@ -23,6 +23,8 @@ _SEED: Final = 20_26
 _DROPPED: Final = 0.3  # share of readings that the dropout case removes
 _SPIKE: Final = 100.0  # factor of a single wrong reading
 _BRIGHTER: Final = 2.0  # step of the reflectance
+_PRESSURE: Final = (1.0, 100.0)  # smallest and largest force of the pressing object [N]
+_PRESSED_STEPS: Final = 200
 _ANY_READING: Final = 2e12  # above the highest saturation level that a controller can have
 
 SAMPLE_COLUMNS: Final = (
@@ -156,6 +158,14 @@ def _contact(samples: tuple[Sample, ...], controller: Controller, rng: np.random
         yield sample._replace(contact_force=value) if pressed else sample
 
 
+def _pressed(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
+    """Press against the robot at rest for a while, without a reading."""
+    pressed = float(np.clip(3 * controller.contact_threshold, *_PRESSURE))
+    for i in range(min(len(samples), _PRESSED_STEPS)):
+        force = -pressed if 4 * i >= _PRESSED_STEPS and 4 * i < 3 * _PRESSED_STEPS else 0.0
+        yield Sample(reading=controller.conditioning.offset, contact_force=force)
+
+
 def _garbage(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:
     """Replace some inputs by invalid or extreme values."""
     timeout = controller.conditioning.numbers(controller.period).timeout
@@ -195,6 +205,11 @@ _CASES: Final = (
     ("gap", "the approach, without readings for longer than the timeout", _gap),
     ("saturation", "the approach with a saturated sensor for a while", _saturation),
     ("contact", "the approach with contact forces, some of which are not a number", _contact),
+    (
+        "pressed",
+        "an object that presses against the robot at rest for a while, so that the reference retreats",
+        _pressed,
+    ),
     ("garbage", "the approach with readings, ages and references that are impossible", _garbage),
     ("cable", "the approach, in which the cable breaks, so that all later readings are 0", _cable),
     ("reflectance", "the approach with a signal that is twice as large for a while", _reflectance),

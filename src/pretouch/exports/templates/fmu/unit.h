@@ -18,6 +18,8 @@
 #include "pretouch_design.h"
 #include "pretouch_law.c"
 
+#include <float.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -41,7 +43,10 @@ enum { UNIT_INSTANTIATED, UNIT_INITIALIZING, UNIT_STEPPING, UNIT_TERMINATED };
 /* All that a step or an importer changes. The state that an importer stores is a copy of this structure. */
 typedef struct {
     int phase, has_run;
-    double time; /* [s] */
+    double start, time;            /* of the simulation, and of the end of the last step [s] */
+    double periods;                /* number of periods of the law that have begun */
+    double waiting, age, measured; /* the newest reading that the law has not seen: value, age at a time [s], this time [s] */
+    int is_waiting;                /* whether there is one */
     pretouch_parameters$suffix parameters;
     pretouch_design_state state;
     pretouch_sample sample;
@@ -147,23 +152,46 @@ static const int32_t *unit_integer(unit *u, unsigned int reference) {
     return NULL;
 }
 
-/* Run the law from `time` over `step` [s]. A reading is fresh in the first period only. In further periods, the
- * reference moves on with its constant acceleration. */
+/* Run all periods of the law that begin in a step [s], at its start at the earliest and before its end. The periods begin
+ * at whole multiples of the period after the start of the simulation, whatever steps the importer takes. Inputs hold during
+ * a step, but the reference moves on with its constant acceleration. A reading that arrives between two periods waits for
+ * the next one and gets older meanwhile; the law sees it once. */
 static int unit_step(unit *u, double time, double step) {
     unit_memory *const m = &u->memory;
-    pretouch_sample sample = m->sample;
-    const double period = m->parameters.sensing.period, periods = step / period, count = floor(periods + 0.5);
+    const double period = m->parameters.sensing.period;
     if (m->phase != UNIT_STEPPING) return unit_refuse(u, "A step is only possible after the initialization.");
-    if (!(1 <= count && count <= 1e9 && fabs(periods - count) <= 1e-6))
-        return unit_refuse(u, "step: found %.17g s, expected a whole multiple of the control period, %.17g s.", step, period);
-    for (long i = 0; i < (long)count; i++) {
+    if (!(isfinite(time) && 0 < step && step <= 1e9 * period))
+        return unit_refuse(u, "step: found %.17g s at the time %.17g s, expected more than 0 and at most %g s.", step, time,
+                           1e9 * period);
+    if (!m->has_run) m->start = m->time = time;
+    const double end = time + step, same = fmax(1e-6 * period, 8 * DBL_EPSILON * fmax(fabs(time), fabs(end)));
+    if (!(same < period / 4))
+        return unit_refuse(u, "time: at %.17g s, a number cannot resolve the control period of %.17g s.", time, period);
+    if (!(fabs(time - m->time) <= same))
+        return unit_refuse(u, "time: found %.17g s, but the step before ended at %.17g s.", time, m->time);
+    pretouch_sample sample = m->sample;
+    if (sample.fresh) {
+        m->waiting = sample.reading;
+        m->age = sample.age;
+        m->measured = time;
+        m->is_waiting = 1;
+    }
+    for (; m->start + m->periods * period < end - same; m->periods++) {
+        const double late = m->start + m->periods * period - time, after = late > same ? late : 0;
+        const double waited = m->start + m->periods * period - m->measured;
+        sample.fresh = m->is_waiting;
+        if (m->is_waiting) {
+            sample.reading = m->waiting;
+            sample.age = m->age + (waited > same ? waited : 0);
+            m->is_waiting = 0;
+        }
+        sample.reference_position = m->sample.reference_position +
+                                    after * (m->sample.reference_velocity + after / 2 * m->sample.reference_acceleration);
+        sample.reference_velocity = m->sample.reference_velocity + after * m->sample.reference_acceleration;
         $step(&m->parameters, &m->state, &sample, &m->out);
-        sample.fresh = 0;
-        sample.reference_position += period * (sample.reference_velocity + period / 2 * sample.reference_acceleration);
-        sample.reference_velocity += period * sample.reference_acceleration;
     }
     m->has_run = 1;
-    m->time = time + step;
+    m->time = end;
     return UNIT_OK;
 }
 

@@ -3,7 +3,9 @@ function [state, out] = pretouch_step(p, state, sample)
 %   p:      parameters, the field "parameters" of design.json
 %   state:  from pretouch_start or from the last call
 %   sample: struct with reading, age [s], contact_force [N], reference_position [m], reference_velocity [m/s],
-%           reference_acceleration [m/s^2] and fresh (whether the reading arrived since the last period)
+%           reference_acceleration [m/s^2] and fresh (whether the reading arrived since the last period). All count along
+%           the axis of the sensor, positive toward the object: contact_force, the force of the object on the robot, is
+%           negative while an object in front of the sensor presses against the robot
 %   out:    struct with position [m], velocity [m/s], acceleration [m/s^2], virtual_force [N], log_level and status
     [state.sensing, seen] = observe(p.sensing, state.sensing, sample);
     if isfield(p.law, 'drag')

@@ -114,6 +114,11 @@ inline uint64_t mix(uint64_t key, uint64_t index) {
     return z ^ (z >> 31);
 }
 
+// ln xi by cubic interpolation between values and slopes at equally spaced distances, constant beyond both ends; and its
+// slope d ln xi / dl, at an end the one there.
+double log_output(const pretouch_curve &curve, double distance);
+double log_slope(const pretouch_curve &curve, double distance);
+
 // One cosine of the misfit of the sensor curve in a run: amplitude, wave number [1/m] and phase.
 struct Wave {
     double amplitude, number, phase;

@@ -25,17 +25,39 @@ double normal_of(uint64_t key, uint64_t index) {  // from the draws index and in
 
 double rounded(double value, double step) { return step > 0.0 ? step * floor(value / step + 0.5) : value; }
 
-// ln xi by cubic interpolation between values and slopes at equally spaced distances; constant beyond both ends.
+}  // namespace
+
+namespace {
+
+// The row of a curve's table before a distance, and the place in units of rows.
+struct Place {
+    const double *row;
+    double part;
+};
+
+Place find_row(const pretouch_curve &curve, double distance) {
+    const double place = (distance - curve.low) / curve.step;
+    const int64_t i = static_cast<int64_t>(place) < curve.rows - 2 ? static_cast<int64_t>(place) : curve.rows - 2;
+    return {curve.table + 2 * i, place - static_cast<double>(i)};
+}
+
+}  // namespace
+
 double log_output(const pretouch_curve &curve, double distance) {
     const double place = (distance - curve.low) / curve.step;
     if (!(place > 0.0)) return curve.table[0];  // also for NaN
     if (place >= static_cast<double>(curve.rows - 1)) return curve.table[2 * (curve.rows - 1)];
-    const int64_t i = static_cast<int64_t>(place) < curve.rows - 2 ? static_cast<int64_t>(place) : curve.rows - 2;
-    const double *row = curve.table + 2 * i;
-    return Cubic{row[0], row[1], row[2], row[3]}.at(place - static_cast<double>(i));
+    const Place at = find_row(curve, distance);
+    return Cubic{at.row[0], at.row[1], at.row[2], at.row[3]}.at(at.part);
 }
 
-}  // namespace
+double log_slope(const pretouch_curve &curve, double distance) {
+    const double place = (distance - curve.low) / curve.step;
+    if (!(place > 0.0)) return curve.table[1] / curve.step;
+    if (place >= static_cast<double>(curve.rows - 1)) return curve.table[2 * curve.rows - 1] / curve.step;
+    const Place at = find_row(curve, distance);
+    return Cubic{at.row[0], at.row[1], at.row[2], at.row[3]}.slope(at.part) / curve.step;
+}
 
 Sensor::Sensor(const pretouch_chain &chain_, const pretouch_curve &curve_, uint64_t key_, pretouch_reading *waiting_,
                int64_t room, double distance)

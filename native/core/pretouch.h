@@ -339,6 +339,163 @@ PRETOUCH_API void pretouch_sensor_start(void *sensor, const pretouch_chain *chai
 PRETOUCH_API double pretouch_sensor_next(const void *sensor);
 PRETOUCH_API void pretouch_sensor_look(void *sensor, double distance);
 PRETOUCH_API int64_t pretouch_sensor_deliver(void *sensor, double t, double *reading, double *measured);
+/* ---- robots in MuJoCo (robot_sight.cpp, robot_loop.cpp) ----
+ * The functions of the MuJoCo library that Python has loaded, by their addresses: this library neither includes
+ * MuJoCo's headers nor links to it. Models and data are MuJoCo's, and only its functions read them, except for the
+ * arrays and numbers below, whose addresses Python passes. set_log_handler may be null. */
+typedef void pretouch_log_handler(const void *message);
+typedef struct {
+    void (*step1)(const void *model, void *data);
+    void (*step2)(const void *model, void *data);
+    void (*kinematics)(const void *model, void *data);
+    void (*com_pos)(const void *model, void *data);
+    void (*subtree_vel)(const void *model, void *data);
+    void (*mul_m)(const void *model, const void *data, double *result, const double *vector);
+    void (*jac)(const void *model, const void *data, double *positions, double *rotations, const double *point,
+                int body);
+    void (*contact_force)(const void *model, const void *data, int contact, double *wrench);
+    double (*ray)(const void *model, const void *data, const double *point, const double *ray, const uint8_t *groups,
+                  uint8_t with_static, int body, int *geom, double *normal);
+    void (*multi_ray)(const void *model, void *data, const double *point, const double *rays, const uint8_t *groups,
+                      uint8_t with_static, int body, int *geoms, double *distances, double *normals, int count,
+                      double cutoff);
+    pretouch_log_handler *(*set_log_handler)(pretouch_log_handler *handler);
+} pretouch_engine;
+
+/* The beam of a sensor at a site, see Sight in robots/sight.py. rays: unit vectors in the frame of the site, the axis
+ * first, shape (count, 3); cosines: of their angles to the axis. own: by geom, whether it belongs to the robot. curve:
+ * may be null if only the axis is used. first_slope: d ln xi / dl at the lowest distance of the curve. scratch: memory
+ * for 7 `count` numbers and `count` integers. */
+typedef struct {
+    const pretouch_engine *engine;
+    const void *model;
+    const double *rays, *cosines;
+    const uint8_t *own;
+    const pretouch_curve *curve;
+    double *scratch;
+    int32_t *geoms;
+    int32_t count, body;
+    double farthest, behind, flush, lowest, first_slope;
+} pretouch_sight;
+
+/* The first object on the axis: its distance from the contact surface [m], infinite without one; geom, and normal. */
+typedef struct {
+    double distance, normal[3];
+    int64_t geom;
+} pretouch_glance;
+
+/* point, frame: position and orientation of the site, shape (3,) and (3, 3). */
+PRETOUCH_API void pretouch_sight_glance(const pretouch_sight *sight, void *data, const double *point,
+                                        const double *frame, pretouch_glance *glance);
+
+/* Returns the distance [m] at which a plane that faces the sensor causes the same output as the scene; infinite if
+ * nothing is visible. */
+PRETOUCH_API double pretouch_sight_distance(const pretouch_sight *sight, void *data, const double *point,
+                                            const double *frame);
+
+/* One sensor site in a run: its sensor, its law and its results so far.
+ * surface: by geom, 1 for the contact surface of the site and 2 for another geom of the same rigid body.
+ * obstacle: what stopped the reference before the contact, values of PRETOUCH_OBSTACLES in robots/compiled_run.py.
+ * target: position and velocity of the reference at the start and at the end of the period. */
+typedef struct {
+    const pretouch_sight *sight;
+    const uint8_t *surface;
+    pretouch_law_step *step;
+    const void *parameters;
+    void *law, *sensor;
+    int64_t index;
+    double approach, hand;
+    pretouch_glance glance;
+    double target[4], force, peak, impulse, excursion, time, speed, saturated;
+    int64_t obstacle, detected;
+    pretouch_output output;
+} pretouch_robot_site;
+
+/* The largest force and the first instant of all contacts between a body of the robot and another body at a site, -1
+ * for none. total: force of the current step. */
+typedef struct {
+    int32_t body, other, site, current;
+    double time, speed, peak, total[3];
+} pretouch_robot_touch;
+
+/* The joint motion as a function of the positions of the sites along their axes: the last anchor, and for a single
+ * site the rows of all known anchors, from the position `first` times the spacing on. A row has the fields joints,
+ * motions, turn, direction and points in this order, preceded by 1 if it is known. n joints, m sites. blocked: sign of
+ * the motion of a single site along which no further anchor exists, 0 for none. ends: whether a joint that follows the
+ * others is then at the end of its range. */
+typedef struct {
+    double *joints, *motions, *turn, *direction, *points, *inside;
+    const double *ranges;
+    double spacing, blocked, *table;
+    int64_t rows, first, ends;
+} pretouch_robot_path;
+
+/* Torques of the joints: scale ((inertia (c_a q_r'' + c_v q_r' - c_d q' + c_p (q_r - q)) + load). */
+typedef struct {
+    double acceleration, velocity, damping, stiffness, scale;
+} pretouch_joint_feedback;
+
+/* Why a run stops, to be continued by another call. */
+enum {
+    PRETOUCH_RUN_ENDED = 0,     /* it is over */
+    PRETOUCH_RUN_DETECTED = 1,  /* sites with `detected` 1 have detected an object; Python sets 2 */
+    PRETOUCH_RUN_ANCHOR = 2,    /* the joint path needs an anchor at `motion` */
+    PRETOUCH_RUN_TORQUES = 3,   /* Python writes `wanted` for the reference in `reference` */
+    PRETOUCH_RUN_TOUCHED = 4,   /* bits of `touched`: sites that have been touched in the last step */
+    PRETOUCH_RUN_ROWS = 5,      /* the time series is full; Python sets row_count to 0 */
+    PRETOUCH_RUN_FAILED = 6     /* MuJoCo has stopped with an error; its message is in `message` */
+};
+
+/* One run of a robot in MuJoCo. All arrays keep their addresses during the run.
+ * qpos to subtree_velocity: arrays of the data. contacts: list of the contacts, `contact_size` bytes each, with the
+ * offsets of the fields in contact_fields: geom, flex, pos, frame. support: sorted pairs of bodies low * bodies + high
+ * that touch at the start. own, moving, still: by body, see touches.py. flex_body: a body of each flex.
+ * driven, base: indices of degrees of freedom. places: of the driven joints in qpos. highest: torques, shape (n, 2).
+ * motion: positions, velocities, accelerations of the sites, shape (3, m). reference: the same of the joints, shape
+ * (3, n). scratch: memory for 4 nv + (base + 1) base numbers.
+ * unseen: distance that the sensor gets if it sees nothing [m].
+ * rows: time series; a row has the time, distances, references and forces of the sites, torques, and qpos. */
+typedef struct {
+    const pretouch_engine *engine;
+    const void *model;
+    void *data;
+    double *qpos, *qvel, *applied;
+    const double *bias, *passive, *site_points, *site_frames, *subtree_velocity;
+    const int32_t *contact_count;
+    const char *contacts;
+    int64_t contact_size, contact_fields[4];
+    int64_t nq, nv, bodies;
+    const int32_t *geom_body, *flex_body, *body_root, *body_tree;
+    const uint8_t *own, *moving, *still;
+    const int64_t *support;
+    int64_t support_count;
+    pretouch_robot_site *sites;
+    int64_t site_count;
+    pretouch_robot_path path;
+    pretouch_joint_feedback feedback;
+    const int64_t *driven, *base, *places;
+    int64_t driven_count, base_count;
+    const double *highest;
+    double *motion, *reference, *wanted, *torques, *scratch;
+    pretouch_robot_touch *touches;
+    int64_t most_touches, touch_count;
+    double *rows;
+    int64_t most_rows, row_count;
+    double period, time_step, follow_time, longest, patience, resting, unseen;
+    int64_t steps, periods, floats, returns, ask_torques;
+    /* law of a hand: sites -1 for none; ln of the ratio of floors; gain; share per period; position, velocity, target */
+    int64_t hand_first, hand_second;
+    double hand_floors, hand_gain, hand_share, hand_position, hand_velocity, hand_target[4];
+    /* state */
+    int64_t phase, number, sub_step, anchored, touched, passed;
+    double now, last_contact, first, last, summit, force, peak, pair_direction[3];
+    int64_t pair_body, pair_other;
+    char message[256];
+} pretouch_robot_run;
+
+/* Continues a run until it needs Python or is over, and returns why. */
+PRETOUCH_API int64_t pretouch_run_robot(pretouch_robot_run *run);
+
 /* The cubic Hermite polynomial over a step, with derivatives by s as slopes: returns its value at s, 0 to 1, and writes
  * its slope there. */
 PRETOUCH_API double pretouch_cubic(double start, double start_slope, double end, double end_slope, double s,

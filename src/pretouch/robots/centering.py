@@ -15,12 +15,10 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_declared, quantity
 from pretouch._core.values import Value
-from pretouch.control.structures import Output, Status
 
 from .site_law import SiteLaw
 
 _DAMPED: Final = 8.0  # the gain is 1 / (8 |g| (T + delay)), so that the steepest loop is critically damped
-_DETECTING: Final = int(Status.DETECTING)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,48 +87,48 @@ def centering_gain(centering: Centering, laws: Sequence[SiteLaw], period: float)
     return 1 / (_DAMPED * steepest * (centering.filter_time + delay))
 
 
-class HandMotion:
-    """The motion of a hand in a simulated run.
+@dataclass(frozen=True, slots=True)
+class HandLaw:
+    """Coefficients of a centering law for compiled code.
+
+    The velocity u of the hand changes by share * (k (s_2 - s_1 + floors) - u) per period, with the filtered ln of the
+    outputs of both sensors over their floors, s_1 and s_2.
 
     Args:
-        centering: the law.
-        laws: the laws of all sites.
-        period: period of the controllers [s].
+        first: index of the site along whose axis the hand moves with a positive u.
+        second: index of the opposed site.
+        floors: ln of the ratio of both floors.
+        gain: k [m/s].
+        share: share of the change per period.
     """
 
-    __slots__ = ("_first", "_floors", "_gain", "_period", "_second", "_share", "position", "velocity")
-
-    def __init__(self, centering: Centering, laws: Sequence[SiteLaw], period: float) -> None:
-        self._first, self._second = pair_of(centering, laws)
-        pair = laws[self._first], laws[self._second]
-        self._floors = math.log(pair[1].controller.conditioning.floor / pair[0].controller.conditioning.floor)
-        self._gain, self._period = centering_gain(centering, pair, period), period
-        self._share = -math.expm1(-period / centering.filter_time)
-        self.position = self.velocity = 0.0
-
-    def advance(self, outputs: Sequence[Output], *, touched: bool) -> None:
-        """Move the hand for one control period.
-
-        It moves toward the finger with the larger sensor output.
-
-        Args:
-            outputs: the outputs of the controllers of all sites.
-            touched: whether a finger has touched; the hand then comes to rest.
-        """
-        first, second = outputs[self._first], outputs[self._second]
-        wanted = 0.0
-        if not touched and first.status & second.status & _DETECTING:
-            wanted = self._gain * (second.log_level - first.log_level + self._floors)
-        before = self.velocity
-        self.velocity += self._share * (wanted - before)
-        self.position += self._period * (before + self.velocity) / 2
+    first: int
+    second: int
+    floors: float
+    gain: float
+    share: float
 
     def along(self, site: int) -> float:
         """Return the sign of the hand motion along a site's axis.
 
         It is 1 for the first finger of the hand, -1 for the second, and 0 for all other sites.
         """
-        return -1.0 if site == self._second else float(site == self._first)
+        return -1.0 if site == self.second else float(site == self.first)
+
+
+def hand_law(centering: Centering, laws: Sequence[SiteLaw], period: float) -> HandLaw:
+    """Return the coefficients of a centering law.
+
+    Args:
+        centering: the law.
+        laws: the laws of all sites.
+        period: period of the controllers [s].
+    """
+    first, second = pair_of(centering, laws)
+    pair = laws[first], laws[second]
+    floors = math.log(pair[1].controller.conditioning.floor / pair[0].controller.conditioning.floor)
+    share = -math.expm1(-period / centering.filter_time)
+    return HandLaw(first, second, floors, centering_gain(centering, pair, period), share)
 
 
 def pair_of(centering: Centering, laws: Sequence[SiteLaw]) -> tuple[int, int]:

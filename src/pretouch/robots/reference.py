@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -26,25 +26,11 @@ from .model import Data, Model, mujoco
 from .path import check_posture, limited_followers, ranges_of
 from .site import SensorSite
 
-_SPACING: Final = 1e-3  # m: the joint motion per motion of the sites is computed again after as much
+SPACING: Final = 1e-3
+"""Distance between two anchors [m]: the joint motion per motion of the sites is computed again after as much."""
+
 _MARGIN: Final = 1e-9  # rad or m: a joint counts as at the end of its range
-
-
-@dataclass(frozen=True, slots=True)
-class JointReference:
-    """Reference position, velocity and acceleration of the driven joints at one moment.
-
-    Args:
-        position: q [rad or m], shape (n,).
-        velocity: q', shape (n,).
-        acceleration: q'', shape (n,).
-        obstacle: what keeps the reference from following the sites, such as "joint range"; empty if nothing does.
-    """
-
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    obstacle: str = ""
+_FAR: Final = 4096  # anchors on each side of the start that all runs share
 
 
 class JointPath:
@@ -61,23 +47,8 @@ class JointPath:
     """
 
     __slots__ = (
-        *(
-            "_anchors",
-            "_axes",
-            "_direction",
-            "_first",
-            "_drivetrains",
-            "_ends",
-            "_followers",
-            "_holds",
-            "_inside",
-            "_joints",
-            "_model",
-            "_motions",
-            "_passive",
-            "_places",
-        ),
-        *("_points", "_ranges", "_scratch", "_turn", "start"),
+        *("_axes", "_drivetrains", "_first", "_followers", "_holds", "_model", "_passive", "_places", "_scratch"),
+        *("direction", "ends", "inside", "joints", "motions", "points", "ranges", "start", "table", "turn"),
     )
 
     def __init__(
@@ -85,8 +56,8 @@ class JointPath:
     ) -> None:
         self._model, self._drivetrains = model, drivetrains
         check_posture(model, data, drivetrains[0])
-        self._ranges, self._followers = ranges_of(model, drivetrains[0]), limited_followers(model, drivetrains[0])
-        self._ends = False
+        self.ranges = np.ascontiguousarray(ranges_of(model, drivetrains[0]))
+        self._followers, self.ends = limited_followers(model, drivetrains[0]), False
         self._places = np.asarray(model.jnt_qposadr)[drivetrains[0].joints]
         self._scratch = mujoco().MjData(model)
         self._scratch.qpos[:] = data.qpos
@@ -95,7 +66,7 @@ class JointPath:
             np.array(data.site_xmat[d.site]).reshape(3, 3) @ s.direction
             for d, s in zip(drivetrains, sites, strict=True)
         ]
-        self.start = self._joints = self._inside = np.array(data.qpos)[self._places]
+        self.start = np.array(data.qpos)[self._places]
         self._holds = [""] * len(sites)
         parts = self._parts(self.start)
         for i, (part, site) in enumerate(zip(parts, sites, strict=True)):
@@ -113,22 +84,27 @@ class JointPath:
             raise InvalidInputError(
                 "laws: the sites cannot move independently of each other, because they share joints"
             )
-        self._motions, self._points = solution, np.zeros(len(sites))
-        self._turn, self._direction = np.zeros_like(solution), np.zeros(len(sites))
         self._first = solution
-        self._anchors: dict[int | None, tuple[FloatArray, ...]] = {}
-        if len(sites) == 1:
-            self._anchors[0] = self._joints, solution, self._turn, self._direction, self._points
+        count, number = solution.shape
+        self.joints, self.inside, self.motions = self.start.copy(), self.start.copy(), np.ascontiguousarray(solution)
+        self.turn, self.direction, self.points = np.zeros((count, number)), np.zeros(number), np.zeros(number)
+        # anchors of a single site, which all runs share, from -_FAR to _FAR: known, joints, motions, turn, direction,
+        # point
+        self.table = np.zeros((2 * _FAR + 1 if number == 1 else 0, 3 * count + 3))
 
-    def restart(self) -> JointPath:
-        """Return the joint path, reset to its start.
+    def restart(self) -> None:
+        """Return to the start. The points of the path that were already computed are kept."""
+        self.joints[:] = self.inside[:] = self.start
+        self.motions[:], self.turn[:] = self._first, 0.0
+        self.points[:] = self.direction[:] = 0.0
 
-        The points of the path that were already computed are kept.
-        """
-        self._joints, self._inside, self._ends = self.start, self.start, False
-        self._motions, self._turn = self._first, np.zeros_like(self._first)
-        self._points, self._direction = np.zeros(self._first.shape[1]), np.zeros(self._first.shape[1])
-        return self
+    def fork(self) -> JointPath:
+        """Return a path with the same start and separate memory, for another thread."""
+        forked = copy.copy(self)
+        for name in ("joints", "inside", "motions", "turn", "direction", "points", "table"):
+            setattr(forked, name, np.array(getattr(self, name)))
+        forked._scratch = copy.copy(self._scratch)
+        return forked
 
     @property
     def holds(self) -> tuple[str, ...]:
@@ -138,13 +114,16 @@ class JointPath:
         """
         return tuple(self._holds)
 
+    def velocity_of(self, velocities: FloatArray) -> FloatArray:
+        """Return the joint velocities at the start for velocities of the sites [m/s], shape (n,)."""
+        return np.asarray(self._first @ velocities)
+
     def motion_of(self, site: int) -> FloatArray:
         """Return the joint velocities per unit velocity of one site.
 
-        They belong to the last computed path point. The shape is (n,).
+        They belong to the last anchor. The shape is (n,).
         """
-        motion: FloatArray = self._motions[:, site]
-        return motion
+        return self.motions[:, site].copy()
 
     def held(self, data: Data) -> FloatArray:
         """Return the Jacobian of the moved and fixed directions at all sites."""
@@ -154,70 +133,61 @@ class JointPath:
             rows.append(held_rows(posture_dynamics(self._model, data, drivetrain, turn.T @ axis), hold))
         return np.vstack(rows)
 
-    def at(self, points: FloatArray, velocities: FloatArray, accelerations: FloatArray) -> JointReference:
-        """Return the joint reference for given reference motions of the sites.
+    def extend(self, points: FloatArray) -> bool:
+        """Add anchors until the last one is within 1 mm of the points that the sites have to reach.
 
-        Between two anchors on the path, the joint motion per motion of the sites is extrapolated linearly. The joint
-        positions then have errors of the third order in the spacing of the anchors.
+        Compiled code computes the joint reference from the last anchor. Between two anchors on the path, it
+        extrapolates the joint motion per motion of the sites linearly. The joint positions then have errors of the
+        third order in the spacing of the anchors.
 
         Args:
             points: positions of the sites along their axes, relative to the start [m], shape (m,).
-            velocities: their velocities [m/s], shape (m,).
-            accelerations: their accelerations [m/s^2], shape (m,).
 
         Returns:
-            The reference, at rest in the last possible position if a joint would leave its range.
+            False if a singularity, or the range of a joint that follows the others, prevents it. In the second case,
+            `ends` is True.
         """
-        step = points - self._points
-        if float(step @ step) >= _SPACING**2:
-            self._ends = False
-            self._anchor(step)
-            step = points - self._points
-        along = float(step @ self._direction)
-        motions = self._motions + along * self._turn
-        position = self._joints + (self._motions + along / 2 * self._turn) @ step
-        low, high = self._ranges.T
-        if self._ends or np.any((position < low - _MARGIN) | (position > high + _MARGIN)):
-            return JointReference(self._inside, np.zeros(len(position)), np.zeros(len(position)), "joint range")
-        self._inside = position
-        turning = float(velocities @ self._direction) * self._turn
-        obstacle = "singularity" if float(step @ step) >= (2 * _SPACING) ** 2 else ""  # the path has no further anchors
-        return JointReference(position, motions @ velocities, motions @ accelerations + turning @ velocities, obstacle)
-
-    def _anchor(self, step: FloatArray) -> None:
-        """Extend the joint path until the sites have moved by a given step. The steps are at most 1 mm long."""
+        step, self.ends = points - self.points, False
         if len(step) == 1:  # the path is a line, on which all runs have the same anchors
-            for _ in range(int(abs(step[0]) / _SPACING)):
-                if not self._follow(math.copysign(_SPACING, step[0]) * np.ones(1)):
-                    return
-            return
-        pieces = int(np.ceil(np.linalg.norm(step) / _SPACING))
-        for _ in range(pieces):
-            if not self._follow(step / pieces):
-                return
+            for _ in range(int(abs(step[0]) / SPACING)):
+                if not self._follow(math.copysign(SPACING, step[0]) * np.ones(1)):
+                    return False
+            return True
+        pieces = int(np.ceil(np.linalg.norm(step) / SPACING))
+        return all(self._follow(step / pieces) for _ in range(pieces))
 
     def _follow(self, part: FloatArray) -> bool:
         """Compute the next path point by the midpoint rule.
 
         Returns:
-            False if a singularity prevents the next point.
+            False if a singularity or the range of a joint that follows prevents the next point.
         """
-        key = round(float(self._points[0] + part[0]) / _SPACING) if len(part) == 1 else None
-        anchor = self._anchors.get(key)
-        if anchor is None:
-            middle = self._solve(self._parts(self._joints + self._motions @ part / 2))
-            end = self._joints + (self._motions if middle is None else middle) @ part
+        row = round(float(self.points[0] + part[0]) / SPACING) + _FAR
+        kept = 0 <= row < len(self.table)
+        if not kept or not self.table[row, 0]:
+            middle = self._solve(self._parts(self.joints + self.motions @ part / 2))
+            end = self.joints + (self.motions if middle is None else middle) @ part
             after = self._solve(self._parts(end))
             if middle is None or after is None:
                 return False  # a singularity: the joint motion of the last anchor remains
             if self._leaves_range():
-                self._ends = True
+                self.ends = True
                 return False
             length = float(np.linalg.norm(part))
-            anchor = end, after, (after - self._motions) / length, part / length, self._points + part
-            if key is not None:
-                self._anchors[key] = anchor
-        self._joints, self._motions, self._turn, self._direction, self._points = anchor
+            anchor: tuple[FloatArray, ...] = (
+                end,
+                after,
+                (after - self.motions) / length,
+                part / length,
+                self.points + part,
+            )
+            if kept:
+                self.table[row] = np.concatenate([np.ones(1), *(array.ravel() for array in anchor)])
+        else:
+            count = len(self.joints)
+            anchor = tuple(np.split(self.table[row, 1:], np.cumsum([count, count, count, 1])))
+        for own, new in zip((self.joints, self.motions, self.turn, self.direction, self.points), anchor, strict=True):
+            own[:] = new.reshape(own.shape)
         return True
 
     def _leaves_range(self) -> bool:

@@ -43,10 +43,35 @@ class JointState:
     held: Callable[[], FloatArray]
 
 
+@dataclass(frozen=True, slots=True)
+class JointFeedback:
+    """Coefficients of a joint controller with inverse dynamics.
+
+    The torques are scale (inertia (c_a q_r'' + c_v q_r' - c_d q' + c_p (q_r - q)) + load).
+
+    Args:
+        acceleration: c_a, share of the reference's acceleration.
+        velocity: c_v, gain of the reference's velocity [1/s].
+        damping: c_d, gain of the joint's velocity [1/s].
+        stiffness: c_p, gain of the position error [1/s^2].
+        scale: factor of the model of inertia and load.
+    """
+
+    acceleration: float
+    velocity: float
+    damping: float
+    stiffness: float
+    scale: float = 1.0
+
+
 class Tracking(ABC):
     """Base class of joint controllers that follow a reference."""
 
     __slots__ = ()
+
+    def feedback(self) -> JointFeedback | None:
+        """Return the coefficients with which compiled code computes the torques; None if it calls `torques`."""
+        return None
 
     @abstractmethod
     def torques(self, state: JointState) -> FloatArray:
@@ -56,8 +81,33 @@ class Tracking(ABC):
         """
 
 
+class FeedbackTracking(Tracking):
+    """Base class of joint controllers with inverse dynamics, which `feedback` describes completely."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def feedback(self) -> JointFeedback:
+        """Return the coefficients with which compiled code computes the torques."""
+
+    def torques(self, state: JointState) -> FloatArray:
+        """Return the torques [N m or N] of the driven joints.
+
+        With these torques, the joints follow their reference. The shape is (n,).
+        """
+        f = self.feedback()
+        wanted = (
+            f.acceleration * state.reference_acceleration
+            + f.velocity * state.reference_velocity
+            - f.damping * state.velocity
+            + f.stiffness * (state.reference - state.position)
+        )
+        torques: FloatArray = f.scale * (state.inertia @ wanted + state.load)
+        return torques
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ComputedTorque(Tracking, Value):
+class ComputedTorque(FeedbackTracking, Value):
     """Computed-torque control with feedback of position and velocity.
 
     It applies the inverse dynamics of the reference motion.
@@ -79,23 +129,15 @@ class ComputedTorque(Tracking, Value):
                 f"model_error: found {self.model_error:g}, expected more than -1", value=self.model_error
             )
 
-    def torques(self, state: JointState) -> FloatArray:
-        """Return the torques [N m or N] of the driven joints.
-
-        With these torques, the joints follow their reference. The shape is (n,).
-        """
+    def feedback(self) -> JointFeedback:
+        """Return the coefficients with which compiled code computes the torques."""
         w = 2 * math.pi * self.bandwidth
-        wanted = (
-            state.reference_acceleration
-            + 2 * self.damping_ratio * w * (state.reference_velocity - state.velocity)
-            + w * w * (state.reference - state.position)
-        )
-        torques: FloatArray = (1 + self.model_error) * (state.inertia @ wanted + state.load)
-        return torques
+        damping = 2 * self.damping_ratio * w
+        return JointFeedback(1.0, damping, damping, w * w, 1 + self.model_error)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PositionControl(Tracking, Value):
+class PositionControl(FeedbackTracking, Value):
     """A position-controlled robot: every joint follows its reference with a second-order lag.
 
     The joints obey q'' = w^2 (q_r - q) - 2 zeta w q', like a `PositionPlant`.
@@ -111,15 +153,10 @@ class PositionControl(Tracking, Value):
     def __post_init__(self) -> None:
         check_declared(self)
 
-    def torques(self, state: JointState) -> FloatArray:
-        """Return the torques [N m or N] of the driven joints.
-
-        With these torques, the joints follow their reference. The shape is (n,).
-        """
+    def feedback(self) -> JointFeedback:
+        """Return the coefficients with which compiled code computes the torques."""
         w = 2 * math.pi * self.bandwidth
-        wanted = w * w * (state.reference - state.position) - 2 * self.damping_ratio * w * state.velocity
-        torques: FloatArray = state.inertia @ wanted + state.load
-        return torques
+        return JointFeedback(0.0, 0.0, 2 * self.damping_ratio * w, w * w)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -244,7 +244,7 @@ def curve_structure(sensor: SensorModel, farthest: float) -> tuple[ctypes.Struct
     return _Curve(address(table), len(table), start, step, min(high, farthest)), table
 
 
-def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> tuple[_Loop, _PythonStep | None]:
+def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> tuple[_Loop, PythonStep | None]:
     """Copy inputs of encounters, and the output arrays of `run_loop`, for the compiled simulation."""
     begun, period = loop.begun, loop.laws[0].period
     scenes, course = _columns(loop, _scene_of(begun))[which], begun.obstacle.course
@@ -279,7 +279,7 @@ def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> 
     return native, python_step
 
 
-def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, _PythonStep | None]:
+def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, PythonStep | None]:
     """Copy the control laws for the compiled simulation."""
     used_laws, law_of = np.unique(loop.law_of.ravel()[which], return_inverse=True)
     starts = np.column_stack([used_laws[law_of.ravel()], scenes[:, (0, 1)] - scenes[:, (5, 6)]])
@@ -287,7 +287,7 @@ def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, _Pyth
     step: Any = as_step(loop.laws[0].step)
     parameters = [loop.laws[int(i)].parameters() for i in used_laws]
     states = [loop.laws[int(i)].start(position=float(x), velocity=float(v)) for i, x, v in distinct]
-    python_step = None if isinstance(step, CompiledStep) else _PythonStep(step, parameters, states)
+    python_step = None if isinstance(step, CompiledStep) else PythonStep(step, parameters, states)
     blocks = _to_rows(parameters, "parameters", python_step), _to_rows(states, "state", python_step)
     indices = law_of.ravel(), start_of.ravel()
     laws = _Laws(
@@ -354,8 +354,14 @@ def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, f
         count = 2 * count - 1
 
 
-class _PythonStep:
-    """Adapter of a Python law: it holds parameters and states, of which the compiled loop has the indices."""
+class PythonStep:
+    """Adapter of a Python law: it holds parameters and states, of which the compiled loop has the indices.
+
+    Args:
+        step: the step of the law.
+        parameters: the parameters of each law.
+        states: the initial states.
+    """
 
     def __init__(self, step: Any, parameters: list[Any], states: list[Any]) -> None:
         self._law, self._parameters, self._states, self._state = step, parameters, states, None
@@ -390,7 +396,7 @@ def _to_sample(raw: RawSample) -> Sample:
     )
 
 
-def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -> FloatArray:
+def _to_rows(parts: Sequence[Any], name: str, python_step: PythonStep | None) -> FloatArray:
     """Copy parameters or states of laws to rows aligned to 8 bytes; for a Python step, their indices."""
     if python_step is not None:
         return np.arange(len(parts), dtype=np.float64)[:, None]

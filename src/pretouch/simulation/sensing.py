@@ -66,6 +66,11 @@ class SensorRun:
         _start(self._place, byref(native), byref(curve), seed, run, address(waiting), len(waiting), distance)
 
     @property
+    def place(self) -> int:
+        """The address of the sensor for compiled code, valid as long as this object lives."""
+        return self._place
+
+    @property
     def next(self) -> float:
         """The time [s] at which the sensor needs the next distance."""
         return float(_next(self._place))

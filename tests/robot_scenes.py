@@ -21,6 +21,30 @@ SLIDE = """
   <body pos="0.1 0 0"><joint name="slide" type="slide" axis="1 0 0" limited="true" range="-0.2 0.1"/>
     <geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.02" mass="0.25"/><site name="tip" pos="0.12 0 0"/></body></body>
 </worldbody><actuator><motor joint="slide" ctrlrange="-50 50"/></actuator></mujoco>"""
+SIX_AXIS = """
+<mujoco model="six-axis arm"><compiler angle="radian"/><option timestep="0.001" integrator="implicitfast"/>
+<default><default class="arm"><joint armature="0.1" damping="1"/><geom type="capsule" contype="1" conaffinity="0"/>
+</default></default>
+<worldbody><geom name="floor" type="plane" size="2 2 0.1" contype="0" conaffinity="1"/>
+<body name="base" childclass="arm"><geom fromto="0 0 0.02 0 0 0.08" size="0.075" mass="4"/>
+ <body name="shoulder" pos="0 0 0.16"><joint name="pan" axis="0 0 1" range="-6.28 6.28"/>
+  <inertial pos="0 0.01 0" mass="3.7" diaginertia="0.011 0.011 0.01"/><geom fromto="0 -0.05 0 0 0.05 0" size="0.06"/>
+  <body name="upper arm" pos="0 0.14 0"><joint name="lift" axis="0 1 0" range="-6.28 6.28"/>
+   <inertial pos="0 -0.02 0.21" mass="8.4" diaginertia="0.23 0.23 0.02"/><geom fromto="0 0 0 0 0 0.42" size="0.05"/>
+   <body name="forearm" pos="0 -0.13 0.425"><joint name="elbow" axis="0 1 0" range="-3.14 3.14"/>
+    <inertial pos="0 0 0.2" mass="2.3" diaginertia="0.05 0.05 0.004"/><geom fromto="0 0 0 0 0 0.39" size="0.04"/>
+    <body name="wrist 1" pos="0 0 0.39"><joint name="wrist 1" axis="0 1 0" range="-6.28 6.28"/>
+     <inertial pos="0 0.12 0" mass="1.2" diaginertia="0.003 0.003 0.002"/><geom fromto="0 0 0 0 0.1 0" size="0.04"/>
+     <body name="wrist 2" pos="0 0.13 0"><joint name="wrist 2" axis="0 0 1" range="-6.28 6.28"/>
+      <inertial pos="0 0 0.1" mass="1.2" diaginertia="0.003 0.003 0.002"/><geom fromto="0 0 0 0 0 0.08" size="0.04"/>
+      <body name="wrist 3" pos="0 0 0.1"><joint name="wrist 3" axis="0 1 0" range="-6.28 6.28"/>
+       <inertial pos="0 0.08 0" mass="0.3" diaginertia="0.0002 0.0002 0.0002"/>
+       <geom type="cylinder" fromto="0 0.04 0 0 0.1 0" size="0.035"/>
+       <site name="flange" pos="0 0.1 0" xyaxes="0 1 0 1 0 0"/>
+      </body></body></body></body></body></body></body></worldbody>
+<actuator><motor joint="pan" ctrlrange="-150 150"/><motor joint="lift" ctrlrange="-150 150"/>
+ <motor joint="elbow" ctrlrange="-150 150"/><motor joint="wrist 1" ctrlrange="-28 28"/>
+ <motor joint="wrist 2" ctrlrange="-28 28"/><motor joint="wrist 3" ctrlrange="-28 28"/></actuator></mujoco>"""
 BALL = '<geom type="sphere" size="0.035" mass="0.5"/>'
 
 
@@ -73,6 +97,15 @@ def arm_with_ball(posture: str, speed: float, *, timestep: float = 1e-3, **optio
     model = load_model(ARM)
     text = ARM.read_text().replace('timestep="0.0005"', f'timestep="{timestep!r}"')
     return with_object(text, make_data(model, keyframe=posture), "fingertip", speed, **options)
+
+
+def six_axis_with_ball(speed: float, **options: Any) -> tuple[Any, Any]:
+    """An arm of the size and mass of a UR5e in a bent posture, with a ball ahead of its flange."""
+    import mujoco
+
+    joints = {"lift": -1.2, "elbow": 1.9, "wrist 1": -0.7}
+    data = make_data(mujoco.MjModel.from_xml_string(SIX_AXIS), joints)
+    return with_object(SIX_AXIS, data, "flange", speed, **options)
 
 
 def slide_with_ball(mass: float, speed: float, *, floats: bool = True, gravity: float = 0.0, **options: Any) -> Any:

@@ -505,6 +505,54 @@ PRETOUCH_API double pretouch_cubic(double start, double start_slope, double end,
 PRETOUCH_API double pretouch_first_touch(double start, double start_slope, double end, double end_slope, double doubt,
                                          double *least);
 
+
+/* ---- calibration: curves that fit readings (curve_fits.cpp, mittag_leffler.cpp) ----
+ * The Mittag-Leffler function and its derivative at z <= 0: one order in (0, 1] for each row of z, shape (count, n). */
+PRETOUCH_API void pretouch_mittag_leffler(const double *orders, int64_t count, const double *z, int64_t n,
+                                          double accuracy, double *value, double *slope);
+
+/* Residuals of several parameters x, shape (rows, p), each in the least-squares problem with the index `problem`:
+ * residuals, output, shape (rows, n). */
+typedef void (*pretouch_residuals)(const double *x, const int64_t *problem, int64_t rows, double *residuals);
+
+/* Least-squares problems of one kind.
+ *
+ * Curves of a family (FAMILIES in calibration/curve_residuals.py) that are fitted to n readings have the residuals
+ * (asinh((y - o) / width) - asinh(xi / width)) / error. The offset o is given for each problem, or is the last
+ * parameter if `offsets` is null. A ceiling C turns the ideal output u into xi = u / (1 + (u / C)^p)^(1/p); `above` is
+ * ln(C / (largest y - o)), infinite for none, and `sharpness` is p, one number for each problem. Both may be null.
+ * Arrays with a step have the row problem * step; step 0 means one row for all.
+ *
+ * For other residuals, `function` is not null; then only p, n and `pulls` count. `pulls`, shape (problems, 3), adds a
+ * residual stiffness * (q_k - target) with k, stiffness and target; q are the coordinates of the family and ln -g in
+ * the middle of the window. It may be null. */
+typedef struct {
+    int64_t parameters, points;
+    pretouch_residuals function;
+    int64_t family;
+    double first, last; /* ends of the window [m] */
+    const double *distances, *outputs, *widths, *errors; /* shape (n) */
+    const double *offsets, *weights; /* shapes (problems) and (problems, n); weights null if all are 1 */
+    int64_t offset_step, weight_step;
+    const double *above, *sharpness, *pulls;
+} pretouch_fit;
+
+/* Size of the workspace of both functions below, in numbers. */
+PRETOUCH_API int64_t pretouch_fit_room(const pretouch_fit *fit);
+
+/* Residuals of parameters x, shape (rows, p): residuals, shape (rows, n), or n + 1 with `pulls`. */
+PRETOUCH_API void pretouch_fit_residuals(const pretouch_fit *fit, const double *x, const int64_t *problem, int64_t rows,
+                                         double *residuals, double *workspace);
+
+/* Minimizes the sums of squares by the Levenberg-Marquardt method, each from its start x, shape (rows, p), between
+ * bounds, whose rows are `bound_step` numbers apart. A sum of squares has converged if its relative change is below
+ * `tolerance`, or the parameters change by less. x: start and solution. residuals: output. jacobian: output,
+ * derivatives of the residuals, shape (rows, n, p); 0 for a parameter that stays at a bound. costs: output, the sums of
+ * squares. */
+PRETOUCH_API void pretouch_minimize(const pretouch_fit *fit, const int64_t *problem, int64_t rows, const double *low,
+                                    const double *high, int64_t bound_step, double tolerance, int64_t most, double *x,
+                                    double *residuals, double *jacobian, double *costs, double *workspace);
+
 #ifdef __cplusplus
 }
 #endif

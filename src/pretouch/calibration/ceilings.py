@@ -25,8 +25,9 @@ from pretouch._core.values import Value
 from pretouch.sensors import Family, PiecewiseCubic, sensor_curves
 
 from .averaging import AveragedCurve, ReadingNoise
+from .curve_residuals import CurveResiduals, Residuals
 from .family_fits import families_of, forward_change, lowest_offset
-from .least_squares import Fits, Residuals, minimize_many
+from .least_squares import Fits, minimize_many
 from .result import DrawnCurve, OffsetEstimate
 
 _ABOVE: Final = (0.003, 0.01, 0.03, 0.08, 0.15, 0.3, 0.5, 0.8, 1.2)  # ln of the ceiling over the largest signal
@@ -299,6 +300,18 @@ class _Problem:
         output, distance, size = curve.output, curve.distance, self.family.size
         ignores = distance == self.ignored[:, None]
         ignores_none = not ignores.any()
+        if self.family.number >= 0:
+            return CurveResiduals(
+                family=self.family,
+                distances=distance,
+                outputs=output,
+                widths=tau,
+                errors=np.full(len(output), ERROR),
+                offsets=self.offsets,
+                weights=None if ignores_none else ~ignores,
+                above=self.above,
+                sharpness=self.sharpness,
+            )
         known = None
         if self.offsets is not None:
             known = np.arcsinh((output - self.offsets[:, None]) / tau), self.ceilings(self.offsets, self.above)
@@ -349,11 +362,7 @@ class _Problem:
                 rows = [self.family.start(m, g, bend * g**2) for m, g in zip(middle, slope, strict=True)]
                 starts.append(np.column_stack([rows, offset]) if self.offsets is None else np.array(rows))
         which, residuals = np.tile(np.arange(count), len(starts)), self.function()
-
-        def each(u: FloatArray, number: IntArray) -> FloatArray:
-            return residuals(u, which[number])
-
-        rough = minimize_many(each, np.concatenate(starts), self.bounds(), tolerance=1e-3, most=12)
+        rough = minimize_many(residuals, np.concatenate(starts), self.bounds(), problems=which, tolerance=1e-3, most=12)
         best = rough.costs.reshape(len(starts), count).argmin(axis=0)
         start = rough.x.reshape(len(starts), count, -1)[best, np.arange(count)]
         return minimize_many(residuals, start, self.bounds(), tolerance=1e-8, most=40)

@@ -13,7 +13,8 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch.sensors import Family, sensor_curves
 
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, two_components
-from .least_squares import Fits, Residuals, minimize_many
+from .curve_residuals import CurveResiduals, Residuals
+from .least_squares import Fits, minimize_many
 from .result import NoiseEstimate, OffsetEstimate
 
 _STEP: Final = 1e-5  # step of a family's parameter for finite differences
@@ -46,6 +47,16 @@ class Problem:
         """Return the residuals as a function, with everything computed that does not depend on the parameters."""
         relative = self.noise.relative_of_means(self.curve.count)
         tau = np.maximum(self.noise.output, 1e-300) / np.sqrt(self.curve.count) / relative
+        if self.family.number >= 0:
+            return CurveResiduals(
+                family=self.family,
+                distances=self.curve.distance,
+                outputs=self.curve.output,
+                widths=tau,
+                errors=relative,
+                offsets=self.offsets,
+                weights=self.weights,
+            )
         log_tau, size, weights, output = np.log(tau), self.family.size, self.weights, self.curve.output
         log_output, distance = self.family.log_output, self.curve.distance
         known = None if self.offsets is None else np.arcsinh((output - self.offsets[:, None]) / tau)
@@ -79,11 +90,9 @@ class Problem:
         """
         rows, problems = self._starts(), np.arange(count)
         which, residuals = np.tile(problems, len(rows)), self.function()
-
-        def each(u: FloatArray, number: IntArray) -> FloatArray:
-            return residuals(u, which[number])
-
-        rough = minimize_many(each, np.repeat(rows, count, axis=0), bounds, tolerance=1e-3, most=15)
+        rough = minimize_many(
+            residuals, np.repeat(rows, count, axis=0), bounds, problems=which, tolerance=1e-3, most=15
+        )
         best = rough.costs.reshape(len(rows), count).argmin(axis=0)
         return minimize_many(residuals, rough.x.reshape(len(rows), count, -1)[best, problems], bounds)
 

@@ -1,29 +1,27 @@
-"""Solve many small nonlinear least-squares problems at once by the Levenberg-Marquardt method.
+"""Solve many small nonlinear least-squares problems by the compiled Levenberg-Marquardt method.
 
-A calibration needs hundreds of fits of three or four parameters: for each possible offset, each excluded distance, each
-possible start of the window, and each end of an interval. A general solver spends a thousand times more time on
-overhead than on the arithmetic of such a fit. Vectorized over all problems, this overhead is spent only once.
+A calibration needs thousands of fits of three or four parameters: for each possible offset, each excluded distance,
+each possible start of the window, and each end of an interval. The compiled core takes one call for all of them.
 """
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+from pretouch._core.native import INTEGER, POINTER, address, shaped
+from pretouch._core.numbers import FloatArray, IntArray
 
-Residuals: TypeAlias = Callable[[FloatArray, IntArray], FloatArray]
-"""Function of parameters, shape (b, p), and indices of their problems, shape (b,); returns residuals, shape (b, n)."""
+from .curve_residuals import INDEX, CurveResiduals, FitOfCore, Residuals, minimize, room
 
-_STEP: Final = 1e-6  # step of a parameter for finite differences
 _DOUBLINGS: Final = 5  # a profile that has not risen at 2^5 times the half width of the linear interval is unbounded
 _ATTEMPTS: Final = 12  # iterations for the end of an interval
-_LARGEST_DAMPING: Final = 1e12  # largest damping of the normal equations; with more, no step improves the cost
-_FEW: Final = 40  # problems that are evaluated together with their derivatives
 _HUGE: Final = 1e150  # replaces residuals that are not finite
+_Callback: Final = ctypes.CFUNCTYPE(None, POINTER, POINTER, INTEGER, POINTER)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,128 +58,76 @@ def minimize_many(
     start: FloatArray,
     bounds: tuple[FloatArray, FloatArray],
     *,
+    problems: IntArray | None = None,
     tolerance: float = 1e-10,
     most: int = 60,
 ) -> Fits:
     """Solve many least-squares problems at once.
 
     Each problem has parameter bounds and its own start point. Bounds have the shape (p,) or (b, p); each row of `start`
-    is one problem. A problem has converged when its cost changes by a smaller share than `tolerance`, or its parameters
-    by less than that. All problems end after `most` steps. Starts are clipped to the bounds.
+    is the start of one problem, whose index is in `problems`, by default its place. A problem has converged when its
+    cost changes by a smaller share than `tolerance`, or its parameters by less than that. All problems end after `most`
+    steps. Starts are clipped to the bounds. Residuals that are not `CurveResiduals` are differentiated by finite
+    differences.
 
     Returns:
         The solutions.
     """
-    low, high = (np.broadcast_to(b, start.shape) for b in bounds)
+    count, size = start.shape
+    low, high = (np.ascontiguousarray(np.broadcast_to(b, start.shape)) for b in bounds)
     x = np.clip(start, low, high)
-    if not len(x):
-        return Fits(x=x, residuals=np.empty((0, 0)), jacobian=np.empty((0, 0, x.shape[1])), costs=np.empty(0))
-    problems = np.arange(len(x))
-    residual, slope = _with_derivative(residuals, x, problems, high)
-    cost = np.einsum("bn,bn->b", residual, residual)
-    damping, active = np.full(len(x), 1e-3), problems
-    for _ in range(most):
-        if not len(active):
-            break
-        at, here = x[active], slope[active]
-        step = _step(at, here, residual[active], damping[active], (low[active], high[active]))
-        new_x = np.clip(at + step, low[active], high[active])
-        few = len(active) <= _FEW  # one call of the residuals costs more than some derivatives that are not used
-        if few:
-            new_residual, new_slope = _with_derivative(residuals, new_x, active, high[active])
-        else:
-            new_residual = _finite(residuals(new_x, active))
-        new_cost = np.einsum("bn,bn->b", new_residual, new_residual)
-        better = new_cost < cost[active]
-        moved = np.abs(new_x - at).max(axis=1)
-        converged = (np.abs(cost[active] - new_cost) <= tolerance * cost[active]) & (moved < 1e-3)
-        converged |= moved <= tolerance
-        damping[active] = np.where(better, np.maximum(0.2 * damping[active], 1e-9), 8 * damping[active])
-        improved = active[better]
-        x[improved], residual[improved], cost[improved] = new_x[better], new_residual[better], new_cost[better]
-        if few:
-            slope[improved] = new_slope[better]
-        elif len(improved):
-            slope[improved] = _derivative(residuals, x[improved], residual[improved], improved, high[improved])
-        active = active[~converged & (damping[active] < _LARGEST_DAMPING)]
-    at_bound = _at_bound(x, np.einsum("bnp,bn->bp", slope, residual), low, high)
-    return Fits(x=x, residuals=residual, jacobian=np.where(at_bound[:, None, :], 0.0, slope), costs=cost)
+    if not count:
+        return Fits(x=x, residuals=np.empty((0, 0)), jacobian=np.empty((0, 0, size)), costs=np.empty(0))
+    which = np.arange(count) if problems is None else np.ascontiguousarray(problems)
+    errors: list[BaseException] = []
+    if isinstance(residuals, CurveResiduals):
+        width, (fit, kept) = residuals.width, residuals.in_core()
+    else:
+        width = residuals(x[:1], which[:1]).shape[1]
+        kept = [callback := _callback(residuals, size, width, errors)]
+        fit = FitOfCore(size, width, ctypes.cast(callback, POINTER))
+    rows, jacobian, costs = np.empty((count, width)), np.empty((count, width, size)), np.empty(count)
+    workspace, numbers = np.empty(room(ctypes.byref(fit))), (low, high)
+    minimize(
+        ctypes.byref(fit),
+        shaped(which, (count,), INDEX),
+        count,
+        *(address(array) for array in numbers),
+        size,
+        tolerance,
+        most,
+        *(address(array) for array in (x, rows, jacobian, costs, workspace)),
+    )
+    del kept  # the arrays and the function that the core has used
+    if errors:
+        raise errors[0]
+    return Fits(x=x, residuals=rows, jacobian=jacobian, costs=costs)
+
+
+def _callback(residuals: Residuals, size: int, width: int, errors: list[BaseException]) -> Any:
+    """Return a C function that calls a Python function of residuals.
+
+    An exception cannot pass through C. It is added to `errors`, and all later residuals are zero, which ends the fits.
+    """
+
+    def array(address: int, *shape: int, kind: Any = ctypes.c_double) -> Any:
+        return np.frombuffer((kind * int(np.prod(shape))).from_address(address), dtype=kind).reshape(shape)
+
+    def call(x: int, problem: int, count: int, rows: int) -> None:
+        result = array(rows, count, width)
+        result[:] = 0.0
+        if errors:
+            return
+        try:
+            result[:] = residuals(array(x, count, size), array(problem, count, kind=ctypes.c_int64))
+        except BaseException as error:
+            errors.append(error)
+
+    return _Callback(call)
 
 
 def _finite(values: FloatArray) -> FloatArray:
-    if (np.abs(values) <= _HUGE).all():
-        return values
     return np.where(np.isfinite(values), np.clip(values, -_HUGE, _HUGE), _HUGE)
-
-
-def _at_bound(x: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Return which fit parameters stay at a bound. For these, the cost would decrease only beyond the bound."""
-    return np.asarray(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
-
-
-def _with_derivative(
-    residuals: Residuals, x: FloatArray, which: IntArray, high: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return residuals and their derivatives by one call of the function of the residuals."""
-    count, size = x.shape
-    moved = np.repeat(x[:, None, :], size + 1, axis=1)
-    step = _steps(x, high)
-    moved[:, np.arange(size) + 1, np.arange(size)] += step
-    rows = _finite(residuals(moved.reshape(count * (size + 1), size), np.repeat(which, size + 1)))
-    rows = rows.reshape(count, size + 1, -1)
-    slopes = (rows[:, 1:] - rows[:, :1]) / step[:, :, None]
-    return np.ascontiguousarray(rows[:, 0]), np.ascontiguousarray(np.swapaxes(slopes, 1, 2))
-
-
-def _steps(x: FloatArray, high: FloatArray) -> FloatArray:
-    step = _STEP * np.maximum(1.0, np.abs(x))
-    return np.where(x + step > high, -step, step)
-
-
-def _derivative(
-    residuals: Residuals, x: FloatArray, value: FloatArray, which: IntArray, high: FloatArray
-) -> FloatArray:
-    """Differentiate residuals by finite differences. The steps respect the upper bounds of the parameters."""
-    count, size = x.shape
-    moved = np.repeat(x[:, None, :], size, axis=1)
-    step = _steps(x, high)
-    moved[:, np.arange(size), np.arange(size)] += step
-    moved_residuals = _finite(residuals(moved.reshape(count * size, size), np.repeat(which, size)))
-    rows = (moved_residuals.reshape(count, size, -1) - value[:, None, :]) / step[:, :, None]
-    return np.asarray(np.swapaxes(rows, 1, 2))
-
-
-def _step(
-    x: FloatArray, slope: FloatArray, value: FloatArray, damping: FloatArray, bounds: tuple[FloatArray, FloatArray]
-) -> FloatArray:
-    """Return a Levenberg-Marquardt step of the fit parameters.
-
-    Parameters that stay at a bound do not change.
-
-    The step is zero if the damped normal equations overflow.
-    """
-    with np.errstate(all="ignore"):
-        step = _newton_step(x, slope, value, damping, bounds)
-    return np.where(np.isfinite(step), step, 0.0)
-
-
-def _newton_step(
-    x: FloatArray, slope: FloatArray, value: FloatArray, damping: FloatArray, bounds: tuple[FloatArray, FloatArray]
-) -> FloatArray:
-    corner = np.arange(x.shape[1])
-    transposed = slope.swapaxes(1, 2)
-    gradient = (transposed @ value[:, :, None])[:, :, 0]
-    square = transposed @ slope
-    damped = damping[:, None] * np.maximum(square[:, corner, corner], 1e-30)
-    at_bound = _at_bound(x, gradient, *bounds)
-    free = ~at_bound
-    if at_bound.any():
-        square = np.where(free[:, :, None] & free[:, None, :], square, 0.0)
-        damped = np.where(free, damped, 1.0)
-    square[:, corner, corner] += damped
-    scale = 1 / np.sqrt(square[:, corner, corner])
-    scaled = square * scale[:, :, None] * scale[:, None, :]
-    return np.asarray(np.linalg.solve(scaled, (-gradient * free * scale)[:, :, None])[:, :, 0] * scale)
 
 
 def gradient(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
@@ -236,11 +182,8 @@ def intervals(
             break
         goals = np.array([lanes[i].target for i in active])
 
-        def pulled(u: FloatArray, number: IntArray, lane: IntArray = active, goal: FloatArray = goals) -> FloatArray:
-            at = coordinates(u)[np.arange(len(u)), which[lane[number]]]
-            spring = stiffness[lane[number]] * (at - goal[number])
-            return np.column_stack([residuals(u, np.zeros(len(u), dtype=np.int64)), spring])
-
+        pulls = np.column_stack([which[active], stiffness[active], goals])
+        pulled = _pulled(residuals, coordinates, pulls)
         here = coordinates(x[active])[np.arange(len(active)), which[active]]
         start = np.clip(x[active] + ahead[active] * (goals - here)[:, None], *bounds)
         costs = [np.sum(_finite(pulled(u, np.arange(len(u)))) ** 2, axis=1) for u in (x[active], start)]
@@ -252,6 +195,22 @@ def intervals(
                 x[i] = at
     ends = [lane.result() for lane in lanes]
     return [(a[0], b[0], a[1], b[1]) for a, b in zip(ends[::2], ends[1::2], strict=True)]
+
+
+def _pulled(residuals: Residuals, coordinates: Callable[[FloatArray], FloatArray], pulls: FloatArray) -> Residuals:
+    """Return the residuals of one problem with a spring for each row of `pulls`.
+
+    A row has the number of the coordinate, the stiffness and the target.
+    """
+    if isinstance(residuals, CurveResiduals):
+        return residuals.pulled(pulls)
+
+    def pulled(u: FloatArray, number: IntArray) -> FloatArray:
+        which, stiffness, goals = pulls[number].T
+        at = coordinates(u)[np.arange(len(u)), which.astype(np.int64)]
+        return np.column_stack([residuals(u, np.zeros(len(u), dtype=np.int64)), stiffness * (at - goals)])
+
+    return pulled
 
 
 class _End:

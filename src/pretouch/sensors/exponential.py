@@ -27,6 +27,8 @@ class _FirstOrderFamily(Family):
     The fit parameters are u = (ln xi(l_m), ln -c_1), where l_m is the middle of the calibration window.
     """
 
+    compiled: ClassVar[int] = 0
+
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         reach = -math.log(self.span)
@@ -61,6 +63,7 @@ class _SecondOrderFamily(Family):
     slope at l = 0, negative.
     """
 
+    compiled: ClassVar[int] = 1
     informs: ClassVar[bool] = True
 
     @property

@@ -43,6 +43,10 @@ class Family(ABC):
     quick: ClassVar[bool] = True
     """Whether many fits of the family take little time."""
 
+    compiled: ClassVar[int] = -1
+    """Number of the family in native/core/curve_fits.cpp; -1 for a family that is evaluated in Python. A subclass with
+    other curves does not inherit it."""
+
     @classmethod
     def at_large(cls, curve: Any, first: float, last: float) -> Self:
         """Create the curve family with the widest parameter bounds."""
@@ -62,6 +66,11 @@ class Family(ABC):
     def size(self) -> int:
         """The number of fit parameters of the curve family."""
         return _count_parameters(self.curve)
+
+    @property
+    def number(self) -> int:
+        """The number of the family in the compiled core; -1 if it is evaluated in Python."""
+        return int(vars(type(self)).get("compiled", -1))
 
     @property
     def middle(self) -> float:

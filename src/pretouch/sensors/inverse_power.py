@@ -40,6 +40,7 @@ class _InversePowerFamily(Family):
     kappa_max: float = 10.0
     kappa_floor: float = 0.0
 
+    compiled: ClassVar[int] = 2
     informs: ClassVar[bool] = True
 
     @property

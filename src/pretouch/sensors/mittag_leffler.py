@@ -10,32 +10,16 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
+from pretouch._core.numbers import FloatArray
 
 from .family import Family
 from .model import SensorModel, parameter
 from .sensitivity import CurveSensitivity
 
-# Weideman & Trefethen (2007), Math. Comp. 76, 1341-1356: the inverse Laplace transform is evaluated at 2 N nodes on the
-# parabola s(u) = mu (1 + i u)^2 with mu = pi N / 12 and the step 3 / N. Its error is of order 2.85^-2N for a function
-# that is analytic off the negative real axis. With N = 18 the relative error of the derivative at zero, which converges
-# most slowly, is 1e-14. A larger N would only amplify rounding by exp(mu).
-_NODES: Final = 18
-_STEP_S: Final = 3.0 / _NODES
-_MU: Final = math.pi * _NODES / 12
-_NODE: Final = 1 + 1j * (np.arange(_NODES) + 0.5) * _STEP_S
-_LOG_S: Final = np.log(_MU * _NODE**2)
-_WEIGHT: Final = (2 * _MU * _STEP_S / math.pi) * np.exp(_MU * _NODE**2) * _NODE / (_MU * _NODE**2)
-# The absolute rounding error of the sum on the parabola is constant, while E falls like exp(z). For orders near one and
-# large |z|, an integral of positive terms over a line (variable v) is used instead. The poles of its integrand at
-# |Im v| = pi (1 - alpha) lie inside the strip |Im v| <= d = alpha pi / 2 only for alpha > 2 / 3.
-_NEAR_ONE: Final = 0.68  # order above which the integral over the line is used
-_ROUNDING: Final = 1e-13 / math.e  # absolute error of the sum on the parabola; the relative error of E(-1) is 1e-13
-_STEP: Final = 0.15  # step on the line; the error exp(-2 pi d / step) is below 1e-19, as the integrand is bounded there
-_ROUGH: Final = 1e-11  # accuracy from which on a larger step suffices
-_ROUGH_STEP: Final = 0.2  # its error is below 3e-15 of the integral
 _ACCURACY: Final = 1e-9  # relative, sufficient for a fit
-_CHUNK: Final = 1024  # arguments per call, to limit memory, since each needs about 350 nodes
+
+_evaluate: Final = kernel("mittag_leffler", POINTER, INTEGER, POINTER, INTEGER, DOUBLE, POINTER, POINTER)
 
 
 def mittag_leffler(
@@ -71,69 +55,13 @@ def mittag_leffler(
             f"argument: found {float(z[~(z <= 0)].flat[0]):g}, but this function is defined only for 0 and negative "
             "numbers"
         )
-    rows = z.reshape(len(orders), -1)
-    value, derivative = np.empty_like(rows), np.empty_like(rows)
-    count = max(1, _CHUNK // max(rows.shape[1], 1))
-    for top in range(0, len(rows), count):
-        for left in range(0, rows.shape[1], _CHUNK):
-            part = np.s_[top : top + count, left : left + _CHUNK]
-            value[part], derivative[part] = _on_parabola(orders[top : top + count, None, None], rows[part])
-    far = (rows < -math.log(accuracy / _ROUNDING)) & (orders > _NEAR_ONE)[:, None]
-    if far.any():
-        row, column = np.nonzero(far)
-        for start in range(0, len(row), _CHUNK):
-            i, k = row[start : start + _CHUNK], column[start : start + _CHUNK]
-            value[i, k], derivative[i, k] = _on_line(orders, i, rows[i, k], accuracy)
+    rows = np.ascontiguousarray(z.reshape(len(orders), -1))
+    orders, value, derivative = np.ascontiguousarray(orders), np.empty_like(rows), np.empty_like(rows)
+    outputs = address(value), address(derivative)
+    _evaluate(address(orders), len(orders), address(rows), rows.shape[1], accuracy, *outputs)
     exponential = orders == 1
-    value[exponential] = derivative[exponential] = np.exp(rows[exponential])
+    value[exponential] = derivative[exponential] = np.exp(rows[exponential])  # the same bits as NumPy
     return value.reshape(z.shape), derivative.reshape(z.shape)
-
-
-def _on_parabola(order: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the Mittag-Leffler function and its derivative by an inverse Laplace transform along a parabola.
-
-    The sum inverts s^(alpha-1) / (s^alpha - z) at time one, and its derivative by z. Orders have the shape (b, 1, 1),
-    arguments (b, n). Half of the nodes suffice; the others are complex conjugates.
-    """
-    pole = np.exp(_LOG_S * order)  # s^alpha
-    weight = _WEIGHT * pole
-    along, aside = pole.real - z[..., None], pole.imag
-    size = 1 / (along * along + aside * aside)
-    real, imaginary = along * size, -aside * size  # of 1 / (s^alpha - z)
-    a, b = weight.real[..., 0, :, None], weight.imag[..., 0, :, None]
-    value = (real @ a - imaginary @ b)[..., 0]
-    square, twice = real * real - imaginary * imaginary, 2 * real * imaginary
-    return value, (square @ a - twice @ b)[..., 0]
-
-
-def _on_line(orders: FloatArray, row: IntArray, z: FloatArray, accuracy: float) -> tuple[FloatArray, FloatArray]:
-    """Return small values of the Mittag-Leffler function and its derivative accurately, from an integral.
-
-    `row` has the index of the order of each argument z, in increasing order.
-
-    E_alpha(-x) = sin(delta) / (pi alpha) int exp(-(x e^v)^(1/alpha)) / (2 (cosh v - cos delta)) dv. This is the
-    transform on its branch cut at r = (x e^v)^(1/alpha), with delta = pi (1 - alpha). All terms are positive, so the
-    sum keeps its relative accuracy for any small E. The trapezoidal rule at half-integers has an error due to the poles
-    at v = +-i delta: their residues over 1 + exp(2 pi delta / step), which are added. At alpha = 1 only the residues
-    remain, exp(-x).
-    """
-    starts = np.diff(row, prepend=-1) > 0
-    order, row = orders[row[starts], None], np.cumsum(starts) - 1
-    delta = math.pi * (1 - order)
-    exact = accuracy < _ROUGH
-    step, lowest = (_STEP, 1e-17) if exact else (_ROUGH_STEP, 1e-6 * accuracy)
-    # below, e^v < lowest / x; above, exp(-750) = 0
-    left, right = math.log(lowest) - math.log(-z.min()), float(order.max()) * math.log(750)
-    v = step * (np.arange(math.floor(left / step), math.ceil(right / step)) + 0.5)
-    weight = step * np.sin(delta) / (math.pi * order) / (4 * (np.sinh(v / 2) ** 2 + np.sin(delta / 2) ** 2))
-    root, turn = np.exp(v / order), np.exp(1j * delta / order)[row, 0]
-    order, delta = order[row, 0], delta[row, 0]
-    power = (-z) ** (1 / order)
-    decay = np.exp(-power[:, None] * root[row])
-    residue = 2 / order / (1 + np.exp(2 * math.pi * delta / step)) * np.exp(-power * turn)
-    value = np.einsum("mv,mv->m", decay, weight[row]) + residue.real
-    slope = np.einsum("mv,mv->m", decay, (weight * root)[row]) + (residue * turn).real
-    return value, slope * power / (-z * order)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +71,7 @@ class _MittagLefflerFamily(Family):
     The fit parameters are u = (ln xi(l_m), ln -c, alpha), where l_m is the middle of the calibration window.
     """
 
+    compiled: ClassVar[int] = 3
     informs: ClassVar[bool] = True
     quick: ClassVar[bool] = False
 

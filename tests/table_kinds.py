@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
@@ -44,7 +45,8 @@ def commas(text: str) -> str:
 class Kind:
     """A kind of table: how it is written, and what its columns are.
 
-    `unit` is that of the outputs. `sensors` is the number of curves. A kind that is `refused` has a remedy.
+    `unit` is that of the outputs. `sensors` is the number of curves. A kind that is `refused` has a remedy, which is a
+    function if it is none of the usual ones.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Kind:
     per_distance: int = 1
     tolerance: float = 1e-9
     output: Callable[[Readings], Sequence[float]] = field(default=lambda r: r.counts)
+    remedy: Callable[[str], str] | None = None
 
 
 def _volts(r: Readings) -> Sequence[float]:
@@ -194,6 +197,389 @@ KINDS = (
     Kind("tabs and a remark", lambda r: "// bench 4\ndistance [mm]\tadc\n" + _lines("{d}\t{c}\n", r)),
 )
 
+
+def _continued_side_by_side(r: Readings) -> str:
+    h = (len(r.distances) + 1) // 2
+    rows = list(zip(r.distances, r.volts, strict=True))
+    left, right = rows[:h], rows[h:]
+    out = ["d [mm],V [V],,d [mm],V [V]"]
+    for i in range(h):
+        a = f"{left[i][0]},{left[i][1]}"
+        b = f"{right[i][0]},{right[i][1]}" if i < len(right) else ","
+        out.append(f"{a},,{b}")
+    return "\n".join(out) + "\n"
+
+
+def _side_by_side(r: Readings) -> str:
+    return "distance_mm,output_V,,distance_mm,output_V\n" + "".join(
+        f"{d},{v},,{d},{v}\n" for d, v in zip(r.distances, r.volts, strict=True)
+    )
+
+
+def _documents(r: Readings) -> str:
+    return "".join(f"distance: {d / 1000}\nvalue: {c}\n---\n" for d, c in zip(r.distances, r.counts, strict=True))
+
+
+def _variables(r: Readings) -> str:
+    rows = [
+        f'"{name}";"01.05.2024 10:12:{33 + i:02d}";{value};1;45413425{i}'
+        for i, row in enumerate(zip(r.distances, r.counts, strict=True))
+        for name, value in zip(("Distance_mm", "Sensor_raw"), row, strict=True)
+    ]
+    return "\n".join(['"VarName";"TimeString";"VarValue";"Validity";"Time_ms"', *rows]) + "\n"
+
+
+def _pivoted(text: str) -> str:
+    """Return the values of two variables in turn as two columns."""
+    header, *rows = [re.split("[;,]", line.replace('"', "")) for line in text.splitlines()]
+    at = next(i for i, title in enumerate(header) if title in {"VarValue", "value"})
+    columns = [[row[at] for row in rows if row[0] == name] for name in dict.fromkeys(row[0] for row in rows)]
+    return table(",".join(dict.fromkeys(row[0] for row in rows)), *columns)
+
+
+MORE_KINDS = (
+    Kind("alternating lines", lambda r: _lines("Distance: {d} mm\nADC: {c}\n", r)),
+    Kind("alternating with blank", lambda r: _lines("Distance: {d} mm\nADC: {c}\n\n", r)),
+    Kind(
+        "alternating, time in front",
+        lambda r: _lines("10:12:{s:06.3f} -> Distance: {d} mm\n10:12:{s:06.3f} -> ADC: {c}\n", r),
+    ),
+    Kind("alternating ADC first", lambda r: _lines("ADC: {c}\nDistance = {cm:g} cm\n", r)),
+    Kind(
+        "three lines alternate", lambda r: _lines("Distance: {d} mm\nADC: {c}\nVoltage: {v} V\n", r), refused="columns"
+    ),
+    Kind("four lines with separator", lambda r: _lines("-----\nDistance: {d} mm\nADC: {c}\n", r)),
+    Kind(
+        "alternating without unit",
+        lambda r: _lines("Distance: {cm:g}\nADC: {c}\n", r),
+        refused="columns",
+        distance_unit="cm",
+    ),
+    Kind("yaml documents", _documents, refused="columns", distance_unit="m"),
+    Kind(
+        "sections",
+        lambda r: (
+            "[Header]\nDevice=Logger 3\nSerial=12\nRate=100\n[Data]\ndistance [mm],adc\n" + _lines("{d},{c}\n", r)
+        ),
+    ),
+    Kind(
+        "sections tab",
+        lambda r: "[CHANNEL INFO]\nName\tCH1\nRange=10V\n\n[DATA]\nDistance (mm)\tCH1 (V)\n" + _lines("{d}\t{v}\n", r),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "key value then table",
+        lambda r: (
+            "Model = GP2Y0A21\nDate = 2024-05-01\nOperator = Jo\ndistance [mm];output [V]\n" + _lines("{d};{v}\n", r)
+        ),
+        "V",
+        output=_volts,
+    ),
+    Kind("side by side continuing", _continued_side_by_side, "V", output=_volts),
+    Kind("bare |", lambda r: "distance [mm]|adc\n" + _lines("{d}|{c}\n", r)),
+    Kind("bare | with blanks", lambda r: "distance [mm] | adc\n" + _lines("{d} | {c}\n", r)),
+    Kind("bare ¦", lambda r: "distance [mm]¦adc\n" + _lines("{d}¦{c}\n", r)),
+    Kind("psql", lambda r: " distance_mm | adc \n-------------+-----\n" + _lines("  {d} | {c}\n", r) + "(9 rows)\n"),
+    Kind(
+        "grid table",
+        lambda r: "+------+-----+\n| d [mm] | adc |\n+======+=====+\n" + _lines("| {d} | {c} |\n+---+---+\n", r),
+    ),
+    Kind("colon separated", lambda r: "distance [mm]:adc\n" + _lines("{d}:{c}\n", r)),
+    Kind("arrow", lambda r: _lines("{d} mm -> {c}\n", r)),
+    Kind("equals pairs", lambda r: _lines("{d} mm = {v} V\n", r), "V", output=_volts),
+    Kind("at signs", lambda r: _lines("{d}mm @ {c}\n", r)),
+    Kind("dots between", lambda r: _lines("{cm:g} cm ........ {v} V\n", r), "V", output=_volts),
+    Kind("notebook bullets", lambda r: _lines("- {cm:g} cm: {v} V\n", r), "V", output=_volts),
+    Kind("numbered list", lambda r: _lines("{i}. {cm:g} cm - {v} V\n", r), "V", output=_volts),
+    Kind(
+        "French",
+        lambda r: commas(table("Distance (mm);Tension (V)", r.distances, r.volts, mark=";")),
+        "V",
+        output=_volts,
+    ),
+    Kind("Spanish", lambda r: commas(table("Distancia (cm);Lectura", _centimeters(r), r.counts, mark=";"))),
+    Kind(
+        "Italian",
+        lambda r: commas(table("Distanza [mm];Tensione [V]", r.distances, r.volts, mark=";")),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "Portuguese",
+        lambda r: commas(table("Distância (mm);Tensão (V)", r.distances, r.volts, mark=";")),
+        "V",
+        output=_volts,
+    ),
+    Kind("Dutch", lambda r: table("Afstand (mm);Meetwaarde", r.distances, r.counts, mark=";")),
+    Kind(
+        "Polish",
+        lambda r: commas(table("Odległość [mm];Napięcie [V]", r.distances, r.volts, mark=";")),
+        "V",
+        output=_volts,
+    ),
+    Kind("Chinese", lambda r: table("距离(mm),电压(V)", r.distances, r.volts), "V", output=_volts),
+    Kind("Chinese full width", lambda r: table("距离（mm），输出（V）", r.distances, r.volts), "V", output=_volts),
+    Kind("Japanese", lambda r: table("距離[mm],出力[V]", r.distances, r.volts), "V", output=_volts),
+    Kind("Japanese no unit out", lambda r: table("距離[cm],センサ値", _centimeters(r), r.counts)),
+    Kind("Korean", lambda r: table("거리(mm),전압(V)", r.distances, r.volts), "V", output=_volts),
+    Kind(
+        "Russian",
+        lambda r: commas(table("Расстояние, мм;Напряжение, В", r.distances, r.volts, mark=";")),
+        "V",
+        output=_volts,
+    ),
+    Kind("comma unit", lambda r: table("Distance, mm;Voltage, V", r.distances, r.volts, mark=";"), "V", output=_volts),
+    Kind("unit dash", lambda r: table("Distance - mm;Voltage - V", r.distances, r.volts, mark=";"), "V", output=_volts),
+    Kind(
+        "german units word", lambda r: table("Abstand (Millimeter);Messwert (Digits)", r.distances, r.counts, mark=";")
+    ),
+    Kind("variables of a PLC", _variables, refused="pivot", remedy=_pivoted),
+    Kind(
+        "variable and value",
+        lambda r: "variable,value\n" + _lines("distance_mm,{d}\nadc,{c}\n", r),
+        refused="pivot",
+        remedy=_pivoted,
+    ),
+    Kind(
+        "oscilloscope measurements",
+        lambda r: "Position [mm],CH1 Mean [V],CH1 Std Dev [V]\n" + _lines("{d},{v},0.01{i}\n", r),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "statistics of a channel",
+        lambda r: "Position [mm],Mean(CH1) [V],Vpp(CH1) [V]\n" + _lines("{d},{v},0.0{i}1\n", r),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "scientific",
+        lambda r: (
+            "distance [m],output [V]\n"
+            + "".join(f"{d / 1000:.4E},{v:.6E}\n" for d, v in zip(r.distances, r.volts, strict=True))
+        ),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "fortran D",
+        lambda r: (
+            "distance [m] output [V]\n"
+            + "".join(f"{d / 1000:.4E} {v:.6E}\n".replace("E", "D") for d, v in zip(r.distances, r.volts, strict=True))
+        ),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "matlab diary",
+        lambda r: "A =\n\n" + "".join(f"    {d:.4f}    {v:.4f}\n" for d, v in zip(r.distances, r.volts, strict=True)),
+        "",
+        output=_volts,
+        refused="columns",
+    ),
+    Kind(
+        "matlab matrix",
+        lambda r: "d = [" + " ".join(map(str, r.distances)) + "];\nv = [" + " ".join(map(str, r.volts)) + "];\n",
+        "",
+        refused="columns",
+        output=_volts,
+    ),
+    Kind("python lists", lambda r: "distance_mm = " + str(list(r.distances)) + "\nadc = " + str(list(r.counts)) + "\n"),
+    Kind(
+        "C array", lambda r: "const int table[][2] = {\n" + _lines("  {{{d}, {c}}},\n", r) + "};\n", refused="columns"
+    ),
+    Kind(
+        "dictionary",
+        lambda r: "{" + ", ".join(f"{d}: {c}" for d, c in zip(r.distances, r.counts, strict=True)) + "}\n",
+        refused="columns",
+    ),
+    Kind(
+        "datasheet pdf",
+        lambda r: (
+            "Distance L (mm)\nOutput voltage VO (V)\n"
+            + "".join(f"{d:g} {v}\n" for d, v in zip(r.distances, r.volts, strict=True))
+        ),
+        "V",
+        output=_volts,
+        refused="columns",
+    ),
+    Kind(
+        "digitized plot",
+        lambda r: "x, y\n" + _lines("{cm:g}, {v}\n", r),
+        "",
+        refused="columns",
+        output=_volts,
+        distance_unit="cm",
+    ),
+    Kind(
+        "digitizer with a title",
+        lambda r: "GP2Y0A21,\nX,Y\n" + _lines("{cm:g},{v}\n", r),
+        unit="",
+        refused="columns",
+        distance_unit="cm",
+        output=_volts,
+    ),
+    Kind(
+        "distance in header lines",
+        lambda r: "".join(f"# {d} mm\n{c}\n{c}\n{c}\n" for d, c in zip(r.distances, r.counts, strict=True)),
+        per_distance=3,
+    ),
+    Kind(
+        "trial cols",
+        lambda r: (
+            "Distance (mm),Trial 1,Trial 2,Trial 3,Average\n"
+            + "".join(f"{d},{c},{c},{c},{c}\n" for d, c in zip(r.distances, r.counts, strict=True))
+        ),
+        per_distance=3,
+    ),
+    Kind(
+        "average only last",
+        lambda r: (
+            "Distance (cm);Try 1;Try 2;Mittelwert\n"
+            + "".join(f"{d / 10:g};{c};{c};{c}\n" for d, c in zip(r.distances, r.counts, strict=True))
+        ),
+        per_distance=2,
+    ),
+    Kind(
+        "fahrenheit extra",
+        lambda r: (
+            "distance_mm,adc,temp_C\n"
+            + "".join(
+                f"{d},{c},{20 + i * 0.1:.1f}\n" for i, (d, c) in enumerate(zip(r.distances, r.counts, strict=True))
+            )
+        ),
+    ),
+    Kind(
+        "total row",
+        lambda r: table("distance [mm],output [V]", r.distances, r.volts) + "Mean,1.2\n",
+        "V",
+        output=_volts,
+        refused="#",
+    ),
+    Kind(
+        "footer",
+        lambda r: table("distance [mm],output [V]", r.distances, r.volts) + "End of file\n",
+        "V",
+        output=_volts,
+        refused="#",
+    ),
+    Kind(
+        "excel title row",
+        lambda r: (
+            "Sharp GP2Y0A21 calibration,,\n,,\nDistance (cm),Voltage (V),Comment\n"
+            + "".join(f"{d / 10:g},{v},\n" for d, v in zip(r.distances, r.volts, strict=True))
+        ),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "excel indented",
+        lambda r: (
+            ",,,\n,Distance (cm),Voltage (V),\n"
+            + "".join(f",{d / 10:g},{v},\n" for d, v in zip(r.distances, r.volts, strict=True))
+        ),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "logging prefix",
+        lambda r: "".join(
+            f"[INFO] [1700000000.{i}00000000] [ir_node]: distance_mm={d} adc={c}\n"
+            for i, (d, c) in enumerate(zip(r.distances, r.counts, strict=True))
+        ),
+    ),
+    Kind(
+        "ESP prefix",
+        lambda r: "".join(
+            f"I (1{i}23) sensor: distance_mm: {d}, adc: {c}\n"
+            for i, (d, c) in enumerate(zip(r.distances, r.counts, strict=True))
+        ),
+    ),
+    Kind(
+        "python logging",
+        lambda r: "".join(
+            f"2024-05-01 10:12:{33 + i:02d},123 - INFO - distance_mm={d}, adc={c}\n"
+            for i, (d, c) in enumerate(zip(r.distances, r.counts, strict=True))
+        ),
+    ),
+    Kind(
+        "teraterm",
+        lambda r: "".join(
+            f"[Wed May 01 10:12:{33 + i:02d}.123 2024] {d} mm, {c}\n"
+            for i, (d, c) in enumerate(zip(r.distances, r.counts, strict=True))
+        ),
+        refused="columns",
+    ),
+    Kind(
+        "negative travel",
+        lambda r: table("stage position [mm],output [V]", [-d for d in r.distances], r.volts),
+        unit="V",
+        output=_volts,
+        refused="sign",
+        remedy=lambda text: text.replace("\n-", "\n"),
+    ),
+    Kind("percent", lambda r: table("distance [mm],reflectance [%]", r.distances, r.volts), "%", output=_volts),
+    Kind("mA loop", lambda r: table("distance [mm],current [mA]", r.distances, r.volts), "mA", output=_volts),
+    Kind(
+        "JSON with meta",
+        lambda r: (
+            '{"sensor": "GP2", "data": [\n'
+            + _lines('{{"distance_mm": {d}, "adc": {c}}},\n', r).rstrip(",\n")
+            + "\n]}\n"
+        ),
+    ),
+    Kind(
+        "several tables with headers",
+        lambda r: (
+            "Sensor A\ndistance [mm],output [V]\n"
+            + _lines("{d},{v}\n", r)
+            + "\nSensor B\ndistance [mm],output [V]\n"
+            + _lines("{d},{v}\n", r)
+        ),
+        "V",
+        output=_volts,
+        sensors=2,
+    ),
+    Kind("two tables side", _side_by_side, "V", output=_volts, sensors=2),
+    Kind(
+        "feet inches",
+        lambda r: table("distance (in),ADC", [f"{d / 25.4:.4f}" for d in r.distances], r.counts),
+        tolerance=1e-3,
+    ),
+    Kind("units only in first row", lambda r: "distance,output\nmm,V\n" + _lines("{d},{v}\n", r), "V", output=_volts),
+    Kind("rst simple", lambda r: "===== =====\nd[mm] adc\n===== =====\n" + _lines("{d} {c}\n", r) + "===== =====\n"),
+    Kind(
+        "wiki",
+        lambda r: "{| class='wikitable'\n! distance [mm] !! adc\n|-\n" + _lines("| {d} || {c}\n|-\n", r) + "|}\n",
+    ),
+    Kind("org", lambda r: "| distance [mm] | adc |\n|---------------+-----|\n" + _lines("| {d} | {c} |\n", r)),
+    Kind(
+        "R print",
+        lambda r: (
+            "  distance_mm adc\n"
+            + "".join(f"{i + 1}  {d}  {c}\n" for i, (d, c) in enumerate(zip(r.distances, r.counts, strict=True)))
+        ),
+    ),
+    Kind(
+        "pandas print",
+        lambda r: (
+            "   distance_mm   adc\n"
+            + "".join(f"{i}     {d}  {c}\n" for i, (d, c) in enumerate(zip(r.distances, r.counts, strict=True)))
+        ),
+    ),
+    Kind(
+        "gnuplot",
+        lambda r: (
+            "#d(mm)\tU(V)\tdU(V)\n"
+            + "".join(f"{d}\t{v}\t0.01{i}\n" for i, (d, v) in enumerate(zip(r.distances, r.volts, strict=True)))
+        ),
+        "V",
+        output=_volts,
+    ),
+)
+"""Kinds that notebooks, test benches, PLCs, data sheets and colleagues in other languages write."""
+
 TIMES: dict[str, Callable[[int, float], str]] = {
     "time": lambda i, _: f"{5 * i}",
     "Time [s]": lambda _, t: f"{t:.3f}",
@@ -219,3 +605,68 @@ TIMES: dict[str, Callable[[int, float], str]] = {
 
 def _moment(time: float) -> datetime:
     return datetime(2024, 5, 1, 23, 59, 59, 500000) + timedelta(seconds=round(time, 6))
+
+
+def _each(form: str) -> Callable[[int, float, int], str]:
+    """Return what writes one reading: its number, its time [s] and its value."""
+
+    def write(i: int, t: float, v: int) -> str:
+        seconds, rest = divmod(round(t * 1e9), 10**9)
+        words = {"i": i, "t": t, "v": v, "clock": f"10:12:{33 + t:06.3f}", "ms": 1000 + 5 * i, "us": 5000 * i}
+        words |= {"sec": 1_700_000_000 + seconds, "nanosec": rest, "mm": f"{300 - 0.5 * i:.1f}", "date": "2024-05-01"}
+        words |= {"early": f"2000-01-01 00:00:{12 + t:06.3f}", "set": f"2024-05-01 10:12:{33 + t:06.3f}"}
+        words["day"] = f"{45413e6 + (0.4 + t / 86400) * 1e6:.6f}"
+        words["jumping"] = words["early"] if i < 150 else words["set"]
+        words["jumping_ms"] = 12_000 + 5 * i if i < 150 else 1_700_000_000_000 + 5 * i
+        return form.format(**words)
+
+    return write
+
+
+RECORDINGS: dict[str, tuple[str, str, Callable[[int, float, int], str]]] = {
+    "alternating lines with times": ("", "ADC", _each("{clock} -> Distance: {mm} mm\n{clock} -> ADC: {v}\n")),
+    "alternating lines, one a time": ("", "prox", _each("t: {ms}\nprox: {v}\n")),
+    "echoed range": (
+        "",
+        "range [counts]",
+        _each(
+            "header:\n  stamp:\n    sec: {sec}\n    nanosec: {nanosec}\n  frame_id: ir\nradiation_type: 1\n"
+            "field_of_view: 0.1\nmin_range: 0.02\nmax_range: 4000.0\nrange: {v}\nvariance: 0.0\n---\n"
+        ),
+    ),
+    "echoed range as CSV": ("", "range [counts]", _each("{sec},{nanosec},ir,1,0.1,0.02,4000.0,{v}\n")),
+    "echoed range with variance as CSV": (
+        "",
+        "range [counts]",
+        _each("{sec},{nanosec},ir,1,0.1,0.02,4000.0,{v},0.0\n"),
+    ),
+    "echoed stamped number as CSV": ("", "", _each("{sec},{nanosec},ir,{v}\n")),
+    "a clock that is set": ("time,prox\n", "prox", _each("{jumping},{v}\n")),
+    "a clock that is set, in a log": ("", "prox", _each("[{jumping}] prox={v}\n")),
+    "a clock that is set, in ms since 1970": ("timestamp,prox\n", "prox", _each("{jumping_ms},{v}\n")),
+    "sections": ("[Header]\nDevice=Logger\nRate=200\n[Data]\ntime [s];prox\n", "prox", _each("{t:.3f};{v}\n")),
+    "bars": ("time [s]|prox\n", "prox", _each("{t:.3f}|{v}\n")),
+    "bars and blanks": ("time [s] | prox\n", "prox", _each("{t:.3f} | {v}\n")),
+    "log of a node": ("", "prox", _each("[INFO] [{sec}.{nanosec:09d}] [ir]: prox: {v}\n")),
+    "log of a microcontroller": ("", "", _each("I ({ms}) ir: {v}\n")),
+    "log of Python": ("", "prox", _each("{date} {clock} - ir - INFO - prox={v}\n")),
+    "log of a terminal": ("", "", _each("[Wed May 01 {clock} 2024] {v}\n")),
+    "variables of a PLC": (
+        '"VarName";"TimeString";"VarValue";"Validity";"Time_ms"\n',
+        "VarValue",
+        _each('"Sensor";"01.05.2024 10:12:33";{v};1;{day}\n'),
+    ),
+    "scope of a PLC": (
+        "Name;Scope\nFile;x.svd\n\nName;GVL.Sensor\nSampleTime[ms];5\n\nTime;GVL.Sensor\n",
+        "",
+        _each("{ms};{v}\n"),
+    ),
+    "logic analyzer": ("; Samplerate: 200 Hz\nTime,A0\n", "", _each("{us},{v}\n")),
+    "French": ("Heure;Mesure\n", "", _each("{clock};{v}\n")),
+    "Chinese": ("时间(ms),输出\n", "", _each("{ms},{v}\n")),
+    "date and time apart": ("Date,Time,Value\n", "Value", _each("05/01/2024,{clock},{v}\n")),
+    "tables side by side": ("time [s],prox,,time [s],als\n", "prox", _each("{t:.3f},{v},,{t:.3f},7\n")),
+    "nested JSON": ("", "data.prox", _each('{{"t": {t:.3f}, "data": {{"prox": {v}}}}}\n')),
+    "a header after a restart": ("millis,prox\n", "prox", _each("{ms},{v}\n")),
+}
+"""Recordings at 200 Hz: what stands above the readings, the column, and how a reading is written."""

@@ -109,7 +109,7 @@ def test_an_output_without_unit_is_taken_as_counts_and_said_so(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "the file has no rows"),
+        ("", "the file is empty"),
         ("# nothing\n\n", "the file has no rows"),
         ("0,1\n1,2\n", r"line 1: the first row contains numbers"),
         ("distance [mm],output [V]\n", "has a header but no rows below the header"),

@@ -12,7 +12,7 @@ from pretouch._core.errors import CalibrationDataError, InvalidInputError, Sourc
 from pretouch.calibration import read_calibrations
 from pretouch.recording import read_recording
 from pretouch.recording.sources.lines import LineFormat, LineParser
-from table_kinds import KINDS, TIMES, Kind, Readings, readings
+from table_kinds import KINDS, MORE_KINDS, RECORDINGS, TIMES, Kind, Readings, readings
 
 SEEDS = (1, 2, 3)
 
@@ -23,6 +23,13 @@ def remedied(text: str, message: str, kind: Kind) -> tuple[str, dict[str, str]]:
     if chosen:
         option = chosen[1].replace("UNIT", kind.distance_unit)
         return text, dict(part.split("=") for part in option.split(","))
+    if kind.remedy is not None:
+        return kind.remedy(text), {}
+    line = re.search(r"line (\d+): .*ut # before", message)
+    if line:
+        lines = text.splitlines(keepends=True)
+        lines[int(line[1]) - 1] = f"# {lines[int(line[1]) - 1]}"
+        return "".join(lines), {}
     assert "without a separator of thousands" in message
     return re.sub(r'"(\d+),(\d+)"', r"\1\2", text), {}
 
@@ -42,22 +49,27 @@ def curves(path, text: str, kind: Kind):
     raise AssertionError("the remedies do not help")
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [(kind, seed) for kind in KINDS for seed in SEEDS] + [(kind, 2) for kind in MORE_KINDS],
+    ids=lambda each: each.name if isinstance(each, Kind) else str(each),
+)
 def test_a_table_is_read_right_or_refused_with_a_remedy_that_works(tmp_path, kind: Kind, seed: int) -> None:
     made = readings(seed)
     text = kind.write(made).replace("\n", ("\n", "\r\n", "\n")[seed - 1])
     found = curves(tmp_path / "table.txt", text, kind)
     assert len(found) == kind.sensors
     for curve in found:
-        assert curve.distances == pytest.approx(np.repeat(made.distances, kind.per_distance) / 1000, rel=kind.tolerance)
-        assert curve.outputs == pytest.approx(np.repeat(kind.output(made), kind.per_distance), rel=1e-12)
+        order = np.argsort(curve.distances, kind="stable")
+        distances = np.repeat(made.distances, kind.per_distance) / 1000
+        assert curve.distances[order] == pytest.approx(distances, rel=kind.tolerance)
+        assert curve.outputs[order] == pytest.approx(np.repeat(kind.output(made), kind.per_distance), rel=1e-12)
         assert curve.unit == kind.unit
     assert len(found[0].no_object) == 3 * (kind.name == "no target")
 
 
 def test_the_kinds_are_as_many_as_documented() -> None:
-    assert len(KINDS) * len(SEEDS) + len(TIMES) >= 120
+    assert len(KINDS) * len(SEEDS) + len(MORE_KINDS) + len(TIMES) + len(RECORDINGS) >= 250
 
 
 VALUES = [500 + i % 7 for i in range(400)]
@@ -73,6 +85,113 @@ def test_times_of_a_recording_are_read_with_their_unit_and_rate(tmp_path, title:
     )  # clocks have milliseconds
     assert recording.values.tolist() == VALUES
     assert "200 Hz" in recording.read[0]
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_a_recording_is_read_with_its_times(tmp_path, name: str) -> None:
+    above, topic, write = RECORDINGS[name]
+    text = above + "".join(write(i, 0.005 * i, value) for i, value in enumerate(VALUES))
+    (tmp_path / "recording.log").write_text(text, encoding="utf-8")
+    recording = read_recording(tmp_path / "recording.log", topic)
+    assert recording.values.tolist() == VALUES
+    assert np.diff(recording.stamps) == pytest.approx(np.full(len(VALUES) - 1, 5e6), abs=1100)
+    assert any("clock was set" in note for note in recording.notes) == name.startswith("a clock")
+
+
+def test_the_range_of_echoed_messages_bounds_their_distances(tmp_path) -> None:
+    rows = "".join(f"{1_700_000_000 + i},500000000,ir,1,0.1,0.02,4.0,{0.1 + i / 1000}\n" for i in range(150))
+    (tmp_path / "echo.csv").write_text(rows)
+    recording = read_recording(tmp_path / "echo.csv", "range")
+    assert (recording.kind, recording.bounds) == ("distance", (0.02, 4.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "the file is empty"),
+        ("\n \n", "the file is empty"),
+        ("# distance [mm],output [V]\n", "only comments"),
+        ("distance [mm],output [V]\n", "no rows below the header"),
+        ("<!DOCTYPE html><html><body>Log in</body></html>\n", "page of HTML"),
+        ("<?xml version='1.0'?><data><p d='5' v='2'/></data>\n", "page of HTML or XML"),
+    ],
+)
+def test_a_file_without_a_table_is_refused_with_what_to_do(tmp_path, text: str, says: str) -> None:
+    (tmp_path / "x.csv").write_text(text)
+    for read in (read_calibrations, read_recording):
+        if text.startswith("distance") and read is read_recording:
+            (tmp_path / "x.csv").write_text("time [s],prox\n")
+        with pytest.raises((CalibrationDataError, InvalidInputError)) as error:
+            read(tmp_path / "x.csv")
+        assert says in str(error.value)
+
+
+@pytest.mark.parametrize("leader", ["Distance: {d} mm", "ADC: {c}"])
+def test_alternating_lines_that_can_be_paired_in_two_ways_are_refused_with_both(tmp_path, leader: str) -> None:
+    made = readings(1)
+    other = "ADC: {c}" if leader.startswith("D") else "Distance: {d} mm"
+    pairs = [
+        (leader.format(d=d, c=c), other.format(d=d, c=c)) for d, c in zip(made.distances, made.counts, strict=True)
+    ]
+    lines = [line for pair in pairs for line in pair]
+    for cut, kept in ((lines[:-1], pairs[:-1]), (lines[1:], None)):
+        (tmp_path / "x.log").write_text("\n".join(cut) + "\n")
+        with pytest.raises(CalibrationDataError) as error:
+            read_calibrations(tmp_path / "x.log")
+        at_end, at_start = map(int, re.findall(r"remove line (\d+)", str(error.value)))
+        rest = [line for i, line in enumerate(cut, start=1) if i != (at_end if kept else at_start)]
+        (tmp_path / "x.log").write_text("\n".join(rest) + "\n")
+        curve = read_calibrations(tmp_path / "x.log")[0]
+        whole = slice(None, -1) if kept else slice(1, None)
+        assert 1000 * curve.distances == pytest.approx(made.distances[whole])
+        assert curve.outputs.tolist() == list(made.counts[whole])
+
+
+def test_incomplete_groups_of_lines_are_left_out_and_counted(tmp_path) -> None:
+    made = readings(2)
+    lines = [
+        line for d, c in zip(made.distances, made.counts, strict=True) for line in (f"Distance: {d} mm", f"ADC: {c}")
+    ]
+    del lines[6]  # a distance
+    (tmp_path / "x.log").write_text("\n".join(lines) + "\n")
+    curve = read_calibrations(tmp_path / "x.log")[0]
+    assert len(curve.distances) == len(made.distances) - 1
+    assert made.distances[3] / 1000 not in curve.distances
+    assert not len(curve.no_object)
+    assert any("incomplete groups of 2 lines" in note for note in curve.source.notes)
+
+
+def test_each_reading_belongs_to_the_distance_above_it(tmp_path) -> None:
+    made = readings(3)
+    text = "".join(
+        f"Distance: {d} mm\nADC: {c}\nADC: {c + 1}\n" for d, c in zip(made.distances, made.counts, strict=True)
+    )
+    (tmp_path / "x.log").write_text(text)
+    curve = read_calibrations(tmp_path / "x.log")[0]
+    assert curve.distances == pytest.approx(np.repeat(made.distances, 2) / 1000)
+    assert curve.outputs.tolist() == [c + k for c in made.counts for k in (0, 1)]
+
+
+@pytest.mark.parametrize(
+    ("rest", "count"), [("812,815,811", 0), ("812, 815, 811", 3), ("812 815 811", 3), ("8.12,8.15", 2)]
+)
+def test_commas_between_readings_behind_a_distance_are_no_decimal_signs(tmp_path, rest: str, count: int) -> None:
+    (tmp_path / "x.txt").write_text("".join(f"{d} mm: {rest}\n" for d in (5, 10, 20, 40)))
+    if not count:
+        with pytest.raises(CalibrationDataError, match="may be decimal signs or separate readings"):
+            read_calibrations(tmp_path / "x.txt")
+        return
+    assert len(read_calibrations(tmp_path / "x.txt")[0].outputs) == 4 * count
+
+
+def test_tables_with_titles_in_one_file_are_curves_with_these_names(tmp_path) -> None:
+    made = readings(1)
+    rows = "".join(f"{d},{v}\n" for d, v in zip(made.distances, made.volts, strict=True))
+    header = "distance [mm],output [V]\n"
+    (tmp_path / "x.csv").write_text(f"Left\n{header}{rows}\nRight\n{header}{rows}")
+    curves = read_calibrations(tmp_path / "x.csv")
+    assert [curve.label for curve in curves] == ["table=Left", "table=Right"]
+    assert all(curve.distances == pytest.approx(np.array(made.distances) / 1000) for curve in curves)
 
 
 @pytest.mark.parametrize(
@@ -195,6 +314,39 @@ def test_the_lines_of_a_table_are_read_as_the_table_is(kind: Kind) -> None:
     ]
     assert [pair[1] for pair in found] == pytest.approx(np.array(made.distances) / 1000, rel=kind.tolerance)
     assert [pair[0] for pair in found] == pytest.approx(kind.output(made), rel=1e-12)
+
+
+PAIRS = "".join(f"Distance: {d} mm\nADC: {900 - d}\n" for d in (5, 10, 15))
+TURNED = "".join(f"ADC: {900 - d}\nDistance: {d} mm\n" for d in (5, 10, 15))
+
+
+@pytest.mark.parametrize("column", ["ADC", ""])
+@pytest.mark.parametrize("text", [PAIRS, TURNED, PAIRS.replace("Dist", "\nDist")])
+def test_two_lines_that_belong_together_are_one_reading(text: str, column: str) -> None:
+    found = parsed(text, distance_column="Distance", column=column)
+    assert found == [(900 - d, pytest.approx(d / 1000)) for d in (5, 10, 15)]
+
+
+def test_a_recording_that_begins_between_two_lines_stops_unless_blank_lines_separate_the_pairs() -> None:
+    layout = LineFormat(distance_column="Distance", column="ADC")
+    with pytest.raises(SourceError, match="the distance before it or behind it"):
+        LineParser("a sensor", layout, from_middle=True).feed(PAIRS.encode())
+    apart = LineParser("a sensor", layout, from_middle=True).feed(TURNED.replace("ADC", "---\nADC").encode())
+    assert [(r.output, r.distance) for r in apart] == [(900 - d, pytest.approx(d / 1000)) for d in (10, 15)]
+    assert apart[0].line == b"ADC: 890 | Distance: 10 mm"
+
+
+def test_a_line_whose_other_line_is_missing_is_left_out_and_counted() -> None:
+    parser = LineParser("a sensor", LineFormat(distance_column="Distance", column="ADC"), from_middle=False)
+    readings_left = parser.feed(PAIRS.replace("Distance: 10 mm\n", "").encode())
+    assert [reading.distance for reading in readings_left] == pytest.approx([0.005, 0.015])
+    assert any("1 lines of pairs" in note for note in parser.notes)
+
+
+def test_an_echoed_topic_is_recorded_by_its_field() -> None:
+    documents = "".join(f"header:\n  stamp:\n    sec: 17\n    nanosec: {i}\nrange: 0.{i}\n---\n" for i in (1, 2, 3))
+    assert [output for output, _ in parsed(documents, column="range")] == [0.1, 0.2, 0.3]
+    assert [output for output, _ in parsed("17,500,ir,1,0.1,0.02,4.0,0.12\n", column="8")] == [0.12]
 
 
 @pytest.mark.parametrize("line", ["2,5", "1,250;3,392"])

@@ -25,7 +25,7 @@ from pretouch._core.errors import PretouchError
 from pretouch.calibration import read_calibrations
 from pretouch.recording import read_recording
 from pretouch.recording.sources.lines import LineFormat, LineParser
-from table_kinds import KINDS, TIMES, readings
+from table_kinds import KINDS, MORE_KINDS, RECORDINGS, TIMES, readings
 
 _PIECES = (
     *(
@@ -118,7 +118,7 @@ def as_recording(path: Path, text: str) -> str:
     recording = read_recording(path)
     lines = [line for line in text.replace("\r", "\n").split("\n") if re.match(r"\s*[\d\"'\[-]", line)]
     if len(recording.values) < len(lines) - 1 and not any(
-        re.search(r"not read|Left out|above|missing", note) for note in recording.notes
+        re.search(r"not read|[Ll]eft out|above|missing", note) for note in (*recording.notes, *recording.read)
     ):
         return "readings are lost without a note"
     return ""
@@ -138,12 +138,17 @@ def as_lines(_: Path, text: str) -> str:
 def table_of(index: int, rng: np.random.Generator) -> tuple[str, Callable[[Path, str], str]]:
     """Return a table, and how it is read."""
     made = readings(int(rng.integers(1000)))
-    kind = KINDS[int(rng.integers(len(KINDS)))]
+    kinds = (*KINDS, *MORE_KINDS)
+    kind = kinds[int(rng.integers(len(kinds)))]
     if index % 3 == 0:
         return kind.write(made), as_calibration
     if index % 3 == 1:
         return kind.write(made), as_lines
-    title = list(TIMES)[int(rng.integers(len(TIMES)))]
+    place = int(rng.integers(len(TIMES) + len(RECORDINGS)))
+    if place >= len(TIMES):
+        above, _, write = list(RECORDINGS.values())[place - len(TIMES)]
+        return above + "".join(write(i, 0.005 * i, 500 + i % 7) for i in range(60)), as_recording
+    title = list(TIMES)[place]
     rows = [f"{TIMES[title](i, 0.005 * i)};{500 + i % 7}" for i in range(60)]
     return "\n".join([f"{title};prox", *rows]) + "\n", as_recording
 

@@ -21,7 +21,7 @@ from pretouch.tables.names import split_title
 from pretouch.tables.text_table import read_table
 
 from .data import IF_NEGATIVE, Calibration, Provenance
-from .table_layout import Layout, long_layout, output_column, wide_layout
+from .table_layout import Layout, long_layout, output_column, refuse_quantities_in_rows, wide_layout
 
 _FEW: Final = 5  # number of distances from which on a stray one is searched for
 _NEAR: Final = 5e-3  # largest distance [m] of a calibration below which its unit is doubted
@@ -128,6 +128,7 @@ def _curves(
     """Read all calibrations of a file with their labels."""
     options = parse_column_options(columns)
     table = read_table(path, options)
+    refuse_quantities_in_rows(table)
     layout = wide_layout(table, options) or long_layout(table, options)
     used = {column.index for pair in layout.pairs for column in pair if isinstance(column, Column)}
     label_columns = layout.labels if labels is None else find_label_columns(table, labels)

@@ -8,12 +8,22 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
+from itertools import pairwise
 
 import numpy as np
 
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit
-from pretouch.tables.cells import Column, TextTable, is_missing, is_no_object, is_number, join_first, quoted
+from pretouch.tables.cells import (
+    Column,
+    TextTable,
+    is_missing,
+    is_no_object,
+    is_number,
+    is_quantity,
+    join_first,
+    quoted,
+)
 from pretouch.tables.column_options import ColumnOption, ColumnOptions, columns_hint
 from pretouch.tables.dialect import DELIMITERS
 from pretouch.tables.names import (
@@ -73,6 +83,7 @@ _TRUE = frozenset(
         "soll",
     ]
 )
+_RENAMED = re.compile(r"\.\d+$")  # what pandas adds to a header that occurs again
 _SCATTER = 0.2  # largest range of a quantity that hardly changes, as a share of its mean
 _FEW = 3  # fewest distances of a curve: a setting with fewer is not a label
 
@@ -108,6 +119,9 @@ def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
         The layout.
     """
     _refuse_no_header(table)
+    tables = _tables_side_by_side(table, options)
+    if tables is not None:
+        return tables
     distance_index, output_indices, are_sensors = _columns(table, options)
     distance_column = _distance_column(table, distance_index, options.distance)
     output_column, notes = _output_column(table, output_indices, options.output)
@@ -125,6 +139,36 @@ def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
         labels=labels,
         notes=(*notes, *more_notes),
         sensors=tuple(split_title(table.header[i])[0] for i in output_indices) if are_sensors else (),
+    )
+
+
+def _tables_side_by_side(table: TextTable, options: ColumnOptions) -> Layout | None:
+    """Return the layout of tables with equal headers, a distance and an output each, side by side; None for others.
+
+    If their distances follow each other, they are parts of one table. Otherwise, each is a curve.
+    """
+    titles = [_RENAMED.sub("", title) for title in table.header]
+    count = len(titles) // 2
+    if options.names_a_column or count < 2 or titles != titles[:2] * count or titles[0] == titles[1]:
+        return None
+    if not (is_named(titles[0], "distance") or is_length(split_title(titles[0])[1])) or is_length(
+        split_title(titles[1])[1]
+    ):
+        return None
+    first = replace(_distance_column(table, 0, options.distance), title=titles[0])
+    output, notes = _output_column(table, [2 * i + 1 for i in range(count)], options.output)
+    places = [table.numbers(2 * i) for i in range(count)]
+    places = [place[np.isfinite(place)] for place in places]
+    follows = all(len(a) and len(b) and (a.max() < b.min() or a.min() > b.max()) for a, b in pairwise(places))
+    what = "as the parts of one table" if follows else "with a curve for each"
+    return Layout(
+        pairs=tuple((replace(first, index=2 * i), replace(output, index=2 * i + 1)) for i in range(count)),
+        distances=first.title,
+        outputs=output.title,
+        unit=output.unit,
+        labels=(),
+        notes=(*notes, f"The file has {count} tables side by side, which are read {what}."),
+        sensors=() if follows else tuple(f"table {i + 1}" for i in range(count)),
     )
 
 
@@ -203,11 +247,12 @@ def _repeats(table: TextTable, distance: int | None) -> list[int]:
     numbered = [i for i, title in enumerate(table.header) if is_named(title, "repeat") and i != distance]
     units = {split_title(table.header[i])[1] for i in numbered}
     named = [i for i, title in enumerate(table.header) if is_named(title, "output") and i not in {*numbered, distance}]
+    named = [i for i in named if not is_named(table.header[i], "average")]  # which follows from the repeats
     return [] if named or len(units) > 1 else numbered
 
 
 def _refuse_no_header(table: TextTable) -> None:
-    if all(is_number(cell) for cell in table.header):
+    if all(is_number(cell) for cell in table.header) or _begins_with_a_row(table):
         message = (
             f'{table.place}: the first row contains numbers, but a header such as "distance [mm],output [V]" is '
             "expected. Add a header, or name the columns and their units with "
@@ -222,6 +267,33 @@ def _refuse_no_header(table: TextTable) -> None:
             "columns, separated by comma, semicolon, tab or blanks",
             problem=f"{table.place}: found one column, expected two or more",
         )
+
+
+def _begins_with_a_row(table: TextTable) -> bool:
+    """Return True if the header has a distance with its unit, and so have the cells below it."""
+    for title, cells in zip(table.written_header, table.written_columns, strict=True):
+        mark = distance_mark(title)
+        if mark is not None and mark.unit and cells and all(is_quantity(cell, LENGTH) for cell in cells[:_SHOWN]):
+            return True
+    return False
+
+
+def refuse_quantities_in_rows(table: TextTable) -> None:
+    """Raise an error if a column names the quantity of each row, such as `distance` and `voltage` in turn."""
+    for index, cells in enumerate(table.written_columns):
+        names = dict.fromkeys(cells)
+        if not 1 < len(names) <= _SHOWN or len(cells) < 2 * len(names):
+            continue
+        places = [name for name in names if is_named(name, "distance") and len(name) > 1]
+        others = [name for name in names if name not in places]
+        if len(places) == 1 and any(is_named(o, "output") or is_output_unit(split_title(o)[1]) for o in others):
+            found = ", ".join(map(quoted, names))
+            raise CalibrationDataError(
+                f"{table.place}: the column {table.title(index)} says which quantity each row has ({found}), but each "
+                "quantity needs a column of its own; turn the rows into columns, such as with a pivot table of a "
+                "spreadsheet",
+                problem=f"{table.place}: the rows are of several quantities",
+            )
 
 
 def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int | None:
@@ -463,6 +535,8 @@ def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
         The layout.
     """
     if options.names_a_column or not looks_wide(table.header, declared=options.declares_distances):
+        return None
+    if _begins_with_a_row(table):
         return None
     marks = {i: mark for i, title in enumerate(table.header) if (mark := distance_mark(title))}
     others = [i for i in range(len(table.header)) if i not in marks]

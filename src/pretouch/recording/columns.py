@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
@@ -18,23 +19,29 @@ from pretouch.tables.times import in_order, read_times, refuse_coarse
 from pretouch.tables.unit_words import TIME, dimension
 
 from .mixed_sensors import is_identity, parse_choice, rows_of_one_sensor
+from .recording import UNBOUNDED
 
 LINE = "line as received"
 """Header of the column with the lines of a recording at the bench as they came."""
-_TABLES = frozenset({".csv", ".tsv", ".txt", ".log", ".dat", ".json", ".jsonl", ".ndjson", ".lvm"}) | DOCUMENTS
+_TABLES = (
+    frozenset({".csv", ".tsv", ".txt", ".log", ".dat", ".json", ".jsonl", ".ndjson", ".lvm", ".yaml", ".yml"})
+    | DOCUMENTS
+)
 
 
 class RecordedColumn(NamedTuple):
     """A column of a recording with its times.
 
-    `stamps` are in nanoseconds; a cell that is no number is NaN, and one that says "no object" is infinite. `read` says
-    how the file was understood, `notes` what is lost or doubtful.
+    `stamps` are in nanoseconds; a cell that is no number is NaN, and one that says "no object" is infinite. `bounds`
+    are the smallest and the largest distance [m] that Range messages state. `read` says how the file was understood,
+    `notes` what is lost or doubtful.
     """
 
     name: str
     unit: str
     stamps: IntArray
     values: FloatArray
+    bounds: tuple[float, float]
     read: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -67,6 +74,10 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
     if not path.exists():
         raise InvalidInputError(f"{path}: this file does not exist")
     table = read_table(path, is_recording=True)
+    if not table.lines:
+        raise InvalidInputError(
+            f"{path}: the table has a header but no rows below the header; record again, or export all rows"
+        )
     choice = parse_choice(wanted, table.header)
     table, chosen = rows_of_one_sensor(path, table, choice)
     table, turned = in_order(table)
@@ -76,8 +87,9 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
     name, unit = split_title(table.header[index])
     read = (f"The times are from {times.read}.", *chosen, *table.notes)
     notes = (*table.lost, *turned, *times.notes)
+    bounds = UNBOUNDED
     if unit is None and _is_range(table, index):
-        unit = "m"
+        unit, bounds = "m", _bounds(table, index)
         read = (*read, f"The column {table.title(index)} of a Range message is in m.")
     usable = np.flatnonzero(times.usable)
     if turned:
@@ -89,7 +101,7 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
             *notes,
             f"{lost:,} cells of the column {table.title(index)} are no numbers: missing readings.",
         )
-    return RecordedColumn(name, unit or "", times.stamps[usable], values[usable], read, notes)
+    return RecordedColumn(name, unit or "", times.stamps[usable], values[usable], bounds, read, notes)
 
 
 def _index_of(path: Path, table: TextTable, wanted: str, times: tuple[int, ...]) -> int:
@@ -128,6 +140,15 @@ def _is_another_clock(table: TextTable, index: int) -> bool:
     """Return True if a column has a unit of time, and only rises: the time of another computer."""
     numbers = table.numbers(index)
     return dimension(split_title(table.header[index])[1]) == TIME and bool(np.all(np.diff(numbers) >= 0))
+
+
+def _bounds(table: TextTable, index: int) -> tuple[float, float]:
+    """Return the smallest and the largest distance [m] in the rows of Range messages."""
+    path = table.header[index].removesuffix("range")
+    ends = (table.numbers(table.header.index(f"{path}{name}")) for name in ("min_range", "max_range"))
+    known = ((column[np.isfinite(column)]) for column in ends)
+    low, high = (float(np.median(column)) if len(column) else math.nan for column in known)
+    return (low, high) if low < high else UNBOUNDED
 
 
 def _is_range(table: TextTable, index: int) -> bool:

@@ -117,7 +117,7 @@ def rows_of_one_sensor(path: Path, table: TextTable, choice: SensorChoice) -> tu
 def _sensors_in(table: TextTable, index: int) -> list[str]:
     """Return the sensors that a column names; empty if it names none, or only one."""
     title, cells = table.header[index], table.columns[index]
-    if is_named(title, "time"):
+    if is_named(title, "time") or not _a_column_of_readings(table, index):
         return []
     counts = Counter(cells)
     counts.pop("", None)
@@ -139,7 +139,9 @@ def _a_column_of_readings(table: TextTable, identity: int) -> str:
     """Return the name of a column that may have the readings."""
     kinds = ("time", "count", "setting", "statistic")
     for i, title in enumerate(table.header):
-        if i != identity and not is_identity(title) and not any(is_named(title, kind) for kind in kinds):
+        if i == identity or is_identity(title) or any(is_named(title, kind) for kind in kinds):
+            continue
+        if np.isfinite(table.numbers(i)).any():
             return split_title(title)[0]
     return ""
 

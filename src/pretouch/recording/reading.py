@@ -217,6 +217,7 @@ def _from_table(file: Path, name: str, unit: str | None) -> Recording:
     read = _in_unit(column.values, stated)
     fields: dict[str, Any] = {"source": file.name, "topic": column.name, "message_type": "column", "clock": "column"}
     fields |= {"kind": read.kind, "values": read.values, "unit": read.unit}
+    fields["bounds"] = column.bounds if unit in {None, "m"} else UNBOUNDED
     return Recording(stamps=column.stamps, notes=(*column.notes, *read.notes), read=column.read, **fields)
 
 

@@ -16,7 +16,7 @@ from pretouch._core.units import parse_unit
 
 from .cells import is_missing, is_no_object, is_number, quoted
 from .names import split_title
-from .number_forms import in_decimal, is_hexadecimal
+from .number_forms import in_decimal, is_hexadecimal, with_exponent
 from .unit_words import dimension, unit_in_words
 
 _FIRST: Final = 50  # cells that are tried first
@@ -66,7 +66,8 @@ def plain_columns(
         distinct = {cell: cell for cell in set(cells)}
         if all(map(_is_plain, distinct)):
             continue
-        forms, unit = _without_units(_without_spreads(distinct), split_title(titles[i])[1])
+        forms = {cell: with_exponent(form) for cell, form in _without_spreads(distinct).items()}
+        forms, unit = _without_units(forms, split_title(titles[i])[1])
         forms = _without_groups(forms)
         if not all(_is_plain(form) for form in forms.values()):
             continue

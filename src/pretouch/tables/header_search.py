@@ -10,7 +10,7 @@ from pretouch._core.errors import CalibrationDataError
 from .cells import is_missing, is_number, is_row, quoted
 from .column_options import ColumnOptions, columns_hint
 from .dialect import BLANK, BRACKETED, cells_of, delimiter_of_header, delimiter_of_row
-from .names import is_named, is_unit, names_a_distance
+from .names import distance_mark, is_named, is_unit, names_a_distance
 
 Lines: TypeAlias = "list[tuple[int, str]]"
 
@@ -80,15 +80,27 @@ def _certain_header(lines: Lines, expected: ExpectedHeader) -> int | None:
     for i in range(min(len(lines), SEARCHED)):
         delimiter = delimiter_of_header(lines[i][1])
         below = cells_of(lines[i + 1][1], delimiter) if i + 1 < len(lines) else ()
-        if _is_header(lines[i][1], len(below), expected) and is_row(below):
+        is_first = i + 1 < len(lines) and _are_alike(lines[i][1], lines[i + 1][1])
+        if not is_first and _is_header(lines[i][1], len(below), expected) and is_row(below):
             return i - 1 if i and _has_units_of(lines[i - 1][1], lines[i][1], expected) else i
         row = cells_of(lines[i][1], delimiter_of_row(lines[i][1]))
         if width is None and is_row(row):
             width = len(row)
             # the line below the header may have no reading: its output is missing, or it has units or a mistake
             wanted = [j for j in range(i) if _is_header(lines[j][1], width, expected)]
+            wanted = [j for j in wanted if not _are_alike(lines[j][1], lines[i][1])]
             wanted = [j for j in wanted if delimiter_of_header(lines[j][1]) == delimiter_of_row(lines[i][1])]
     return wanted[-1] if wanted else None
+
+
+def _are_alike(line: str, below: str) -> bool:
+    """Return True if two lines have a distance with its unit in the same column, so that neither is a header."""
+    cells = (header_cells(each, delimiter_of_header(each), None) for each in (line, below))
+    marks = [[distance_mark(cell) for cell in row] for row in cells]
+    return len(marks[0]) == len(marks[1]) and any(
+        a is not None and b is not None and a.unit is not None and b.unit is not None
+        for a, b in zip(*marks, strict=True)
+    )
 
 
 def _has_units_of(header: str, line: str, expected: ExpectedHeader) -> bool:

@@ -15,11 +15,16 @@ from .unit_words import COUNTS, LENGTH, TIME, VOLTAGE, dimension, is_certain, un
 _DISTANCES = {
     *("distance", "dist", "range", "l", "x", "d", "z", "gap", "position", "pos", "height", "abstand", "entfernung"),
     *("separation", "clearance", "standoff", "displacement", "ground truth"),
+    *("distancia", "distanza", "distância", "afstand", "avstånd", "odległość", "vzdálenost", "etäisyys"),
+    *("mesafe", "távolság", "расстояние", "дистанция", "距离", "距離", "거리"),
 }
+_AVERAGES: Final = frozenset({"mean", "average", "avg", "mittelwert", "moyenne", "media", "média", "medio"})
 _OUTPUTS = {
     *("output", "out", "voltage", "value", "reading", "readings", "signal", "xi", "y", "counts", "count", "adc"),
     *("intensity", "response", "u", "v", "level", "raw", "proximity", "prox", "photocurrent", "photo current"),
-    *("amplitude", "mean", "average", "avg", "spannung", "messwert", "wert"),
+    *("amplitude", *_AVERAGES, "spannung", "messwert", "wert", "tension", "tensión", "tensione", "tensão"),
+    *("valeur", "mesure", "valor", "medida", "lectura", "lettura", "leitura", "valore", "meetwaarde", "waarde"),
+    *("napięcie", "wartość", "напряжение", "значение", "电压", "電圧", "電壓", "输出", "出力", "전압", "출력"),
 }
 _LAST_WORDS: Final = {
     "distance": {"distance", "dist", "range", "gap", "position", "abstand", "entfernung", "height"},
@@ -44,22 +49,28 @@ _NAMES: dict[str, set[str] | re.Pattern[str]] = {
         "power",
         "frequency",
     },  # counts as a setting if another column is the output, else as the output
+    "average": set(_AVERAGES),
     "count": {
         *("", "#", "no", "nr", "n", "i", "index", "idx", "row", "unnamed: 0", "trial", "repeat", "repetition", "rep"),
         *("run", "sample", "measurement", "messung", "record", "seq"),
     },
-    "repeat": re.compile(r"(?:(?:trial|repeat|repetition|rep|run|measurement|messung|reading|#) ?)?\d{1,6}"),
+    "repeat": re.compile(
+        r"(?:(?:trial|try|repeat|repetition|rep|run|measurement|messung|reading|versuch|mesure|essai|lectura|prova|#)"
+        r" ?)?\d{1,6}"
+    ),
     "time": re.compile(
         r"%?(?:__)?(?:time|times|date|timestamp|time stamp|stamp|datetime|clock|zeit|datum|uhrzeit|t|sec|seconds|millis"
         r"|micros|nanosec|date time|time of day|elapsed|elapsed time|time elapsed|sample time|host time"
-        r"|ros time|timer|time of the line|x value|x axis|zeitstempel|zeitpunkt|ts|epoch|epoch time|unix|datenum"
+        r"|ros time|timer|time of the line|x value|x axis|zeitstempel|zeitpunkt"
+        r"|temps|heure|tiempo|hora|tempo|tijd|czas|время|时间|時間|時刻|시간|ts|epoch|epoch time|unix|datenum"
         r"|(?:created|updated|recorded|received|logged|measured) at|(?:time ?stamp|date|time) (?:utc|local)"
         r"|(?:unix|utc|gps|local|system|device|pc|mcu|server|log|logged|receive|received|recorded) (?:time|time ?stamp)"
         r"|serial date|(?:datum|date)[ /]+(?:zeit|time|uhrzeit))"
     ),
     "statistic": re.compile(
         r"(?:.* )?(?:std|stdev|std dev|stddev|standard deviation|sd|sigma|sem|standard error|variance|var|uncertainty"
-        r"|error|err|rmse)|(?:min|max|minimum|maximum|samples|n samples|number of (?:samples|readings))|std .*"
+        r"|error|err|rmse|vpp|pk pk|peak to peak|ptp)"
+        r"|(?:min|max|minimum|maximum|samples|n samples|number of (?:samples|readings))|std .*"
     ),
 }
 _TITLE = re.compile(r"\s*(.*?)\s*[\[(]\s*([^\[\]()]*(?:\([^()]*\))?[^\[\]()]*)\s*[\])][\s:.]*")
@@ -72,6 +83,7 @@ _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _PATH = re.compile(r"(?=.*[^\W\d_])[\w ./%\[\]]*[./][\w ]+")  # a field of an exported topic, such as field.header.stamp
 _LOGARITHM = re.compile(r"dB\w{0,3}|Np|(?:ln|log|log10|log2|lg)\b.*", re.IGNORECASE)
 _OF_LOGARITHM = re.compile(r"(?:.*\W)?(?:ln|log|log10|log2|lg)", re.IGNORECASE)
+_OF_CHANNEL = re.compile(r"\s*\([^()]{0,20}\)")  # the channel behind a name, such as mean(CH1)
 _LONGEST = 200  # characters of a header
 _OUTPUT_UNITS: dict[tuple[int, ...], str] = {VOLTAGE: "V", COUNTS: "counts"}
 _KIND_OF: dict[tuple[int, ...], str] = {LENGTH: "distance", TIME: "time", VOLTAGE: "output", COUNTS: "output"}
@@ -171,6 +183,7 @@ def is_named(title: str, kind: str) -> bool:
     how averaged readings scatter, such as `std`.
     """
     name = _plain(split_title(title)[0])
+    name = _OF_CHANNEL.sub("", name) or name
     return _matches(re.split(r"[./]", name)[-1] if _PATH.fullmatch(name) else name, kind)
 
 
@@ -233,7 +246,8 @@ def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
         return len(marks) > 1
     bare = [float(mark.number) for mark in marks if mark.number is not None]
     text = [title for title in header if title and not distance_mark(title)]
-    if len(bare) > 1 and any(is_length(split_title(title)[1]) or is_length(title) for title in text):
+    in_order = bare in (sorted(bare), sorted(bare, reverse=True))
+    if len(bare) > 1 and in_order and any(is_length(split_title(title)[1]) or is_length(title) for title in text):
         return True
     rising, falling = (len(bare) > 2 and bare == sorted(set(bare), reverse=down) for down in (False, True))
     return (rising and (bool(text) or len(bare) < len(marks))) or (declared and (rising or falling))

@@ -15,6 +15,18 @@ UNSIGNED: Final = rf"(?:\d+(?:[.,]\d*)?|[.,]\d+){_EXPONENT}"
 """A number without a sign, with either decimal sign."""
 WITHIN_LINE: Final = rf"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+){_EXPONENT}"
 """A number in a line of text: a point or comma behind its digits belongs to the text."""
+_WITH_D: Final = re.compile(r"([-+]?(?:\d+\.\d*|\.\d+))[dD]([-+]\d{1,3})")
+
+
+def with_exponent(cell: str) -> str:
+    """Return a number of Fortran, such as `4.0D-03`, with E in its exponent, and any other cell unchanged.
+
+    Examples:
+        >>> with_exponent("4.0D-03"), with_exponent("1D3")
+        ('4.0E-03', '1D3')
+    """
+    match = _WITH_D.fullmatch(cell)
+    return f"{match[1]}E{match[2]}" if match else cell
 
 
 def is_hexadecimal(cell: str) -> bool:

@@ -9,6 +9,7 @@ from array import array
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,9 @@ from .cell_forms import plain_columns
 from .cells import TextTable, is_number, is_row
 from .column_options import ColumnOptions
 from .dialect import BLANK, cells_of, delimiter_of_header, delimiter_of_row
+from .distance_blocks import of_blocks
 from .documents import export_for, text_of_document
+from .formed_lines import FormedLines
 from .header_search import SEARCHED, ExpectedHeader, Lines, header_at, header_cells, without_remark
 from .line_forms import form_lines
 from .names import is_length, is_unit
@@ -32,6 +35,11 @@ _MOST_ROWS = 2_000_000
 _LONGEST_LINE = 200_000  # characters, enough for ten thousand columns
 _EMPTY = " \t\r\n,;"  # characters of a line without content
 _BREAK = re.compile(r"\r\n|\n|\r")
+_START = 400  # characters in which a file says that it is a page
+_PAGES = ("<!doctype", "<html", "<?xml", "<table", "<head", "<body", "<div", "<svg")
+_FULL_WIDTH = {0xFF01 + i: 0x21 + i for i in range(94)} | {0x3000: 0x20, 0x3001: 0x2C}
+"""The signs of East Asian keyboards, such as a wide comma, and those that they stand for."""
+_HAS_FULL_WIDTH = re.compile("[\uff01-\uff5e\u3000\u3001]")
 _NO_OBJECT = re.compile("no object", re.IGNORECASE)  # two words, one cell
 
 
@@ -56,11 +64,18 @@ def read_table(
     text, encoding = _decode(content, path.name) if document is None else (document, path.suffix.lower()[1:])
     digest = hashlib.sha256(content).hexdigest()
     del content  # to save memory with large files
+    _refuse_no_table(path.name, text)
+    text = text.translate(_FULL_WIDTH) if not text.isascii() and _HAS_FULL_WIDTH.search(text) else text
     numbers: Sequence[int]
     numbers, texts, remark = _lines(path.name, text)
     if not texts:
-        raise _refusal(f"{path.name}: the file has no rows, but a header and at least one row of numbers are needed")
-    numbers, texts, notes_on_lines, lost = form_lines(numbers, texts)
+        raise _refusal(
+            f"{path.name}: the file has no rows, only comments or separators, but a header and at least one row of "
+            "numbers are needed; remove # from the lines of the table, or export it again"
+        )
+    numbers, texts, notes_on_lines, lost = _blocks_below_comments(path.name, text, texts) or form_lines(
+        path.name, numbers, texts
+    )
     head = list(zip(numbers[: SEARCHED + 2], texts, strict=False))
     at, head_lines, notes = header_at(path.name, head, remark, ExpectedHeader(options, is_recording))
     first = len(head) - (len(head_lines) - (at + 1))
@@ -77,6 +92,8 @@ def read_table(
         rows, numbers, lost = _whole_rows(header, rows, numbers, lost)
     header = _without_empty_columns(_without_empty_end(header, rows), rows)
     if not is_recording:
+        title = head_lines[at - 1][1] if at > 0 else ""
+        header, rows, numbers = _with_titles(title, header, rows, numbers) or (header, rows, numbers)
         _refuse_second_table(path.name, header, rows, numbers)
     _refuse_other_widths(path.name, header, rows, numbers, delimiter)
     columns = tuple(zip(*rows, strict=True)) or ((),) * len(header)
@@ -97,6 +114,31 @@ def read_table(
         notes=(*notes_on_lines, *notes, *notes_on_units, *plain.notes),
         lost=lost,
     )
+
+
+def _refuse_no_table(file: str, text: str) -> None:
+    """Raise an error if a text is empty, or a page of HTML or XML."""
+    start = text[:_START].lstrip().lower()
+    if not start and not text.strip():
+        raise _refusal(
+            f"{file}: the file is empty, but a header and at least one row of numbers are needed; if a program writes "
+            "it, close that program first, or export the table again"
+        )
+    if start.startswith(_PAGES):
+        raise _refusal(
+            f"{file}: this file is a page of HTML or XML with the name of a table. If a browser shows the table in it, "
+            "copy the table into a spreadsheet, and save it as CSV; if it shows a login or an error, download the "
+            "table again"
+        )
+
+
+def _blocks_below_comments(file: str, text: str, texts: list[str]) -> FormedLines | None:
+    """Return the rows of a file whose lines are readings, below comments that say the distance, or None."""
+    if "#" not in text or not all(is_number(line.strip()) for line in texts[:SEARCHED]):
+        return None
+    lines = [(i, line.strip().lstrip("#").strip()) for i, line in enumerate(_BREAK.split(text), start=1)]
+    lines = [(i, line) for i, line in lines if line]
+    return of_blocks(file, [i for i, _ in lines], [line for _, line in lines])
 
 
 def _split(rows: list[Any], delimiter: str, *, plain: bool, tight: bool) -> None:
@@ -128,12 +170,22 @@ def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimit
     header = tuple(f"column {i + 1}" for i in range(width or 1))
     if line is not None:
         header = without_remark(header_cells(line, delimiter, width), width)
+        if delimiter == BLANK and width == len(header) + 1 and _are_counted(rows):
+            header = ("", *header)
     units = [cell.strip("[]() ") for cell in rows[0]] if rows else []
     if len(units) != len(header) or any(map(is_number, units)):
         return header, 0
     if not any(map(is_length, units)) and not (any(units) and all(is_unit(unit) for unit in units if unit)):
         return header, 0
     return tuple(f"{title} [{unit}]" if unit else title for title, unit in zip(header, units, strict=True)), 1
+
+
+def _are_counted(rows: Sequence[tuple[str, ...]]) -> bool:
+    """Return True if the first cells number the rows, as in a printed data frame."""
+    first = [row[0] for row in rows[:_COUNTED] if row]
+    if len(first) < 2 or not all(cell.isdecimal() for cell in first):
+        return False
+    return all(int(b) == int(a) + 1 for a, b in pairwise(first)) and int(first[0]) <= 1
 
 
 def _without_empty_end(header: tuple[str, ...], rows: list[Any]) -> tuple[str, ...]:
@@ -173,6 +225,33 @@ def _whole_rows(
         [i for i, _ in kept],
         (*lost, note),
     )
+
+
+def _with_titles(
+    title: str, header: tuple[str, ...], rows: Sequence[Any], numbers: Sequence[int]
+) -> tuple[tuple[str, ...], list[Any], list[int]] | None:
+    """Join tables with equal headers and a title each: the title becomes a label of the rows.
+
+    Args:
+        title: the line above the first header.
+        header: the header.
+        rows: the rows, with the other headers and titles.
+        numbers: the numbers of their lines.
+
+    Returns:
+        Header, rows and line numbers; None if the header does not occur again, or has no title of its own.
+    """
+    titles, labeled, kept = [title.strip(" \t,;:#=-") or "first"], list[Any](), list[int]()
+    for i, (number, row) in enumerate(zip(numbers, rows, strict=True)):
+        if i + 1 < len(rows) and tuple(rows[i + 1]) == header:
+            filled = [cell for cell in row if cell]
+            if len(filled) != 1 or is_number(filled[0]):
+                return None
+            titles.append(filled[0].strip(" :#=-"))
+        elif tuple(row) != header:
+            labeled.append((*row, titles[-1]))
+            kept.append(number)
+    return ((*header, "table"), labeled, kept) if len(set(titles)) == len(titles) > 1 else None
 
 
 def _refuse_second_table(file: str, header: tuple[str, ...], rows: Sequence[Any], numbers: Sequence[int]) -> None:

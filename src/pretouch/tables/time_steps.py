@@ -16,7 +16,9 @@ _AROUND: Final = 5  # stamps on each side, whose median a stamp is compared with
 _FAR: Final = 100.0  # steps
 _LEAST: Final = 10**9  # ns from the median, below which a stamp is only late
 _ALONE: Final = 86400 * 10**9  # ns between the first or last reading and all others
+_SET: Final = 300 * _ALONE  # ns: a longer step is that of a clock that was set, not an interruption of the recording
 _COARSE: Final = 2.0  # readings with the same stamp
+_FEW: Final = 5  # times that a clock is set in one recording
 _BETWEEN: Final = 0.5  # share of different values, and falling steps per rising step, of intervals
 
 
@@ -72,6 +74,26 @@ def far_stamps(stamps: IntArray) -> BoolArray:
     far[0] |= steps[0] > _ALONE  # such as before a clock was set by the network
     far[-1] |= steps[-1] > _ALONE
     return far
+
+
+def without_settings(stamps: IntArray) -> tuple[IntArray, IntArray]:
+    """Remove the steps at which a clock was set by most of a year or more, such as by the network after it started.
+
+    Args:
+        stamps: the stamps [ns] in the order of the rows.
+
+    Returns:
+        The stamps, with a step as long as others in place of each such step, and the indices of the readings behind
+        them. The times of the last part are unchanged.
+    """
+    steps = np.diff(stamps)
+    places = np.flatnonzero(np.abs(steps) > _SET)
+    others = steps[(steps > 0) & (steps <= _SET)]
+    if not len(places) or not len(others) or len(places) > _FEW:
+        return stamps, places[:0]
+    changed = steps.copy()
+    changed[places] = round(float(np.median(others)))
+    return stamps[-1] - np.append(np.cumsum(changed[::-1])[::-1], 0), places + 1
 
 
 def readings_per_stamp(stamps: IntArray) -> float:

@@ -19,6 +19,7 @@ _PLAUSIBLE: Final = {"s": (5e-5, 2.0), "ms": (0.5, 2e3), "us": (50.0, 2e6), "ns"
 """Time steps of sensors in each unit: from half a hertz to 2 kHz, or 20 kHz in seconds."""
 _SECONDS_OF_DAY: Final = 86400
 _DAY: Final = _SECONDS_OF_DAY * 10**9
+_MILLISECOND: Final = 1e-3
 _DAYS: Final = frozenset({"d", "day", "days", "tag", "tage"})
 _STARTS: Final = (25569, 719529)
 """1970-01-01 in the days of spreadsheets and of MATLAB."""
@@ -36,14 +37,28 @@ def are_days(numbers: FloatArray) -> bool:
     found = numbers[np.isfinite(numbers)]
     steps = np.diff(found)
     steps = steps[steps > 0]
-    if not len(steps) or not _startstamps_of_days(found):
+    if not len(steps) or not _start_of_days(found):
         return False
     step = float(np.median(steps))
     low, high = _PLAUSIBLE["s"]
     return step < low <= step * _SECONDS_OF_DAY <= high
 
 
-def _startstamps_of_days(found: FloatArray) -> int:
+def are_millionths_of_days(numbers: FloatArray, unit: str) -> bool:
+    """Return True if times in ms are days of a spreadsheet times a million, which exports of PLC programs call ms."""
+    found = numbers[np.isfinite(numbers)] / 1e6
+    steps = np.diff(found)
+    steps = steps[steps > 0]
+    if not len(steps) or parse_unit(unit).factor != _MILLISECOND or _start_of_days(found) != _STARTS[0]:
+        return False
+    step = float(np.median(steps))
+    low, high = _PLAUSIBLE["s"]
+    return (
+        step * 1e6 < _PLAUSIBLE["ms"][0] and low <= step * _SECONDS_OF_DAY <= high and bool(np.min(found) > _STARTS[0])
+    )
+
+
+def _start_of_days(found: FloatArray) -> int:
     """Return 1970-01-01 in the days that numbers count; 0 if it is unknown."""
     low, high = (float(end) for end in (np.min(found, initial=np.inf), np.max(found, initial=-np.inf)))
     return next((start for start in _STARTS if start + _YEARS[0] <= low and high < start + _YEARS[1]), 0)
@@ -51,7 +66,7 @@ def _startstamps_of_days(found: FloatArray) -> int:
 
 def stamps_of_days(numbers: FloatArray) -> tuple[IntArray, np.ndarray]:
     """Return stamps [ns] from days of a spreadsheet or of MATLAB, or from days after any other time."""
-    start = _startstamps_of_days(numbers[np.isfinite(numbers)])
+    start = _start_of_days(numbers[np.isfinite(numbers)])
     usable = np.isfinite(numbers) & (np.abs(numbers - start) < _YEARS[1])
     return np.round(np.where(usable, numbers - start, 0.0) * _DAY).astype(np.int64), usable
 

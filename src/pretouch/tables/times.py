@@ -15,10 +15,10 @@ from pretouch._core.units import format_quantity, parse_unit
 
 from .cells import TextTable, is_number, join_first, quoted
 from .clock_texts import has_dates, stamps_of_clock
-from .line_forms import TIME_OF_LINE
+from .line_prefixes import TIME_OF_LINE
 from .names import is_named, split_title
-from .time_steps import are_intervals, continued, far_stamps, is_coarse, readings_per_stamp
-from .time_units import are_days, likely_unit, means_days, stamps_in_unit, stamps_of_days
+from .time_steps import are_intervals, continued, far_stamps, is_coarse, readings_per_stamp, without_settings
+from .time_units import are_days, are_millionths_of_days, likely_unit, means_days, stamps_in_unit, stamps_of_days
 from .unit_words import TIME, dimension, unit_in_words
 
 _NANOSECONDS: Final = re.compile(r"(.*?)(?:nanosec|nanosecs|nsec|nsecs|nanoseconds|nanos)", re.IGNORECASE)
@@ -252,6 +252,8 @@ def _read(table: TextTable, index: int) -> tuple[Times, str]:
                 f'times in {unit}; rename the column to "{split_title(title)[0]} [d]"'
             )
         return Times(*stamps_of_days(numbers), (), "", ()), "days"
+    if unit is not None and are_millionths_of_days(numbers, unit):
+        return Times(*stamps_of_days(numbers / 1e6), (), "", ()), "millionths of days, as some PLC programs write"
     counted, count = continued(numbers)
     unit = unit or likely_unit(table, title, counted)
     times = Times(*stamps_in_unit(cells if count is None else (), counted, unit), (), "", ())
@@ -287,6 +289,15 @@ def _checked(table: TextTable, times: Times, where: str, unit: str) -> Times:
         lines = join_first([str(table.lines[i]) for i in far], _SHOWN)
         notes.append(f"Readings whose time is far from those before and after it, which are left out: line {lines}.")
         stamps = times.stamps[times.usable]
+    continuous, settings = without_settings(stamps)
+    if len(settings):
+        rows = np.flatnonzero(times.usable)
+        times.stamps[rows] = stamps = continuous
+        lines = join_first([str(table.lines[rows[i]]) for i in settings], _SHOWN)
+        notes.append(
+            f"The clock was set by most of a year or more before line {lines}: the times before it were shifted, so "
+            "that the step is as long as others."
+        )
     missing = int((~times.usable).sum()) - len(far)
     steps = np.diff(stamps)
     steps = steps[steps > 0]

@@ -15,19 +15,19 @@ COUNTS: Final = (0, 0, 0, 0, 1)
 _WORDS: Final[dict[str, str]] = {
     word: unit
     for unit, words in {
-        "m": "m meter meters metre metres",
-        "cm": "cm centimeter centimeters centimetre centimetres zentimeter",
-        "mm": "mm millimeter millimeters millimetre millimetres",
+        "m": "m meter meters metre metres м",
+        "cm": "cm centimeter centimeters centimetre centimetres zentimeter см",
+        "mm": "mm millimeter millimeters millimetre millimetres мм",
         "um": "um µm μm micron microns micrometer micrometers micrometre micrometres mikrometer",
         "in": "in in. inch inches zoll \" ″ ''",
         "ft": "ft ft. foot feet",
-        "V": "v volt volts",
-        "mV": "mv millivolt millivolts",
+        "V": "v volt volts в",
+        "mV": "mv millivolt millivolts мв",
         "uV": "uv µv μv microvolt microvolts",
         "counts": "count counts cnt cnts adc lsb lsbs digit digits tick ticks raw",
-        "s": "s sec sec. secs second seconds sekunde sekunden",
-        "ms": "ms msec msecs milli millis millisecond milliseconds millisekunden",
-        "us": "us µs μs usec usecs micros microsec microsecond microseconds",
+        "s": "s sec sec. secs second seconds sekunde sekunden с",
+        "ms": "ms msec msecs milli millis millisecond milliseconds millisekunden мс",
+        "us": "us µs μs usec usecs micros microsec microsecond microseconds мкс",
         "ns": "ns nsec nsecs nanos nanosec nanosecond nanoseconds",
         "min": "min min. mins minute minutes minuten",
         "h": "h hr hrs hour hours",
@@ -36,7 +36,9 @@ _WORDS: Final[dict[str, str]] = {
     }.items()
     for word in words.split()
 } | {"adc counts": "counts", "raw counts": "counts", "adc units": "counts", "adc value": "counts"}
-_SHORT: Final = frozenset({"m", "in", "s", "v", "h", "min", "milli", "raw", "adc", "digit", "tick", "count", '"', "''"})
+_SHORT: Final = frozenset(
+    {"m", "in", "s", "v", "h", "min", "milli", "raw", "adc", "digit", "tick", "count", '"', "''", "м", "в", "с"}
+)
 """Words that also have other meanings, so that a header such as `sensor_s` has no unit."""
 
 

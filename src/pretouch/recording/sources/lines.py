@@ -17,7 +17,8 @@ from pretouch._core.values import Value
 from pretouch.tables.cell_forms import plain_cell
 from pretouch.tables.cells import float_of, is_no_object, is_number, unit_of
 from pretouch.tables.dialect import BLANK, cells_of, delimiter_of_header, delimiter_of_row
-from pretouch.tables.line_forms import labeled_cells, without_stamp
+from pretouch.tables.labels import labeled_cells
+from pretouch.tables.line_prefixes import without_stamp
 from pretouch.tables.names import is_length, split_title
 from pretouch.tables.unit_words import unit_in_words
 
@@ -29,6 +30,7 @@ _NO_TEXT: Final = 0.2  # share of bytes that are no text, from which the baud ra
 _FEW: Final = 16  # bytes from which this share is judged
 _TEXT: Final = frozenset([9, 10, 13, *range(32, 127)])
 _TWO_WHOLE: Final = re.compile(r"([-+]?\d+),(\d+)")
+_MOST_UNKNOWN: Final = 4  # lines of pairs, until it must be known which line is the first one of a pair
 _THOUSANDS: Final = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+")
 
 
@@ -58,6 +60,55 @@ class LineFormat(Value):
             raise InvalidInputError(f'decimal: found {self.decimal_mark!r}, expected "." or ","')
 
 
+class _PairedLines:
+    """Join two lines, of which one has the distance and the other the output.
+
+    Args:
+        name: the source, for messages.
+        starts_inside: whether the first line may be the second one of a pair.
+    """
+
+    def __init__(self, name: str, *, starts_inside: bool) -> None:
+        self._name, self._is_start_known = name, not starts_inside
+        self._leader: bool | None = None  # whether a pair begins with the distance
+        self._first: tuple[Mapping[str, str], bytes] | None = None
+        self._unknown = 0
+        self.single = 0
+
+    def set_apart(self) -> None:
+        """Note a line without a reading, which separates pairs."""
+        self._is_start_known |= self._leader is None
+
+    def add(self, cells: Mapping[str, str], line: bytes, place: str) -> tuple[Mapping[str, str] | None, bytes]:
+        """Return both lines of a pair as one; None for its first line, and for a line without the other one.
+
+        Raises:
+            SourceError: it is unknown which line is the first one of a pair.
+        """
+        has_place = any(place in {label, split_title(label)[0]} for label in cells)
+        if self._leader is None and self._is_start_known:
+            self._leader = has_place
+        if self._leader is None:
+            self._unknown += 1
+            self.single += 1
+            if self._unknown > _MOST_UNKNOWN:
+                raise SourceError(
+                    f"{self._name}: lines with {place} and lines with the output alternate, and this recording began "
+                    "between two lines, so a reading may belong to the distance before it or behind it. Nothing was "
+                    "kept. Let the device write both numbers into one line, or a blank line before each pair"
+                )
+            return None, line
+        if has_place == self._leader:
+            self.single += self._first is not None
+            self._first = cells, line
+            return None, line
+        if self._first is None:
+            self.single += 1
+            return None, line
+        (first, before), self._first = self._first, None
+        return {**first, **cells}, b" | ".join((before, line))
+
+
 class LineParser:
     """Parser of sensor readings in lines of text.
 
@@ -76,6 +127,7 @@ class LineParser:
         self._rest, self._skip_first, self._header = b"", from_middle, dict[str, int]()
         self._bytes = self._no_text = self._skipped = self._half = 0
         self._example = b""
+        self._pairs = _PairedLines(name, starts_inside=from_middle)
 
     def feed(self, data: bytes) -> list[SourceReading]:
         """Return the readings in newly received bytes.
@@ -114,6 +166,8 @@ class LineParser:
                     f"{self._name}: skipped {self._skipped:,} lines without a reading. The first of these lines is "
                     f"{self._shown}."
                 )
+        if self._pairs.single:
+            notes.append(f"{self._name}: skipped {self._pairs.single:,} lines of pairs whose other line is missing.")
         if self._is_assumed:
             notes.append(f"{self._name}: the lines have no unit of the distance, so mm was assumed (--distance-unit).")
         if self._half:
@@ -148,14 +202,26 @@ class LineParser:
     def _parse(self, line: bytes) -> SourceReading | None:
         """Return the reading in a line of text, or None."""
         text = without_stamp(line.strip().decode("utf-8", "replace"))[1].strip()
-        if not text or text.startswith("#"):
+        if not text or text.startswith("#") or not text.strip("-=_*~"):
+            self._pairs.set_apart()
             return None
-        labeled = labeled_cells(text)
+        labeled: Mapping[str, str] | None = labeled_cells(text)
+        if labeled is not None and self._has_half(labeled):
+            labeled, line = self._pairs.add(labeled, line, self._format.distance_column)
+            if labeled is None:
+                return None
         reading = self._of_columns(text) if labeled is None else self._of_labels(labeled)
         if reading is None:
             self._skip(line)
             return None
         return reading._replace(line=line)
+
+    def _has_half(self, labeled: Mapping[str, str]) -> bool:
+        """Return True if a line has either the distance or the output, so that the next line has the other one."""
+        place, column = self._format.distance_column, self._format.column
+        names = {name for label in labeled for name in (label, split_title(label)[0])}
+        has_output = column in names if column else len(labeled) == 1 and place not in names
+        return bool(place) and (place in names) != has_output and (place in names or has_output)
 
     def _of_labels(self, labeled: Mapping[str, str]) -> SourceReading | None:
         """Return the reading in a line whose values have labels, with or without a unit."""

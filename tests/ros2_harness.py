@@ -37,8 +37,8 @@ PARAMETERS = "src/pretouch_controller_parameters.yaml"
 _TYPES = {"string": "std::string", "double": "double", "bool": "bool", "double_array": "std::vector<double>"}
 _READERS = {
     "string": "into = text",
-    "double": "into = std::strtod(text.c_str(), nullptr)",
-    "bool": 'into = text == "true"',
+    "double": "char *end; into = std::strtod(text.c_str(), &end); if (end == text.c_str() || *end) return refused",
+    "bool": 'into = text == "true"; if (!into && text != "false") return refused',
     "double_array": "into.clear(); for (std::size_t i = 0, end; i <= text.size(); i = end + 1) "
     "{ end = std::min(text.find(',', i), text.size()); into.push_back(std::strtod(&text[i], nullptr)); }",
 }
@@ -91,7 +91,8 @@ def parameter_header(text: str) -> str:
     """Return a stand-in for the header that generate_parameter_library makes of a YAML file."""
     ((namespace, tree),) = yaml.safe_load(text).items()
     setters = [
-        f'    if (name == "{name}") {{ auto &into = stub_params().{name}; {_READERS[leaf["type"]]}; return true; }}'
+        f'    if (name == "{name}") {{ auto &into = stub_params().{name}; {_READERS[leaf["type"]]}; '
+        f'{" ".join(_rules(leaf.get("validation", {})))} return ""; }}'
         for name, leaf in leaves(tree)
     ]
     return "\n".join(
@@ -102,14 +103,31 @@ def parameter_header(text: str) -> str:
             *_structure(tree, "    "),
             "};",
             "inline Params &stub_params() { static Params one; return one; }",
-            "inline bool set_stub_parameter(const std::string &name, const std::string &text) {",
+            "inline std::string set_stub_parameter(const std::string &name, const std::string &text) {",
+            '    const std::string refused = "refused " + name + "\\n";',
             *setters,
-            "    return false;\n}",
+            '    return "";\n}',
             "class ParamListener {\npublic:",
             "    explicit ParamListener(const std::shared_ptr<rclcpp_lifecycle::LifecycleNode> &) {}",
             "    Params get_params() { return stub_params(); }\n};\n}",
         ]
     )
+
+
+def _rules(rules: dict[str, Any]) -> Iterator[str]:
+    """Yield the checks of generate_parameter_library: NaN is within `bounds<>`, but neither above nor below a limit."""
+    for rule, limits in rules.items():
+        match rule:
+            case "bounds<>":
+                yield f"if (into < {limits[0]!r} || into > {limits[1]!r}) return refused;"
+            case "gt<>":
+                yield f"if (!(into > {limits[0]!r})) return refused;"
+            case "gt_eq<>":
+                yield f"if (!(into >= {limits[0]!r})) return refused;"
+            case "lt_eq<>":
+                yield f"if (!(into <= {limits[0]!r})) return refused;"
+            case "one_of<>":
+                yield f"if ({' && '.join(f'into != {_literal(text)}' for text in limits[0])}) return refused;"
 
 
 def _structure(tree: dict[str, Any], indent: str) -> Iterator[str]:

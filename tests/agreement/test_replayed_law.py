@@ -106,13 +106,13 @@ def test_a_law_in_python_runs_as_well() -> None:
 
 
 def test_distances_are_converted_as_in_the_simulation() -> None:
-    """xi of the curve plus the offset; the start of the curve when too near, and nothing beyond its end."""
+    """xi of the curve plus the offset; no reading when too near to be measured, and nothing beyond the curve's end."""
     sensor = pt.InversePower(scale=1.3e-5, distance_offset=0.0419, exponent=3.32, maximum_distance=0.3)
     values = np.array([0.05, 0.0, -0.01, -np.inf, np.inf, np.nan, 0.31])
     bag = Recording(source="", topic="", message_type="", stamps=np.arange(7), values=values, kind="distance")
     own = readings_of(bag, sensor, 0.5)
     start = 1.3e-5 * 0.0419**-3.32
-    expected = [1.3e-5 * (0.05 + 0.0419) ** -3.32, start, start, start, 0.0, np.nan, 0.0]
+    expected = [1.3e-5 * (0.05 + 0.0419) ** -3.32, start, start, np.nan, 0.0, np.nan, 0.0]
     assert own == pytest.approx(np.array(expected) + 0.5, rel=1e-12, nan_ok=True)
 
 

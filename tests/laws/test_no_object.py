@@ -53,17 +53,20 @@ def test_an_idle_value_is_no_object_and_has_no_noise(idle: float, limits: tuple[
     assert spread_of_course(distances.values, np.ones(len(values), bool)) == pytest.approx(NOISE, rel=0.17)
 
 
-def test_a_range_of_minus_one_is_no_contact_for_the_law() -> None:
-    """The law detects the four visits from 165 mm on, and nothing else."""
-    named = {"source": "b", "topic": "/range", "message_type": "", "kind": "distance", "bounds": (0.02, 4.0)}
+@pytest.mark.parametrize(("idle", "bounds", "known"), [(-1.0, (0.02, 4.0), True), (0.0, UNKNOWN, False)])
+def test_a_range_without_an_object_is_no_contact_for_the_law(
+    idle: float, bounds: tuple[float, float], known: bool
+) -> None:
+    """The law detects the four visits from 165 mm on, and nothing else; the exported controller knows -1, but not 0."""
+    named = {"source": "b", "topic": "/range", "message_type": "", "kind": "distance", "bounds": bounds}
     stamps = np.arange(2000) * 20_000_000
-    result = replay(low_floor(), Recording(stamps=stamps, values=visits(-1.0), **named))
+    result = replay(low_floor(), Recording(stamps=stamps, values=visits(idle), **named))
     assert len(result.detections) == 4
     assert [detection.start for detection in result.detections] == pytest.approx([6.1, 16.1, 26.1, 34.1], abs=0.3)
-    assert result.counts["detected without an object"] == 1200
+    assert result.counts["detected without an object"] == (0 if known else 1200)
     page = page_of(result)
-    assert page.warnings[0].startswith("PT610")
-    assert any("1,200 readings of -1 m" in text for text in page.findings)
+    assert any(warning.startswith("PT610") for warning in page.warnings) != known
+    assert any("1,200 readings" in text and "no object" in text for text in page.findings)
 
 
 def test_true_events_are_the_values_as_recorded() -> None:

@@ -11,13 +11,14 @@
 #include <fstream>
 #include <iostream>
 #include <sstream>
+#include <thread>
 
 #include "pretouch_controller.hpp"
 
 // ---- counters ----
 
 static thread_local bool counting = false;
-static long allocations = 0, locks = 0;
+static long allocations = 0, locks = 0, sleeps = 0;
 
 extern "C" {
 void *__libc_malloc(size_t);
@@ -34,6 +35,14 @@ void *calloc(size_t count, size_t size) {
 void *realloc(void *memory, size_t size) {
     allocations += counting;
     return __libc_realloc(memory, size);
+}
+int nanosleep(const timespec *, timespec *) {
+    sleeps++;
+    return 0;
+}
+int clock_nanosleep(clockid_t, int, const timespec *, timespec *) {
+    sleeps++;
+    return 0;
 }
 int pthread_mutex_lock(pthread_mutex_t *mutex) {
     using Lock = int (*)(pthread_mutex_t *);
@@ -224,7 +233,30 @@ static void run(const std::string &line) {
     words >> verb >> name >> value;
     const auto number = [](const std::string &text) { return std::strtod(text.c_str(), nullptr); };
     if (verb == "param") {
-        if (!set_stub_parameter(name, value)) std::cout << "unknown parameter " << name << "\n";
+        stub::world().overrides[name] = 1;
+        std::cout << set_stub_parameter(name, value);
+    } else if (verb == "busy") {
+        stub::world().publishers_are_busy = name == "1";
+    } else if (verb == "largest_velocity") {
+        stub::world().largest_velocities[name] = number(value);
+    } else if (verb == "timers") {
+        for (const auto &timer : stub::world().timers) timer();
+    } else if (verb == "set_reference") {  // as a controller before this one does
+        references[0]->value = number(name);
+        references[1]->value = number(value);
+    } else if (verb == "time_states") {  // longest computing times of deactivations and activations [us], and sleeps
+        double longest[2] = {0, 0};
+        for (int i = 0; i < static_cast<int>(number(name)); i++) {
+            for (int k = 0; k < 2; k++) {
+                const double start = time_by(CLOCK_THREAD_CPUTIME_ID);
+                if (k == 0) controller->on_deactivate({});
+                if (k == 1) controller->on_activate({});
+                longest[k] = std::max(longest[k], time_by(CLOCK_THREAD_CPUTIME_ID) - start);
+            }
+        }
+        std::cout << longest[0] << " " << longest[1] << " " << sleeps << "\n";
+    } else if (verb == "set_command") {  // as the controller manager does
+        commands[name]->value = number(value);
     } else if (verb == "state") {
         if (!states.count(name)) states[name] = handle<StateInterface>(name);
         states[name]->value = number(value);
@@ -254,6 +286,7 @@ static void run(const std::string &line) {
         sensor_msgs::msg::Range message;
         message.range = static_cast<float>(number(name));
         message.header.stamp = rclcpp::Time(static_cast<int64_t>(number(value)));
+        words >> message.min_range >> message.max_range;
         stub::send("~/reading", message);
     } else if (verb == "number") {
         std_msgs::msg::Float64 message;
@@ -304,7 +337,8 @@ static void run(const std::string &line) {
         mutex.lock();
         mutex.unlock();
         counting = false;
-        std::cout << allocations << " " << locks << " " << memory[0] << "\n";
+        std::this_thread::sleep_for(std::chrono::microseconds(1));
+        std::cout << allocations << " " << locks << " " << sleeps << " " << memory[0] << "\n";
     } else {
         std::cout << "unknown command " << verb << "\n";
     }

@@ -13,6 +13,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -24,6 +25,9 @@ struct World {
     std::map<std::string, std::function<void(const void *)>> publications;  // called with each message
     std::vector<std::function<void()>> timers;
     std::vector<std::string> errors, warnings;
+    std::map<std::string, int> overrides;  // names of the parameters that a file gives
+    std::map<std::string, double> largest_velocities;  // of the joints in the URDF
+    bool publishers_are_busy = false;
 };
 inline World &world() {
     static World one;
@@ -67,7 +71,7 @@ struct Float64 {
 namespace sensor_msgs::msg {
 struct Range {
     std_msgs::msg::Header header;
-    float range = 0;
+    float min_range = 0, max_range = 0, range = 0;
 };
 }  // namespace sensor_msgs::msg
 
@@ -164,6 +168,10 @@ public:
     const char *get_name() const { return "pretouch_controller"; }
     rclcpp::Logger get_logger() const { return {}; }
     rclcpp::Clock::SharedPtr get_clock() { return clock_; }
+    struct Parameters {
+        const std::map<std::string, int> &get_parameter_overrides() const { return stub::world().overrides; }
+    };
+    std::shared_ptr<Parameters> get_node_parameters_interface() const { return std::make_shared<Parameters>(); }
     template <class Message, class Callback>
     typename rclcpp::Subscription<Message>::SharedPtr create_subscription(const std::string &topic, const rclcpp::QoS &,
                                                                           Callback callback) {
@@ -239,6 +247,10 @@ private:
 };
 class LoanedCommandInterface {
 public:
+    template <class T = double>
+    [[nodiscard]] std::optional<T> get_optional(unsigned int = 10) const {
+        return handle_->get_optional<T>();
+    }
     explicit LoanedCommandInterface(std::shared_ptr<CommandInterface> handle) : handle_(std::move(handle)) {}
     LoanedCommandInterface(const LoanedCommandInterface &) = delete;
     LoanedCommandInterface(LoanedCommandInterface &&) = default;
@@ -252,6 +264,14 @@ private:
     std::shared_ptr<CommandInterface> handle_;
 };
 }  // namespace hardware_interface
+
+namespace joint_limits {
+struct JointLimits {
+    double max_velocity = std::numeric_limits<double>::quiet_NaN();
+    double max_acceleration = std::numeric_limits<double>::quiet_NaN();
+    bool has_velocity_limits = false, has_acceleration_limits = false;
+};
+}  // namespace joint_limits
 
 namespace controller_interface {
 enum class CallbackReturn : uint8_t { SUCCESS = 97, FAILURE = 98, ERROR = 99 };
@@ -275,6 +295,14 @@ public:
     std::shared_ptr<rclcpp_lifecycle::LifecycleNode> get_node() const { return node_; }
     unsigned int get_update_rate() const { return update_rate; }
     bool is_in_chained_mode() const { return chained; }
+    const std::unordered_map<std::string, joint_limits::JointLimits> &get_hard_joint_limits() const {
+        static std::unordered_map<std::string, joint_limits::JointLimits> limits;
+        for (const auto &[joint, velocity] : stub::world().largest_velocities) {
+            limits[joint].max_velocity = velocity;
+            limits[joint].has_velocity_limits = true;
+        }
+        return limits;
+    }
     return_type update(const rclcpp::Time &time, const rclcpp::Duration &period) {
         if (!chained && update_reference_from_subscribers(time, period) != return_type::OK) return return_type::ERROR;
         return update_and_write_commands(time, period);
@@ -336,7 +364,7 @@ public:
         : publisher_(std::move(publisher)) {}
     bool try_publish(const Message &message) {
         const std::unique_lock<std::mutex> guard(mutex_, std::try_to_lock);
-        if (!guard.owns_lock()) return false;
+        if (!guard.owns_lock() || stub::world().publishers_are_busy) return false;
         message_ = message;
         publisher_->publish(message_);
         return true;

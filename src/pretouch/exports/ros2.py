@@ -6,6 +6,8 @@ The package contains a controller for ros2_control.
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +23,7 @@ _FILLED: Final = (  # with numbers and texts of the design
     "config/admittance_controller.yaml",
     "config/controllers.yaml",
     "src/law.hpp",
+    "src/parameters.hpp",
     "src/pretouch_controller_parameters.yaml",
     "src/sensor_curve.hpp",
 )
@@ -33,10 +36,13 @@ _FIXED: Final = (  # the same for every design; .in hides Python files, which im
     "src/pretouch_controller.cpp",
     "src/pretouch_controller.hpp",
     "src/report.cpp",
+    "src/range_reading.hpp",
     "src/report.hpp",
     "urdf/mock_robot.urdf",
 )
 _CURVE_STEPS: Final = 1024
+_CLEAR: Final = 4.0  # standard deviations of the noise, between the readings without an object and the lowest reading
+_RARE: Final = 1e-6  # probability that all readings up to the timeout are equal, below which a constant one is a fault
 _BELOW_FLOOR: Final = 1.0  # ln xi below the detection threshold at which the table of the sensor curve ends
 
 
@@ -45,6 +51,7 @@ def ros2_files(design: LawDesign) -> dict[str, str]:
     values = {
         "rate": str(round(1 / design.controller.period)),
         **_parameters(design),
+        **_names(design.number),
         **_curve(design),
         **_admittance(design),
     }
@@ -78,8 +85,39 @@ def _parameters(design: LawDesign) -> dict[str, str]:
         "value_description": "Drag phi" if design.is_drag else "Gain D_p",
         "value_unit": "N s^2" if design.is_drag else "N s",
         "new_when": "every_period" if sensing.sensor_period < 1.5 * sensing.period else "change",
+        "constant_is_lost": "true" if _never_repeats(chain, sensing) else "false",
         "quantity": "distance" if chain.measures_distance else "raw",
     }
+
+
+def _never_repeats(chain: Any, sensing: Any) -> bool:
+    """Return whether noise changes so many readings that equal ones up to the timeout mean a fault."""
+    if chain.measures_distance or chain.noise <= 0:
+        return False  # an idle distance is a code, which repeats
+    if chain.offset + chain.crosstalk - chain.lowest < _CLEAR * chain.noise:
+        return False  # without an object, readings are clipped
+    equal = min(chain.resolution / (2 * math.sqrt(math.pi) * chain.noise), 1.0)  # of two readings in a row
+    return bool(equal ** (sensing.timeout / sensing.sensor_period) < _RARE)
+
+
+def _names(number: str) -> dict[str, str]:
+    """Return the C++ lines that list the ROS parameters and check the numbers among them."""
+    kinds = dict(_kinds(filled("ros2/src/pretouch_controller_parameters.yaml").replace("$number", number)))
+    numbers = [name for name, kind in kinds.items() if kind == "double"]
+    return {
+        "parameter_names": "\n".join(f'    "{name}",' for name in kinds),
+        "finite_checks": "\n".join(f'    if (!std::isfinite(parameters.{name})) return "{name}";' for name in numbers),
+    }
+
+
+def _kinds(text: str) -> Iterator[tuple[str, str]]:
+    """Yield the name and the type of each parameter in a YAML file of generate_parameter_library."""
+    groups: list[tuple[int, str]] = []
+    for indent, key, value in re.findall(r"^( *)(\w+):[ ]?(.*)$", text, re.MULTILINE):
+        groups = [(depth, name) for depth, name in groups if depth < len(indent)]
+        if key == "type" and value:
+            yield ".".join(name for _, name in groups[1:]), value
+        groups.append((len(indent), key))
 
 
 def yaml_number(value: float) -> str:

@@ -375,8 +375,14 @@ def _counts(
     conditioning = controller.conditioning
     saturation = conditioning.saturation
     saturated = 0 if saturation is None or used.kind == "distance" else int((readings >= saturation).sum())
+    too_near = int(np.isneginf(used.values).sum()) if used.kind == "distance" else 0
     unusable = ~np.isfinite(readings)
-    idle = [each for each in used.no_object if each.reason in ASSUMED and used.kind == "distance"]
+    idle = [
+        each
+        for each in used.no_object
+        # an exported controller knows negative ranges, and those outside of the limits of the message
+        if each.reason in ASSUMED and used.kind == "distance" and each.value >= 0 and not each.value < used.bounds[0]
+    ]
     raw = replace(
         used,
         stamps=np.zeros(len(idle), dtype=np.int64),
@@ -385,8 +391,8 @@ def _counts(
     )
     detected = readings_of(raw, sensor, conditioning.offset) >= conditioning.offset + conditioning.floor
     return {
-        "invalid": int(unusable.sum()),
-        "too near": int(np.isneginf(used.values).sum()) if used.kind == "distance" else 0,
+        "invalid": int(unusable.sum()) - too_near,
+        "too near": too_near,
         "no object": int(np.isposinf(used.values).sum()) if used.kind == "distance" else 0,
         "detected without an object": sum(each.count for each, is_seen in zip(idle, detected, strict=True) if is_seen),
         "saturated": saturated if saturation is None else saturated - int(np.isposinf(readings).sum()),

@@ -304,7 +304,7 @@ def _fault_warnings(replay: Replay) -> Iterator[str]:
     texts = {
         "saturated": "are saturated, and the law ignores them; reduce the amplification",
         "invalid": "are not numbers (NaN), and the law ignores them",
-        "too near": "say that the object is too near to be measured; they count as the start of the sensor curve",
+        "too near": "say that the object is too near to be measured, and the law ignores them",
     }
     for name, text in texts.items():
         if counts[name]:

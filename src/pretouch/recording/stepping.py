@@ -69,14 +69,14 @@ def readings_of(recording: Recording, sensor: SensorModel, offset: float) -> Flo
         offset: offset that the controller subtracts; it is added to converted distances.
 
     Returns:
-        The readings. An infinite distance means no object, and results in the offset; minus infinity means an object
-        that is too near to be measured, and results in the output at the start of the curve, like any distance before
-        it; NaN remains NaN.
+        The readings. An infinite distance means no object, and results in the offset. A distance before the start of
+        the curve results in the output there. Minus infinity means an object that is too near to be measured; like
+        NaN, it results in NaN, which the law refuses.
     """
     if recording.kind == "reading":
         return recording.values
     low, high = sensor.valid_range
-    distance = recording.values
+    distance = np.where(np.isneginf(recording.values), np.nan, recording.values)
     inside = np.clip(np.where(np.isnan(distance), high, distance), low, high if np.isfinite(high) else np.inf)
     reached = np.where(np.isfinite(inside), inside, low)
     output = np.where(distance > high, 0.0, np.exp(sensor.log_output(reached)))

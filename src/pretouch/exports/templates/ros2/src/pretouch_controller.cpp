@@ -1,12 +1,13 @@
 #include "pretouch_controller.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <exception>
-#include <thread>
 #include <tuple>
 
 #include "hardware_interface/types/hardware_interface_type_values.hpp"
+#include "parameters.hpp"
 #include "pluginlib/class_list_macros.hpp"
 #include "sensor_curve.hpp"
 
@@ -15,8 +16,9 @@ namespace {
 
 constexpr double rate_tolerance = 0.005;     // of the control rate; rates of ROS are whole numbers of Hz
 constexpr double late_periods = 1.5;         // periods after which an update counts as late
-constexpr int send_attempts = 100;           // to publish a message outside of the control loop
-constexpr auto send_pause = std::chrono::milliseconds(1);
+constexpr double smallest_scale = 1e-9;      // of joint_units_per_meter
+constexpr double same_command = 1e-9;        // relative difference up to which two commands are equal
+constexpr auto rest_pause = std::chrono::milliseconds(5);  // until a force of 0 that was not published is tried again
 const char *const reference_names[3] = {hardware_interface::HW_IF_POSITION, hardware_interface::HW_IF_VELOCITY,
                                         hardware_interface::HW_IF_ACCELERATION};
 
@@ -39,13 +41,14 @@ CallbackReturn PretouchController::on_init() {
 
 CallbackReturn PretouchController::on_configure(const rclcpp_lifecycle::State &) {
     params_ = listener_->get_params();
-    if (!check_parameters()) return CallbackReturn::FAILURE;
+    if (!check_names() || !check_parameters()) return CallbackReturn::FAILURE;
     clock_ = get_node()->get_clock();
     numbers_ = with_chosen_values(params_.law);
     start_law(numbers_, state_);
     if (!is_as_exported(numbers_)) {
         RCLCPP_WARN(get_node()->get_logger(), "Parameters law.* differ from the design that pretouch exported.");
     }
+    compare_joint_limits();
     const double period = numbers_.sensing.period;
     report_every_ = static_cast<uint32_t>(std::lround(std::fmax(params_.diagnostics.period / period, 1.0)));
     most_unwritten_ = static_cast<uint32_t>(std::lround(std::fmax(numbers_.sensing.timeout / period, 1.0)));
@@ -56,6 +59,8 @@ CallbackReturn PretouchController::on_configure(const rclcpp_lifecycle::State &)
             params_.wrench.topic, rclcpp::SystemDefaultsQoS());
         realtime_wrench_ = std::make_unique<realtime_tools::RealtimePublisher<geometry_msgs::msg::WrenchStamped>>(
             wrench_publisher_);
+        rest_is_due_ = true;  // the timer sends the first message, which also reserves its memory
+        rest_timer_ = get_node()->create_wall_timer(rest_pause, [this]() { send_due_rest(); });
     }
     diagnostics_publisher_ = get_node()->create_publisher<diagnostic_msgs::msg::DiagnosticArray>(
         params_.diagnostics.topic, rclcpp::SystemDefaultsQoS());
@@ -71,8 +76,24 @@ bool PretouchController::fail(const std::string &reason) const {
     return false;
 }
 
-// Return whether the parameters fit together; each one alone was checked before.
+// Return whether this controller knows all parameters that were given to its node. A misspelled one would be ignored.
+bool PretouchController::check_names() const {
+    for (const auto &given : get_node()->get_node_parameters_interface()->get_parameter_overrides()) {
+        const std::string &name = given.first;
+        if (is_known_parameter(name)) continue;
+        const std::string nearest = nearest_parameter(name);
+        const std::string problem = "This controller has no parameter " + name;
+        if (!nearest.empty()) return fail(problem + "; did you mean " + nearest + "?");
+        RCLCPP_WARN(get_node()->get_logger(), "%s; it is ignored.", problem.c_str());
+    }
+    return true;
+}
+
+// Return whether the parameters are numbers and fit together. The range of each one was checked before, but a comparison
+// with NaN is no range.
 bool PretouchController::check_parameters() const {
+    const char *const not_finite = first_not_finite(params_);
+    if (not_finite != nullptr) return fail(std::string(not_finite) + " is not a finite number");
     const double period = pretouch_design.sensing.period;
     const unsigned int rate = get_update_rate();
     if (!(std::fabs(rate * period - 1) <= rate_tolerance)) {
@@ -82,8 +103,8 @@ bool PretouchController::check_parameters() const {
     if (!has_output("wrench") && params_.joint.empty()) {
         return fail("joint is empty, but the output '" + params_.output + "' needs the name of a joint");
     }
-    if (params_.joint_units_per_meter == 0 || !std::isfinite(params_.joint_units_per_meter)) {
-        return fail("joint_units_per_meter is 0 or not finite; set the joint's motion per meter toward the object");
+    if (std::fabs(params_.joint_units_per_meter) < smallest_scale) {
+        return fail("joint_units_per_meter is 0 or nearly 0; set the joint's motion per meter toward the object");
     }
     if (reads_interface() && params_.reading.new_when == "count" && params_.reading.count_interface.empty()) {
         return fail("reading.count_interface is empty, but reading.new_when is 'count'");
@@ -99,19 +120,47 @@ bool PretouchController::check_parameters() const {
     if (has_output("wrench") && !(std::fabs(length - 1) <= 1e-6)) {
         return fail("wrench.axis has the length " + std::to_string(length) + ", expected a unit vector");
     }
+    const bool is_one_axis = axis.size() == 3 && std::fabs(axis[0]) + std::fabs(axis[1]) + std::fabs(axis[2]) <= 1 + 1e-6;
+    if (has_output("wrench") && !is_one_axis) {
+        RCLCPP_WARN(get_node()->get_logger(),
+                    "wrench.axis is not along one axis of its frame. An admittance_controller that selects fewer axes takes "
+                    "only a part of the force.");
+    }
     return true;
+}
+
+// Warn if the limits of the joint in the URDF are tighter than those of the law: the controller manager clips commands.
+void PretouchController::compare_joint_limits() const {
+    const auto &all = get_hard_joint_limits();
+    const auto found = all.find(params_.joint);
+    if (found == all.end() || has_output("wrench")) return;
+    const double scale = std::fabs(params_.joint_units_per_meter);
+    const auto &law = numbers_.drive.limits;
+    const auto compare = [this, scale](bool exists, double limit, double wanted, const char *parameter) {
+        if (!exists || !(limit < scale * wanted)) return;
+        RCLCPP_WARN(get_node()->get_logger(),
+                    "The URDF limits joint %s to %g, but %s allows %g. The controller manager may clip the commands, so "
+                    "that the motion differs from the verified one. Verify the design with the limit of the joint.",
+                    params_.joint.c_str(), limit, parameter, scale * wanted);
+    };
+    const auto &joint = found->second;
+    compare(joint.has_velocity_limits, joint.max_velocity, law.speed, "law.largest_speed");
+    compare(joint.has_acceleration_limits, joint.max_acceleration, law.acceleration, "law.largest_acceleration");
 }
 
 void PretouchController::subscribe() {
     if (params_.reading.source == "range_topic") {
         range_subscription_ = get_node()->create_subscription<sensor_msgs::msg::Range>(
             params_.reading.topic, rclcpp::SensorDataQoS(), [this](const sensor_msgs::msg::Range &message) {
-                receive(static_cast<double>(message.range), rclcpp::Time(message.header.stamp).nanoseconds());
+                const auto range = static_cast<double>(message.range);
+                const Seen seen = seen_at(range, static_cast<double>(message.min_range),
+                                          static_cast<double>(message.max_range));
+                receive(range, seen, rclcpp::Time(message.header.stamp).nanoseconds());
             });
     } else if (params_.reading.source == "number_topic") {
         number_subscription_ = get_node()->create_subscription<std_msgs::msg::Float64>(
             params_.reading.topic, rclcpp::SensorDataQoS(),
-            [this](const std_msgs::msg::Float64 &message) { receive(message.data, 0); });
+            [this](const std_msgs::msg::Float64 &message) { receive(message.data, Seen::reading, 0); });
     }
     reference_subscription_ = get_node()->create_subscription<trajectory_msgs::msg::JointTrajectoryPoint>(
         "~/reference", rclcpp::SystemDefaultsQoS(), [this](const trajectory_msgs::msg::JointTrajectoryPoint &message) {
@@ -130,9 +179,10 @@ void PretouchController::subscribe() {
 }
 
 // Keep a reading of a topic. Without a time stamp, it was measured `reading.delay` ago.
-void PretouchController::receive(double value, int64_t measured) {
+void PretouchController::receive(double value, Seen seen, int64_t measured) {
     const auto delay = static_cast<int64_t>(params_.reading.delay * 1e9);
     latest_.value = value;
+    latest_.seen = seen;
     latest_.measured = measured != 0 ? measured : clock_->now().nanoseconds() - delay;
     latest_.number++;
     received_.set(latest_);
@@ -173,10 +223,16 @@ PretouchController::on_export_reference_interfaces_list() {
 CallbackReturn PretouchController::on_activate(const rclcpp_lifecycle::State &) {
     start_law(numbers_, state_);
     counters_ = Record{};
+    counters_.reading = std::numeric_limits<double>::quiet_NaN();
     since_report_ = report_every_;  // the first period is reported
     unwritten_in_a_row_ = 0;
+    behind_ = reference_unchanged_ = since_reading_ = 0;
+    is_first_period_ = true;
+    is_vanished_ = false;
+    has_written_ = false;
     if (!find_interfaces() || !start_reference() || !check_first_reading()) return CallbackReturn::FAILURE;
-    send_rest();  // also reserves the memory of the wrench message
+    send_rest();
+    is_active_ = true;
     return CallbackReturn::SUCCESS;
 }
 
@@ -249,25 +305,35 @@ bool PretouchController::check_first_reading() {
     last_number_ = last.number;
     const double age = static_cast<double>(clock_->now().nanoseconds() - last.measured) * 1e-9;
     const bool is_current = last.number > 0 && age <= numbers_.sensing.timeout;
-    const std::string reason =
-        last.number == 0 ? "No reading has arrived on " + params_.reading.topic + "."
-                         : "The last reading on " + params_.reading.topic + " is " + std::to_string(age) +
-                               " s old; the timeout is " + std::to_string(numbers_.sensing.timeout) + " s.";
-    if (!is_current && params_.reading.required) return fail(reason);
-    if (!is_current) RCLCPP_WARN(get_node()->get_logger(), "%s", reason.c_str());
+    if (!is_current && params_.reading.required) {
+        return fail(last.number == 0
+                        ? "No reading has arrived on " + params_.reading.topic + "."
+                        : "The last reading on " + params_.reading.topic + " is " + std::to_string(age) +
+                              " s old; the timeout is " + std::to_string(numbers_.sensing.timeout) + " s.");
+    }
+    is_without_reading_ = !is_current;  // said outside of the control loop
     return true;
 }
 
-// Command no motion and no force beyond the reference. A position command stays as it is.
+// Command no motion and no force beyond the reference. A position command stays as it is. The controller manager calls
+// this within a control period, so nothing waits here: what cannot be sent now, a timer sends.
 void PretouchController::send_rest() {
     if (command_ != nullptr && !has_output("position")) std::ignore = command_->set_value(0.0);
-    for (int i = 0; realtime_wrench_ && i < send_attempts && !send_force(0); i++) {
-        std::this_thread::sleep_for(send_pause);
-    }
+    if (realtime_wrench_) rest_is_due_ = !send_force(0);
+}
+
+// Send a force of 0 that could not be sent, or that was never sent. This runs outside of the control loop.
+void PretouchController::send_due_rest() {
+    if (!rest_is_due_ || is_active_) return;
+    geometry_msgs::msg::WrenchStamped rest;
+    rest.header.frame_id = params_.wrench.frame;
+    rest.header.stamp = clock_->now();
+    if (realtime_wrench_->try_publish(rest)) rest_is_due_ = false;
 }
 
 CallbackReturn PretouchController::on_deactivate(const rclcpp_lifecycle::State &) {
     send_rest();
+    is_active_ = false;
     reading_ = count_ = age_ = contact_force_ = joint_position_ = joint_velocity_ = nullptr;
     command_ = nullptr;
     return CallbackReturn::SUCCESS;
@@ -275,6 +341,7 @@ CallbackReturn PretouchController::on_deactivate(const rclcpp_lifecycle::State &
 
 CallbackReturn PretouchController::on_cleanup(const rclcpp_lifecycle::State &) {
     diagnostics_timer_.reset();
+    rest_timer_.reset();
     diagnostics_publisher_.reset();
     realtime_wrench_.reset();
     wrench_publisher_.reset();
@@ -303,7 +370,9 @@ return_type PretouchController::update_and_write_commands(const rclcpp::Time &ti
     pretouch_sample sample{};
     pretouch_output output{};
     if (period.seconds() > late_periods * numbers_.sensing.period) counters_.late++;
+    check_command();
     read_reference(sample);
+    catch_up(period.seconds(), sample);
     read_sensor(sample);
     if (contact_force_ != nullptr) {
         sample.contact_force = params_.contact_force.scale * value_of(contact_force_, 0);
@@ -317,6 +386,31 @@ return_type PretouchController::update_and_write_commands(const rclcpp::Time &ti
     return is_lost || unwritten_in_a_row_ >= most_unwritten_ ? return_type::ERROR : return_type::OK;
 }
 
+// Run the periods that late updates left out, without a reading: so the law keeps the time by which readings are dated.
+// They count up to the timeout, after which the sensor is lost anyway.
+void PretouchController::catch_up(double elapsed, pretouch_sample sample) {
+    const double period = numbers_.sensing.period;
+    behind_ += is_first_period_ || !std::isfinite(elapsed) ? 0 : elapsed - period;
+    is_first_period_ = false;
+    const double most = period * static_cast<double>(most_unwritten_);
+    behind_ = std::fmin(std::fmax(behind_, -period), most);
+    for (pretouch_output unused; behind_ >= period / 2; behind_ -= period) step_law(numbers_, state_, sample, unused);
+}
+
+// Count the commands that the controller manager changed after the last period, for example to a limit of the joint.
+void PretouchController::check_command() {
+    if (command_ == nullptr || !has_written_) return;
+    const auto value = command_->get_optional();
+    const double allowed = same_command * std::fmax(1.0, std::fabs(written_));
+    if (value.has_value() && !(std::fabs(*value - written_) <= allowed)) counters_.changed++;
+}
+
+bool PretouchController::command(double value) {
+    has_written_ = command_->set_value(value);
+    written_ = value;
+    return has_written_;
+}
+
 // Return the value of an interface; another value if there is no interface or another thread is writing to it.
 double PretouchController::value_of(Input input, double otherwise) {
     if (input == nullptr) return otherwise;
@@ -325,24 +419,59 @@ double PretouchController::value_of(Input input, double otherwise) {
     return value.value_or(otherwise);
 }
 
+// Velocity and acceleration of a reference that has not changed for longer than `reference_timeout` count as 0: the
+// controller that wrote it has stopped.
 void PretouchController::read_reference(pretouch_sample &sample) {
+    bool is_changed = false;
     for (std::size_t i = 0; i < 3 && i < ordered_exported_reference_interfaces_.size(); i++) {
         const auto value = ordered_exported_reference_interfaces_[i]->get_optional();
         if (!value.has_value()) counters_.missed_read++;
+        is_changed = is_changed || (value.has_value() && !is_same(*value, references_[i]));
         references_[i] = value.value_or(references_[i]);
     }
+    reference_unchanged_ = is_changed ? 0 : reference_unchanged_ + numbers_.sensing.period;
+    const bool has_stopped = is_in_chained_mode() && reference_unchanged_ > params_.reference_timeout;
     sample.reference_position = references_[0] / params_.joint_units_per_meter;
-    sample.reference_velocity = references_[1] / params_.joint_units_per_meter;
-    sample.reference_acceleration = references_[2] / params_.joint_units_per_meter;
+    sample.reference_velocity = has_stopped ? 0 : references_[1] / params_.joint_units_per_meter;
+    sample.reference_acceleration = has_stopped ? 0 : references_[2] / params_.joint_units_per_meter;
 }
 
 void PretouchController::read_sensor(pretouch_sample &sample) {
+    counters_.seen = Seen::reading;
     if (reads_interface()) {
         read_sensor_interface(sample);
+        if (reads_distance()) counters_.seen = seen_at(sample.reading, 0, 0);
     } else {
         read_sensor_topic(sample);
     }
-    if (params_.reading.quantity == "distance") sample.reading = output_at(sample.reading) + numbers_.sensing.offset;
+    if (!sample.fresh) return;
+    if (reads_distance()) take_distance(sample);
+    counters_.reading = sample.reading;
+}
+
+// Convert a distance to the output of the sensor.
+void PretouchController::take_distance(pretouch_sample &sample) {
+    const bool has_vanished = state_.sensing.running && state_.sensing.log_level > 0;
+    switch (counters_.seen) {
+    case Seen::reading:
+        sample.reading = output_at(sample.reading) + numbers_.sensing.offset;
+        is_vanished_ = false;
+        return;
+    case Seen::too_near:
+        sample.reading = std::numeric_limits<double>::quiet_NaN();  // refused, as if the sensor were saturated
+        return;
+    case Seen::no_object:
+        sample.reading = numbers_.sensing.offset;
+        // An object that recedes is measured until the end of the range. If it vanishes within the range, this is no motion,
+        // so it causes no force toward the object. The sensor works, and its next distance is a new start.
+        if (has_vanished) {
+            pretouch_start_sensing(&numbers_.sensing, &state_.sensing);
+            is_vanished_ = true;
+        }
+        if (!is_vanished_) return;
+        state_.sensing.quiet = -numbers_.sensing.period;  // as after a reading, once this period has passed
+        sample.fresh = 0;
+    }
 }
 
 void PretouchController::read_sensor_interface(pretouch_sample &sample) {
@@ -352,12 +481,21 @@ void PretouchController::read_sensor_interface(pretouch_sample &sample) {
         counters_.missed_read++;
         return;
     }
+    const bool is_changed = !is_same(*reading, last_reading_);
+    counters_.unchanged = is_changed ? 0 : counters_.unchanged + numbers_.sensing.period;
+    // an equal reading is another one with the same value, once per sensor period, unless a constant one means a fault
+    since_reading_ += numbers_.sensing.period;
+    const bool is_due = since_reading_ > numbers_.sensing.sensor_period - numbers_.sensing.period / 2;
+    const bool is_repeated = is_due && !params_.reading.constant_is_lost;
     if (params_.reading.new_when == "count") {
         sample.fresh = std::isfinite(count) && count != last_count_;
     } else {
-        sample.fresh = params_.reading.new_when == "every_period" || !is_same(*reading, last_reading_);
+        sample.fresh = params_.reading.new_when == "every_period" || is_changed || is_repeated;
     }
-    if (sample.fresh) last_count_ = count;
+    if (sample.fresh) {
+        last_count_ = count;
+        since_reading_ = 0;
+    }
     last_reading_ = *reading;
     sample.reading = *reading;
     sample.age = age_ != nullptr ? value_of(age_, params_.reading.delay) : params_.reading.delay;
@@ -369,6 +507,7 @@ void PretouchController::read_sensor_topic(pretouch_sample &sample) {
     last_number_ = received->number;
     sample.fresh = 1;
     sample.reading = received->value;
+    counters_.seen = received->seen;
     sample.age = static_cast<double>(clock_->now().nanoseconds() - received->measured) * 1e-9;
 }
 
@@ -376,8 +515,8 @@ void PretouchController::read_sensor_topic(pretouch_sample &sample) {
 bool PretouchController::write(const pretouch_output &output) {
     const double scale = params_.joint_units_per_meter;
     if (has_output("wrench")) return send_force(output.virtual_force);
-    if (has_output("position")) return command_->set_value(scale * output.position);
-    if (has_output("velocity")) return command_->set_value(scale * output.velocity);
+    if (has_output("position")) return command(scale * output.position);
+    if (has_output("velocity")) return command(scale * output.velocity);
     // an impedance controller; the power of the joint equals that of the force
     const double position = value_of(joint_position_, scale * output.position) / scale;
     const double velocity = value_of(joint_velocity_, scale * output.velocity) / scale;
@@ -385,7 +524,7 @@ bool PretouchController::write(const pretouch_output &output) {
                          params_.effort.damping * (output.velocity - velocity) +
                          params_.effort.stiffness * (output.position - position);
     const bool is_number = std::isfinite(force);  // false if the state of the joint is none
-    return command_->set_value(is_number ? force / scale : 0.0) && is_number;
+    return command(is_number ? force / scale : 0.0) && is_number;
 }
 
 // Hand a force along the axis to the thread that publishes it; return whether the thread was ready.
@@ -413,6 +552,10 @@ void PretouchController::record(const rclcpp::Time &time, const pretouch_sample 
 // ---- outside of the control loop ----
 
 void PretouchController::publish_diagnostics(rclcpp::Publisher<diagnostic_msgs::msg::DiagnosticArray> &publisher) {
+    if (is_without_reading_.exchange(false)) {
+        RCLCPP_WARN(get_node()->get_logger(), "At the activation, there was no current reading on %s.",
+                    params_.reading.topic.c_str());
+    }
     Record last;
     std::vector<Record> refused;
     bool any = false;

@@ -1,6 +1,7 @@
 // ros2_control controller that moves a robot away from an approaching object before contact.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -29,6 +30,7 @@ using controller_interface::return_type;
 // A reading that arrived on a topic.
 struct ReceivedReading {
     double value = 0;
+    Seen seen = Seen::reading;
     int64_t measured = 0;  // when it was measured, by the clock of the node [ns]
     uint64_t number = 0;   // counts the readings
 };
@@ -60,22 +62,29 @@ private:
     using Command = hardware_interface::LoanedCommandInterface *;
 
     // lifecycle
+    bool check_names() const;
     bool check_parameters() const;
+    void compare_joint_limits() const;
     bool fail(const std::string &reason) const;
     void subscribe();
-    void receive(double value, int64_t measured);
+    void receive(double value, Seen seen, int64_t measured);
     bool find_interfaces();
     bool find_input(const std::string &name, Input &input);
     bool start_reference();
     bool check_first_reading();
     void send_rest();
+    void send_due_rest();
 
     // one period
+    void catch_up(double elapsed, pretouch_sample sample);
+    void check_command();
+    bool command(double value);
     double value_of(Input input, double otherwise);
     void read_reference(pretouch_sample &sample);
     void read_sensor(pretouch_sample &sample);
     void read_sensor_interface(pretouch_sample &sample);
     void read_sensor_topic(pretouch_sample &sample);
+    void take_distance(pretouch_sample &sample);
     bool write(const pretouch_output &output);
     bool send_force(double force);
     void record(const rclcpp::Time &time, const pretouch_sample &sample, const pretouch_output &output);
@@ -85,6 +94,9 @@ private:
 
     bool has_output(const char *name) const { return params_.output == name; }
     bool reads_interface() const { return params_.reading.source == "interface"; }
+    bool reads_distance() const {
+        return params_.reading.quantity == "distance" || params_.reading.source == "range_topic";
+    }
 
     std::shared_ptr<ParamListener> listener_;
     Params params_;
@@ -102,6 +114,13 @@ private:
     ReceivedReference reference_;       // of the control loop
     double references_[3] = {0, 0, 0};  // last values of the reference interfaces
     double last_reading_ = 0, last_count_ = 0;
+    double since_reading_ = 0;        // time since a reading of the state interface was used [s]
+    double reference_unchanged_ = 0;  // time since the reference changed [s]
+    double behind_ = 0;               // time by which the law is behind the clock [s]
+    double written_ = 0;              // last command
+    bool is_first_period_ = true, has_written_ = false;
+    bool is_vanished_ = false;        // whether an object vanished within the range, and none was seen since
+    std::atomic<bool> is_without_reading_{false};
     uint64_t last_number_ = 0;
 
     rclcpp::Subscription<sensor_msgs::msg::Range>::SharedPtr range_subscription_;
@@ -111,7 +130,8 @@ private:
     std::unique_ptr<realtime_tools::RealtimePublisher<geometry_msgs::msg::WrenchStamped>> realtime_wrench_;
     geometry_msgs::msg::WrenchStamped wrench_;
     rclcpp::Publisher<diagnostic_msgs::msg::DiagnosticArray>::SharedPtr diagnostics_publisher_;
-    rclcpp::TimerBase::SharedPtr diagnostics_timer_;
+    rclcpp::TimerBase::SharedPtr diagnostics_timer_, rest_timer_;
+    std::atomic<bool> is_active_{false}, rest_is_due_{false};
 
     RecordQueue records_;
     Record counters_;  // the counters of the next record

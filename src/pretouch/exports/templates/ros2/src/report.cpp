@@ -16,6 +16,13 @@ std::string text_of(double value) {
     return text;
 }
 
+// Return a time in seconds with all digits down to the millisecond.
+std::string seconds_of(int64_t nanoseconds) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.3f", static_cast<double>(nanoseconds) * 1e-9);
+    return text;
+}
+
 void add(DiagnosticStatus &status, const std::string &key, const std::string &value) {
     diagnostic_msgs::msg::KeyValue entry;
     entry.key = key;
@@ -29,6 +36,7 @@ std::string summary_of(const Record &last, bool refused, bool as_exported) {
     if (refused) return "Inputs were refused.";
     if (flags & PRETOUCH_STALE) return "A reading is overdue.";
     if (flags & (PRETOUCH_FORCE_LIMITED | PRETOUCH_MOTION_LIMITED)) return "A limit acts.";
+    if (last.changed > 0) return "The controller manager changed commands, so the motion is not that of the law.";
     if (!as_exported) return "Parameters differ from the exported design.";
     return flags & PRETOUCH_DETECTING ? "An object is detected." : "No object is detected.";
 }
@@ -40,7 +48,9 @@ std::string reason_of(const Record &record, const LawParameters &numbers) {
     const double age = record.sample.age;
     std::string reason;
     if (flags & PRETOUCH_INVALID) {
-        if (!std::isfinite(record.sample.reading)) {
+        if (record.seen == Seen::too_near) {
+            reason = "nearer than the sensor can measure";
+        } else if (!std::isfinite(record.sample.reading)) {
             reason = "not a finite number";
         } else if (!(age >= 0 && age <= numbers.sensing.timeout)) {
             reason = "age of " + text_of(age) + " s, not between 0 s and the timeout of " +
@@ -68,13 +78,14 @@ DiagnosticStatus status_of(const Record &last, const std::vector<Record> &refuse
     const bool is_limited = (flags & (PRETOUCH_STALE | PRETOUCH_FORCE_LIMITED | PRETOUCH_MOTION_LIMITED)) != 0;
     if (flags & PRETOUCH_LOST) {
         status.level = DiagnosticStatus::ERROR;
-    } else if (!refused.empty() || is_limited || !as_exported) {
+    } else if (!refused.empty() || is_limited || !as_exported || last.changed > 0) {
         status.level = DiagnosticStatus::WARN;
     } else {
         status.level = DiagnosticStatus::OK;
     }
     status.message = summary_of(last, !refused.empty(), as_exported);
-    add(status, "reading", text_of(last.sample.reading));
+    add(status, "reading", text_of(last.reading));
+    add(status, "reading unchanged for [s]", text_of(last.unchanged));
     add(status, "xi", text_of(numbers.sensing.floor * std::exp(last.output.log_level)));
     add(status, "ln(xi/floor)", text_of(last.output.log_level));
     add(status, "object detected", flags & PRETOUCH_DETECTING ? "yes" : "no");
@@ -85,10 +96,11 @@ DiagnosticStatus status_of(const Record &last, const std::vector<Record> &refuse
     add(status, "late periods", std::to_string(last.late));
     add(status, "interfaces not read", std::to_string(last.missed_read));
     add(status, "commands not written", std::to_string(last.missed_write));
+    add(status, "commands changed by others", std::to_string(last.changed));
     add(status, "records dropped", std::to_string(dropped));
     add(status, "as exported", as_exported ? "yes" : "no");
     for (const Record &record : refused) {
-        add(status, "refused at " + text_of(static_cast<double>(record.time) * 1e-9) + " s",
+        add(status, "refused at " + seconds_of(record.time) + " s",
             text_of(record.sample.reading) + ": " + reason_of(record, numbers));
     }
     return status;

@@ -10,6 +10,7 @@
 
 #include "diagnostic_msgs/msg/diagnostic_status.hpp"
 #include "law.hpp"
+#include "range_reading.hpp"
 
 namespace pretouch_controller {
 
@@ -22,6 +23,10 @@ struct Record {
     uint32_t late = 0;          // periods that came late
     uint32_t missed_read = 0;   // interfaces that could not be read
     uint32_t missed_write = 0;  // commands that could not be written
+    uint32_t changed = 0;       // commands that were changed after they were written
+    Seen seen = Seen::reading;  // in this period
+    double reading = 0;         // last reading [unit of the scenario]
+    double unchanged = 0;       // time since the value of the state interface changed [s]
 };
 
 // Return whether the law refused the reading, the reference or the contact force of this period.

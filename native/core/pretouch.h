@@ -430,9 +430,10 @@ typedef struct {
     int64_t rows, first, ends;
 } pretouch_robot_path;
 
-/* Torques of the joints: scale ((inertia (c_a q_r'' + c_v q_r' - c_d q' + c_p (q_r - q)) + load). */
+/* Torques of the joints: scale ((inertia (c_a q_r'' + c_v q_r' - c_d q' + c_p (q_r - q)) + load). The controller of the
+ * joints takes a reference every `interval` seconds, 0 for every step, and follows it from `delay` seconds later on. */
 typedef struct {
-    double acceleration, velocity, damping, stiffness, scale;
+    double acceleration, velocity, damping, stiffness, scale, interval, delay;
 } pretouch_joint_feedback;
 
 /* Why a run stops, to be continued by another call. */
@@ -454,6 +455,8 @@ enum {
  * motion: positions, velocities, accelerations of the sites, shape (3, m). reference: the same of the joints, shape
  * (3, n). scratch: memory for 4 nv + (base + 1) base numbers.
  * unseen: distance that the sensor gets if it sees nothing [m].
+ * setpoints: references on their way to the controller of the joints, a ring of most_setpoints rows of a time and a
+ * reference, shape (1 + 3 n); null if every reference acts at once.
  * rows: time series; a row has the time, distances, references and forces of the sites, torques, and qpos. */
 typedef struct {
     const pretouch_engine *engine;
@@ -477,6 +480,8 @@ typedef struct {
     int64_t driven_count, base_count;
     const double *highest;
     double *motion, *reference, *wanted, *torques, *scratch;
+    double *setpoints;
+    int64_t most_setpoints, setpoint_head, setpoint_tail;
     pretouch_robot_touch *touches;
     int64_t most_touches, touch_count;
     double *rows;

@@ -181,6 +181,31 @@ void set_motion(Run &run) {
     }
 }
 
+// Replaces the reference by the last one that the controller of the joints has taken and that has arrived. Before the
+// first one arrives, it follows the motion of the first one backward in time.
+void delay_reference(Run &run) {
+    if (!run.setpoints) return;
+    const pretouch_joint_feedback &f = run.feedback;
+    const int64_t n = run.driven_count, width = 1 + 3 * n;
+    const double time = static_cast<double>(run.number) * run.period + static_cast<double>(run.sub_step) * run.time_step;
+    const size_t size = static_cast<size_t>(3 * n) * sizeof(double);
+    const double next = f.interval * static_cast<double>(run.setpoint_tail);
+    if (f.interval == 0.0 || time >= next - INSTANT) {
+        double *row = run.setpoints + run.setpoint_tail % run.most_setpoints * width;
+        row[0] = time + f.delay;
+        memcpy(row + 1, run.reference, size);
+        run.setpoint_tail++;
+    }
+    while (run.setpoint_head + 1 < run.setpoint_tail &&
+           run.setpoints[(run.setpoint_head + 1) % run.most_setpoints * width] <= time + INSTANT)
+        run.setpoint_head++;
+    const double *row = run.setpoints + run.setpoint_head % run.most_setpoints * width;
+    memcpy(run.reference, row + 1, size);
+    const double early = row[0] - time;
+    if (early > INSTANT)
+        for (int64_t j = 0; j < n; j++) run.reference[j] -= early * run.reference[n + j];
+}
+
 // ---- torques ----
 
 // Solves a symmetric positive definite system in place: matrix, of which the lower triangle is used, and right side.
@@ -529,6 +554,7 @@ int64_t continue_run(Run &run) {
             }
             for (int64_t i = 0; i < run.site_count; i++)
                 if (!touched(run.sites[i]) && !run.sites[i].obstacle) run.sites[i].obstacle = what;
+            delay_reference(run);
             run.phase = APPLY;
             if (run.ask_torques) return PRETOUCH_RUN_TORQUES;
             set_wanted(run);

@@ -45,6 +45,17 @@ def beam_distance(model: Any, data: Any, site: int, rays: Any, axis: Any) -> flo
     return float(brentq(lambda d: float(CURVE.log_output(d)) - math.log(output), 0.0, FARTHEST, xtol=1e-15))
 
 
+def plain_torque(model: Any, data: Any, tracking: Any, wanted: tuple[float, float, float], q: float) -> float:
+    """The torque of the only joint, which has moved by q, for a wanted position, velocity and acceleration."""
+    w, rate = 2 * math.pi * tracking.bandwidth, float(data.qvel[0])
+    pull = w * w * (wanted[0] - q) - 2 * tracking.damping_ratio * w * rate
+    if isinstance(tracking, ComputedTorque):
+        pull += wanted[2] + 2 * tracking.damping_ratio * w * wanted[1]
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    return float(np.clip(mass[0, 0] * pull + data.qfrc_bias[0] - data.qfrc_passive[0], -50.0, 50.0))
+
+
 def plain_trace(scene: Any, law: SiteLaw, tracking: ComputedTorque | PositionControl, count: int, seed: int) -> Any:
     """Time series of a slide with a sensor: distance, reference, force, torque and positions in each step."""
     model, start = scene
@@ -60,8 +71,8 @@ def plain_trace(scene: Any, law: SiteLaw, tracking: ComputedTorque | PositionCon
     first = beam_distance(model, data, site, rays, axis)
     sensor = SensorRun(CHAIN, CURVE, distance=first, farthest=FARTHEST, period=period, seed=seed)
     run, distance, force = law.running.begin(), cast(model, data, site, axis, axis)[0], 0.0
-    w = 2 * math.pi * tracking.bandwidth
     rows, x, v, origin = [], 0.0, 0.0, float(data.qpos[0])
+    taken: list[tuple[float, Any]] = []  # references, with the time from which the joint follows them
     steps = round(period / h)
     for step in range(count):
         i = step % steps
@@ -81,14 +92,11 @@ def plain_trace(scene: Any, law: SiteLaw, tracking: ComputedTorque | PositionCon
             )
         mujoco.mj_step1(model, data)
         wanted = course(at), course.deriv()(at), course.deriv(2)(at)
-        q, rate = data.qpos[0] - origin, data.qvel[0]
-        if isinstance(tracking, ComputedTorque):
-            pull = wanted[2] + 2 * tracking.damping_ratio * w * (wanted[1] - rate) + w * w * (wanted[0] - q)
-        else:
-            pull = w * w * (wanted[0] - q) - 2 * tracking.damping_ratio * w * rate
-        mass = np.zeros((model.nv, model.nv))
-        mujoco.mj_fullM(model, data, mass)
-        torque = float(np.clip(mass[0, 0] * pull + data.qfrc_bias[0] - data.qfrc_passive[0], -50.0, 50.0))
+        interval, delay = getattr(tracking, "rate", None), getattr(tracking, "delay", 0.0)
+        if interval is None or t + at >= len(taken) / interval - 1e-12:
+            taken.append((t + at + delay, wanted))
+        wanted = next((held for ready, held in reversed(taken) if ready <= t + at + 1e-12), taken[0][1])
+        torque = plain_torque(model, data, tracking, wanted, float(data.qpos[0]) - origin)
         data.qfrc_applied[0] = torque
         rows.append((distance, x, force, torque, *data.qpos))
         mujoco.mj_step2(model, data)
@@ -109,7 +117,10 @@ def plain_trace(scene: Any, law: SiteLaw, tracking: ComputedTorque | PositionCon
 
 
 @pytest.mark.parametrize("angle", [0.0, math.radians(8)])
-@pytest.mark.parametrize("tracking", [ComputedTorque(), PositionControl(bandwidth=15.0)])
+@pytest.mark.parametrize(
+    "tracking",
+    [ComputedTorque(), PositionControl(bandwidth=15.0), PositionControl(bandwidth=15.0, rate=125.0, delay=4e-3)],
+)
 def test_every_step_is_that_of_a_plain_loop(angle: float, tracking: ComputedTorque | PositionControl) -> None:
     scene = slide_with_ball(1.0, 0.3, floats=False, offset=0.005)
     site = SensorSite("tip", CURVE, field_of_view=angle)

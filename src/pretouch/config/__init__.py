@@ -33,7 +33,7 @@ from pretouch.uncertainty.reservations import recess_advice
 from .document import read_document
 from .quantities import KeyPath
 from .reading import Reading, ScenarioSource, split_message
-from .robot import project_robot
+from .robot import check_tracking, project_robot
 from .robot_section import has_model
 from .robust import robust_fields
 from .schema import FREE, LOOP_SECTIONS, OBJECTIVE_VARIANTS, OPTIONS
@@ -177,6 +177,7 @@ def _task(builder: _Builder) -> Task | None:
     if (builder.unread or builder.mistakes) and CALIBRATION in (builder.values("sensor") or {}):
         return None  # with mistakes, a fit would be wasted time
     projection = project_robot(builder)
+    check_tracking(builder)
     options["impact"] = builder.impact(projection)
     sensor, calibration = builder.sensor()
     builder.check_frequencies(scenario)

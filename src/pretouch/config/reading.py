@@ -183,7 +183,10 @@ _BY_KEYS: Final = {
     "admittance": ({"natural_frequency", "damping_ratio"}, "natural_frequency", "damping"),
     "impact": ({"radius", "effective_modulus"}, "radius", "stiffness"),
 }
-_TAGS: Final = {"sensor": "model", "objective": "kind", "robot": "kind", "contact": "kind", "law": "kind"}
+_TAGS: Final = {
+    "sensor": "model",
+    **dict.fromkeys(("objective", "robot", "contact", "tracking", "law"), "kind"),
+}
 """The key that selects the variant of a section."""
 
 _OTHER_TAGS: Final = {

@@ -47,6 +47,17 @@ def project_robot(file: Reading) -> Projection | None:
     return file.attempt("robot", lambda: _project(file, values))
 
 
+def check_tracking(file: Reading) -> None:
+    """Check the section [tracking], which needs a robot model."""
+    if "tracking" in file.data and not has_model(file.data):
+        file.refuse(
+            ("tracking",),
+            'found a joint controller without a robot model, expected [robot] with model = "arm.xml" and site = '
+            '"fingertip". A robot of another kind describes how it follows by its own keys in [robot]',
+        )
+    file.make("tracking")
+
+
 def _project(file: Reading, values: Mapping[str, Any]) -> Projection:
     from pretouch.robots import project_site  # noqa: PLC0415 - only with a robot model
 

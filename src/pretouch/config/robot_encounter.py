@@ -39,6 +39,7 @@ def simulate_robot_file(
     The scenario file gives the sensor, the posture and the motion of the object. The object is the one that the sensor
     sees in the robot model, or otherwise a ball that is added to the model. The controller is that of the scenario
     file. Without [chain] and [controller], it is a virtual damper at 1 kHz, and the sensor has no noise and no delay.
+    The section [tracking] says how the joints follow.
 
     Args:
         path: the scenario file, with `model` in its section [robot].
@@ -71,6 +72,7 @@ def simulate_robot_file(
         obstacle_velocity=float(scenario.obstacle.velocity),
         robot_velocity=float(scenario.reference.velocity),
         mass=math.nan if task.impact is None else float(task.impact.obstacle_mass),
+        radius=values.get("object_radius", math.nan),
     )
     scene = make_scene(model_path(source, values), robot.model, robot.data, robot.site, approach)
     controller, chain = _control(file, task)
@@ -79,7 +81,15 @@ def simulate_robot_file(
     law = SiteLaw(site=robot.site, controller=controller, chain=chain, approach=approach.robot_velocity)
     noise = seed if seed is not None else 0 if task.loop is None else task.loop.seed
     stiffness = task.impact.stiffness if isinstance(task.impact, SpringImpact) else None
-    result = simulate_robot(scene.model, scene.data, [law], runs=runs, seed=noise, contact_stiffness=stiffness)
+    options = {"follow_time": values["follow_time"]} if "follow_time" in values else {}
+    result = simulate_robot(
+        *(scene.model, scene.data, [law]),
+        tracking=file.make("tracking"),
+        runs=runs,
+        seed=noise,
+        contact_stiffness=stiffness,
+        **options,
+    )
     return replace(result, notes=(scene.note, *result.notes))
 
 

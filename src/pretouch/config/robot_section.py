@@ -37,6 +37,8 @@ ROBOT_MODEL: Final = Section(
         "keyframe": Key(_keyframe),
         "posture": Key(_table),
         "joint_speeds": Key(_table),
+        "object_radius": Key(Quantity("m", '"35 mm"', "positive")),
+        "follow_time": Key(Quantity("s", '"100 ms"', "nonnegative")),
     }
 )
 """The keys of [robot] for a robot model in MuJoCo; other kinds of [robot] are plants of a sampled loop."""

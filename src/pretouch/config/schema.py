@@ -254,7 +254,7 @@ OF_A_LAW: Final = ("gain", "constraints", "pareto", "controller")
 
 SECTIONS: Final = (
     *("sensor", "admittance", "obstacle", "plant", "reference", "objective", "gain", "constraints", "impact", "motion"),
-    *("pareto", "uncertainty", "robust", *LOOP_SECTIONS, "law"),
+    *("pareto", "uncertainty", "robust", *LOOP_SECTIONS, "tracking", "law"),
 )
 """The names of all sections."""
 
@@ -289,6 +289,10 @@ def variants(section: str) -> Mapping[str, Section]:
         return {"": uncertainty_section()}
     if section in _ALWAYS:
         return _ALWAYS[section]
+    if section == "tracking":
+        from pretouch.robots.tracking import TRACKINGS  # noqa: PLC0415 - only for a file with it
+
+        return {kind: described_section(tracking) for kind, tracking in TRACKINGS.items()}
     from .loop_sections import LOOP_VARIANTS  # noqa: PLC0415 - the simulation, only for a file with a loop or law
 
     return LOOP_VARIANTS[section]

@@ -83,7 +83,7 @@ class _Path(Structure):
 
 
 class _Feedback(Structure):
-    _fields_ = numbers("acceleration", "velocity", "damping", "stiffness", "scale")
+    _fields_ = numbers("acceleration", "velocity", "damping", "stiffness", "scale", "interval", "delay")
 
 
 class _NativeRun(Structure):
@@ -97,8 +97,9 @@ class _NativeRun(Structure):
         *(("path", _Path), ("feedback", _Feedback)),
         *numbers("driven", "base", "places", kind=POINTER),
         *numbers("driven_count", "base_count", kind=INTEGER),
-        *numbers("highest", "motion", "reference", "wanted", "torques", "scratch", "touches", kind=POINTER),
-        *numbers("most_touches", "touch_count", kind=INTEGER),
+        *numbers("highest", "motion", "reference", "wanted", "torques", "scratch", kind=POINTER),
+        *(("setpoints", POINTER), *numbers("most_setpoints", "setpoint_head", "setpoint_tail", kind=INTEGER)),
+        *(("touches", POINTER), *numbers("most_touches", "touch_count", kind=INTEGER)),
         *(("rows", POINTER), ("most_rows", INTEGER), ("row_count", INTEGER)),
         *numbers("period", "time_step", "follow_time", "longest", "patience", "resting", "unseen"),
         *numbers("steps", "periods", "floats", "returns", "ask_torques", kind=INTEGER),
@@ -211,7 +212,7 @@ class Runner:
         drivetrain, bodies = scene.drivetrains[0], RobotBodies.of(model, data, scene.drivetrains)
         contacts, base = contact_list(data), len(drivetrain.base)
         flexes = np.array([model.flex_vertbodyid[first] for first in model.flex_vertadr], dtype=np.int32)
-        feedback = None if model.neq or drivetrain.footholds else scene.tracking.feedback()
+        feedback = scene.tracking.feedback()
         native = _NativeRun()
         native.engine, native.model, native.data = ctypes.addressof(engine()), model._address, data._address
         for name, view in (
@@ -233,7 +234,13 @@ class Runner:
             *(address(path.ranges), SPACING, 0.0, address(path.table), len(path.table), -(len(path.table) // 2), 0),
         )
         used = feedback or JointFeedback(0.0, 0.0, 0.0, 0.0)
-        native.feedback = _Feedback(used.acceleration, used.velocity, used.damping, used.stiffness, used.scale)
+        native.feedback = _Feedback(
+            *(used.acceleration, used.velocity, used.damping, used.stiffness, used.scale, used.interval, used.delay)
+        )
+        if used.interval or used.delay:
+            count = math.ceil(used.delay / max(used.interval, model.opt.timestep)) + 3
+            setpoints = self._hold(np.zeros((count, 1 + 3 * len(drivetrain.driven))))
+            native.setpoints, native.most_setpoints = address(setpoints), count
         for name, indices in (("driven", drivetrain.driven), ("base", drivetrain.base), ("places", self._joint_places)):
             setattr(native, name, address(self._hold(np.ascontiguousarray(indices, dtype=np.int64)), _INDEX))
         native.driven_count, native.base_count = len(drivetrain.driven), base
@@ -249,7 +256,8 @@ class Runner:
         native.period, native.time_step, native.follow_time = scene.period, model.opt.timestep, scene.follow_time
         native.longest, native.patience, native.resting, native.unseen = LONGEST, PATIENCE, RESTING, 2 * FARTHEST
         native.steps, native.periods = scene.steps, math.ceil(scene.horizon / scene.period - 1e-9)
-        native.floats, native.returns, native.ask_torques = bodies.floats, bodies.returns, feedback is None
+        native.floats, native.returns = bodies.floats, bodies.returns
+        native.ask_torques = feedback is None or bool(model.neq or drivetrain.footholds)
         native.hand_first = native.hand_second = -1
         if scene.centering is not None:
             self._hand = hand = hand_law(scene.centering, scene.laws, scene.period)
@@ -336,7 +344,7 @@ class Runner:
             own.target[:] = (0.0, law.approach, 0.0, law.approach)
             own.force = own.peak = own.impulse = own.excursion = own.saturated = 0.0
             own.obstacle = own.detected = 0
-        native.touch_count = native.row_count = 0
+        native.touch_count = native.row_count = native.setpoint_head = native.setpoint_tail = 0
         native.rows = address(self._rows) if record else None
         native.hand_position = native.hand_velocity = 0.0
         native.hand_target[:] = (0.0,) * 4

@@ -63,12 +63,14 @@ class Approach:
         obstacle_velocity: velocity of the object [m/s], negative toward the robot.
         robot_velocity: velocity of the robot [m/s], positive toward the object.
         mass: mass of an added ball [kg]; infinite for a heavy one, NaN for the default.
+        radius: radius of an added ball [m]; NaN for the default.
     """
 
     distance: float
     obstacle_velocity: float
     robot_velocity: float
     mass: float
+    radius: float = math.nan
 
 
 def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach: Approach) -> RobotScene:
@@ -97,9 +99,10 @@ def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach:
     moving = _moving(model, index, glance)
     if not 0 < glance.distance <= FARTHEST or not (len(moving) or len(base) or approach.robot_velocity):
         weight = MASS if math.isnan(approach.mass) else min(approach.mass, _HEAVY)
-        ball = Ball(distance=approach.distance, velocity=approach.obstacle_velocity, mass=weight)
+        radius = RADIUS if math.isnan(approach.radius) else approach.radius
+        ball = Ball(distance=approach.distance, velocity=approach.obstacle_velocity, mass=weight, radius=radius)
         scene = put_ball(model_with_ball(path, gravity=falls(model, data, drivetrain)), data, site, ball)
-        sizes = f"radius {format_quantity(RADIUS, 'm')} and mass {format_quantity(weight, 'kg')}"
+        sizes = f"radius {format_quantity(radius, 'm')} and mass {format_quantity(weight, 'kg')}"
         return RobotScene(*scene, f"The object is an added ball with {sizes}.")
     if len(moving):
         point = np.array(data.site_xpos[index]) + glance.distance * axis
@@ -112,6 +115,8 @@ def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach:
     name = names_of(model, "geom")[glance.geom] or f"number {glance.geom}"
     start = format_quantity(glance.distance, "m")
     note = f"The object is the geom {name!r} of the model, at a distance of {start} from the sensor."
+    if not math.isnan(approach.radius):
+        note += " It has the size that the model says, so object_radius has no effect."
     return RobotScene(model, data, note)
 
 

@@ -9,6 +9,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -55,6 +56,8 @@ class JointFeedback:
         damping: c_d, gain of the joint's velocity [1/s].
         stiffness: c_p, gain of the position error [1/s^2].
         scale: factor of the model of inertia and load.
+        interval: time between two references that the controller takes [s]; 0 for every step of the simulation.
+        delay: time from there until the controller follows a reference [s].
     """
 
     acceleration: float
@@ -62,12 +65,17 @@ class JointFeedback:
     damping: float
     stiffness: float
     scale: float = 1.0
+    interval: float = 0.0
+    delay: float = 0.0
 
 
 class Tracking(ABC):
     """Base class of joint controllers that follow a reference."""
 
     __slots__ = ()
+
+    kind: ClassVar[str] = ""
+    """Its name in a scenario file; empty for a custom one, which a file cannot name."""
 
     def feedback(self) -> JointFeedback | None:
         """Return the coefficients with which compiled code computes the torques; None if it calls `torques`."""
@@ -118,6 +126,8 @@ class ComputedTorque(FeedbackTracking, Value):
         model_error: relative error of inertia and load in the controller's model, such as 0.3.
     """
 
+    kind: ClassVar[str] = "computed-torque"
+
     bandwidth: float = quantity("Hz", 20.0, sign="positive")
     damping_ratio: float = quantity("", 1.0, sign="positive")
     model_error: float = quantity("", 0.0)
@@ -140,15 +150,22 @@ class ComputedTorque(FeedbackTracking, Value):
 class PositionControl(FeedbackTracking, Value):
     """A position-controlled robot: every joint follows its reference with a second-order lag.
 
-    The joints obey q'' = w^2 (q_r - q) - 2 zeta w q', like a `PositionPlant`.
+    The joints obey q'' = w^2 (q_r - q) - 2 zeta w q', like a `PositionPlant`. The controller of an industrial arm takes
+    a new position q_r at its own rate only, and follows it some time later. Between two of them, q_r stays constant.
 
     Args:
         bandwidth: w / (2 pi) of the position loop [Hz].
         damping_ratio: zeta of the position loop.
+        rate: rate at which the controller takes positions [Hz], such as 125 Hz; None for every step of the simulation.
+        delay: time until the controller follows a position [s].
     """
+
+    kind: ClassVar[str] = "position"
 
     bandwidth: float = quantity("Hz", 20.0, sign="positive")
     damping_ratio: float = quantity("", 1.0, sign="positive")
+    rate: float | None = quantity("Hz", None, sign="positive", example='"125 Hz"')
+    delay: float = quantity("s", 0.0, sign="nonnegative", example='"8 ms"')
 
     def __post_init__(self) -> None:
         check_declared(self)
@@ -156,7 +173,8 @@ class PositionControl(FeedbackTracking, Value):
     def feedback(self) -> JointFeedback:
         """Return the coefficients with which compiled code computes the torques."""
         w = 2 * math.pi * self.bandwidth
-        return JointFeedback(0.0, 0.0, 2 * self.damping_ratio * w, w * w)
+        interval = 0.0 if self.rate is None else 1 / self.rate
+        return JointFeedback(0.0, 0.0, 2 * self.damping_ratio * w, w * w, interval=interval, delay=self.delay)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,6 +191,8 @@ class OperationalSpace(Tracking, Value):
         null_bandwidth: w / (2 pi) with which the null space returns to its posture, critically damped [Hz].
         model_error: relative error of inertia and load in the controller's model, such as 0.3.
     """
+
+    kind: ClassVar[str] = "impedance"
 
     bandwidth: float = quantity("Hz", 10.0, sign="positive")
     damping_ratio: float = quantity("", 1.0, sign="positive")
@@ -204,3 +224,9 @@ class OperationalSpace(Tracking, Value):
         rest = motion - inverse @ (np.linalg.pinv(mobility, rcond=1e-10, hermitian=True) @ (held @ motion))
         torques: FloatArray = (1 + self.model_error) * (held.T @ force + inertia @ rest + state.load)
         return torques
+
+
+TRACKINGS: Final[dict[str, type[Tracking]]] = {
+    cls.kind: cls for cls in (ComputedTorque, OperationalSpace, PositionControl)
+}
+"""The joint controllers that a scenario file can name, by kind."""

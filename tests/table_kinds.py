@@ -577,6 +577,150 @@ MORE_KINDS = (
         "V",
         output=_volts,
     ),
+    Kind("readings between rules", lambda r: _lines("---\nDistance: {d} mm\nADC: {c}\nADC: {c}\n", r), per_distance=2),
+    Kind("a label in words", lambda r: table("media,distance [mm],adc", ["air"] * 9, r.distances, r.counts)),
+    Kind("times of day and blanks", lambda r: "time distance_mm adc\n" + _lines("10:12:{s:06.3f} {d} {c}\n", r)),
+    Kind(
+        "quoted decimal commas and units",
+        lambda r: '"Distance";"Output"\n"mm";"V"\n' + commas(_lines('"{d}";"{v}"\n', r)),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "uncertainty of its own column",
+        lambda r: "d/mm\tU/V\tsigma_U/V\n" + _lines("{d}\t{v}\t0.01\n", r),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "LaTeX with units in macros",
+        lambda r: (
+            "\\begin{tabular}{SS}\n\\toprule\n{d / \\si{mm}} & {U / \\si{V}} \\\\\n\\midrule\n"
+            + _lines("{d} & {v} \\\\\n", r)
+            + "\\bottomrule\n\\end{tabular}\n"
+        ),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "unit in a column",
+        lambda r: '"distance (mm)","Reading","Unit"\n' + _lines('{d},{v},"V"\n', r),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "unit in a column, semicolons",
+        lambda r: "distance_mm;value;unit\n" + _lines("{d};{v};V\n", r),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "cells in V and mV",
+        lambda r: (
+            "distance_mm;value\n"
+            + "".join(
+                f"{d};{v * 1000:.0f} mV\n" if v < 1 else f"{d};{v} V\n"
+                for d, v in zip(r.distances, r.volts, strict=True)
+            )
+        ),
+        "V",
+        output=_volts,
+    ),
+    Kind("equal signs", lambda r: "".join(f"{d:g}mm={c}\n" for d, c in zip(r.distances, r.counts, strict=True))),
+    Kind(
+        "split data frame",
+        lambda r: (
+            '{"columns": ["distance_mm", "adc"], "data": '
+            + str([[d, c] for d, c in zip(r.distances, r.counts, strict=True)])
+            + "}\n"
+        ),
+    ),
+    Kind("objects of JavaScript", lambda r: "[\n" + _lines("  {{ distance_mm: {d}, adc: {c} }},\n", r) + "]\n"),
+    Kind("quoted numbers", lambda r: _lines('"{d}","{c}"\n', r), refused="columns"),
+    Kind(
+        "plus signs and zeros",
+        lambda r: (
+            "distance [mm] output [V]\n"
+            + "".join(f"+{d:08.3f} +{v:.4e}\n" for d, v in zip(r.distances, r.volts, strict=True))
+        ),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "wide without unit",
+        lambda r: (
+            "trial,"
+            + ",".join(f"{d:g}" for d in r.distances)
+            + "\n1,"
+            + ",".join(map(str, r.counts))
+            + "\n2,"
+            + ",".join(map(str, r.counts))
+            + "\n"
+        ),
+        refused="columns",
+        per_distance=2,
+    ),
+    Kind(
+        "distances as sections",
+        lambda r: "".join(f"[{d} mm]\n{c}\n{c}\n" for d, c in zip(r.distances, r.counts, strict=True)),
+        per_distance=2,
+    ),
+    Kind(
+        "distances as headings",
+        lambda r: "".join(f"=== {d} mm ===\n{c}\n{c}\n" for d, c in zip(r.distances, r.counts, strict=True)),
+        per_distance=2,
+    ),
+    Kind(
+        "distances with a name",
+        lambda r: "".join(f"d = {d} mm\n{c}\n{c}\n" for d, c in zip(r.distances, r.counts, strict=True)),
+        per_distance=2,
+    ),
+    Kind(
+        "distances as Markdown headings",
+        lambda r: "".join(f"## {d} mm\n{c}\n{c}\n" for d, c in zip(r.distances, r.counts, strict=True)),
+        per_distance=2,
+    ),
+    Kind(
+        "tabs and an index",
+        lambda r: (
+            "\n\n\tdistance (mm)\tadc\n"
+            + "".join(f"{i}\t{d}\t{c}\n" for i, (d, c) in enumerate(zip(r.distances, r.counts, strict=True)))
+        ),
+    ),
+    Kind("labels separated by blanks", lambda r: _lines("Range: {d} mm Lux: 12 ADC: {c}\n", r)),
+    Kind(
+        "Swedish",
+        lambda r: commas(table("Avstånd (mm);Spänning (V)", r.distances, r.volts, mark=";")),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "Turkish",
+        lambda r: commas(table("Mesafe (cm);Gerilim (V)", [f"{d / 10:g}" for d in r.distances], r.volts, mark=";")),
+        "V",
+        output=_volts,
+    ),
+    Kind(
+        "French 3",
+        lambda r: (
+            "N°;Distance (mm);Mesure\n"
+            + "".join(f"{i + 1};{d};{c}\n" for i, (d, c) in enumerate(zip(r.distances, r.counts, strict=True)))
+        ),
+    ),
+    Kind(
+        "Spanish 3",
+        lambda r: (
+            "Nº;Distancia (mm);Valor ADC\n"
+            + "".join(f"{i + 1};{d};{c}\n" for i, (d, c) in enumerate(zip(r.distances, r.counts, strict=True)))
+        ),
+    ),
+    Kind(
+        "German 3",
+        lambda r: (
+            "Nr.;Abstand [mm];Messwert;Bemerkung\n"
+            + "".join(f"{i + 1};{d};{c};\n" for i, (d, c) in enumerate(zip(r.distances, r.counts, strict=True)))
+        ),
+    ),
 )
 """Kinds that notebooks, test benches, PLCs, data sheets and colleagues in other languages write."""
 

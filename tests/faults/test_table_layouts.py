@@ -184,6 +184,16 @@ def test_commas_between_readings_behind_a_distance_are_no_decimal_signs(tmp_path
     assert len(read_calibrations(tmp_path / "x.txt")[0].outputs) == 4 * count
 
 
+@pytest.mark.parametrize(
+    ("read", "header"), [(read_calibrations, "distance [mm],output"), (read_recording, "time [s],output")]
+)
+def test_another_table_behind_the_first_is_refused(tmp_path, read, header: str) -> None:
+    rows = "".join(f"{i / 100},{500 - i}\n" for i in range(20))
+    (tmp_path / "x.csv").write_text(f"{header}\n{rows}time,temperature\n{rows}")
+    with pytest.raises(CalibrationDataError, match=r"line 22: .* header of another table"):
+        read(tmp_path / "x.csv")
+
+
 def test_tables_with_titles_in_one_file_are_curves_with_these_names(tmp_path) -> None:
     made = readings(1)
     rows = "".join(f"{d},{v}\n" for d, v in zip(made.distances, made.volts, strict=True))

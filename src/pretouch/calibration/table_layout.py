@@ -204,7 +204,8 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int], 
         readable = [i for i, title in enumerate(table.header) if not is_named(title, "time")] or [0]
         distance_or_first = readable[0] if distance is None else distance
         free = [i for i in [*readable, *range(len(table.header))] if i != distance_or_first]
-        output_guess = next((i for i in free if not is_named(table.header[i], "setting")), free[0])
+        others = ("setting", "count", "time", "statistic")
+        output_guess = next((i for i in free if not any(is_named(table.header[i], kind) for kind in others)), free[0])
         raise CalibrationDataError(
             f"{table.place}: the table needs one column named distance and one column named output. It has the columns "
             f"{columns}. Rename two columns, or select two columns with "

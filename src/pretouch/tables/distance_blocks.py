@@ -21,6 +21,7 @@ _DISTANCE: Final = re.compile(
 )
 _READING: Final = re.compile(rf"({WITHIN_LINE})\s*([^\s\d,;:.+-][^\s\d,;]*)?(?:[\s;|]+|,\s*|$)")
 _PACKED: Final = re.compile(r"[-+\d.,]*\d,\d[-+\d.,]*")
+_HEADING: Final = re.compile(r"\s*(?:#+|={2,}|\*+|-{2,}|\[)\s*([^=*\[\]]+?)\s*(?:#+|={2,}|\*+|-{2,}|\])?\s*")
 _LONGEST: Final = 4096  # characters of a line
 _FEWEST: Final = 2  # distances
 _WEAK: Final = frozenset({"", ",", ";"})  # separators that also stand between the cells of other tables
@@ -29,7 +30,7 @@ _WEAK: Final = frozenset({"", ",", ";"})  # separators that also stand between t
 def may_have_blocks(texts: Sequence[str]) -> bool:
     """Return True if a line begins with a distance, or says a distance alone."""
     for text in texts:
-        match = _DISTANCE.fullmatch(text) if len(text) < _LONGEST else None
+        match = _match(text)
         if match is not None and dimension(match[2]) == LENGTH:
             return True
         cells = labeled_cells(text) if ":" in text or "=" in text else None
@@ -54,7 +55,7 @@ def of_blocks(file: str, numbers: Sequence[int], texts: Sequence[str]) -> Formed
     packed: tuple[int, str] | None = None
     place, is_weak = None, False
     for number, text in zip(numbers, texts, strict=True):
-        match = _DISTANCE.fullmatch(text) if len(text) < _LONGEST else None
+        match = _match(text)
         found = _readings(match[4], match[3].strip()) if match and dimension(match[2]) == LENGTH else None
         cells = labeled_cells(text) if found is None else None
         readings: list[str] = []
@@ -98,6 +99,14 @@ def of_blocks(file: str, numbers: Sequence[int], texts: Sequence[str]) -> Formed
     output = f"output [{output_unit}]" if output_unit else "output"
     note = "Each distance belongs to the readings behind it and below it."
     return FormedLines([lines[0], *lines], [f"{header}{COLUMN}{output}", *rows], (note,))
+
+
+def _match(text: str) -> re.Match[str] | None:
+    """Return the parts of a line that begins with a distance, or of a heading that is one, such as `== 5 mm ==`."""
+    if len(text) >= _LONGEST:
+        return None
+    heading = _HEADING.fullmatch(text)
+    return _DISTANCE.fullmatch(heading[1] if heading else text)
 
 
 def _readings(text: str, separator: str) -> tuple[list[str], str] | None:

@@ -16,6 +16,7 @@ _RULE: Final = re.compile(
     r"|.{0,200}[=:]\s*[\[{(]+\s*|\s*[\[{(]+\s*|\s*[\]})]+\s*[;,]?\s*"
 )
 """Lines without cells: rules, the first and the last line of a table, and the count of its rows."""
+_MACRO: Final = re.compile(r"\\[A-Za-z]+|[{}$]")
 _OPENING: Final = "|!([{"
 _CLOSING: Final = "|)]}"
 _BARS: Final = ("|", "¦", ":")
@@ -74,6 +75,7 @@ def _without_brackets(numbers: Sequence[int], texts: list[str]) -> FormedLines:
         elif text.startswith("|") or text.endswith("\\\\"):
             mark = "|" if text.startswith("|") else "&"
             inner = text.removesuffix("\\\\").strip().strip("|")
+            inner = _MACRO.sub("", inner) if mark == "&" else inner
             rows.append(COLUMN.join(cell.strip() for cell in inner.split(mark)))
         else:
             rows.append(text.rstrip(",;").strip("()[]{}"))

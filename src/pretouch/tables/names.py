@@ -18,7 +18,7 @@ _DISTANCES = {
     *("distancia", "distanza", "distância", "afstand", "avstånd", "odległość", "vzdálenost", "etäisyys"),
     *("mesafe", "távolság", "расстояние", "дистанция", "距离", "距離", "거리"),
 }
-_AVERAGES: Final = frozenset({"mean", "average", "avg", "mittelwert", "moyenne", "media", "média", "medio"})
+_AVERAGES: Final = frozenset({"mean", "average", "avg", "mittelwert", "moyenne", "média"})
 _OUTPUTS = {
     *("output", "out", "voltage", "value", "reading", "readings", "signal", "xi", "y", "counts", "count", "adc"),
     *("intensity", "response", "u", "v", "level", "raw", "proximity", "prox", "photocurrent", "photo current"),
@@ -52,7 +52,7 @@ _NAMES: dict[str, set[str] | re.Pattern[str]] = {
     "average": set(_AVERAGES),
     "count": {
         *("", "#", "no", "nr", "n", "i", "index", "idx", "row", "unnamed: 0", "trial", "repeat", "repetition", "rep"),
-        *("run", "sample", "measurement", "messung", "record", "seq"),
+        *("run", "sample", "measurement", "messung", "record", "seq", "№", "n°", "nº", "序号", "番号", "номер"),
     },
     "repeat": re.compile(
         r"(?:(?:trial|try|repeat|repetition|rep|run|measurement|messung|reading|versuch|mesure|essai|lectura|prova|#)"

@@ -34,6 +34,7 @@ def of_arrays(numbers: Sequence[int], texts: list[str]) -> FormedLines | None:
     content, notes = _content("\n".join(texts)), ("The file is JSON.",)
     if isinstance(content, dict) and content and all(isinstance(key, (int, float)) for key in content):
         content, notes = [list(pair) for pair in content.items()], ("The file is a dictionary of Python.",)
+    content = _split_frame(content)
     if isinstance(content, dict) and len({len(v) for v in content.values() if isinstance(v, list)}) == 1:
         columns = {name: column for name, column in content.items() if isinstance(column, list)}
         content = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
@@ -47,6 +48,19 @@ def of_arrays(numbers: Sequence[int], texts: list[str]) -> FormedLines | None:
         rows = [COLUMN.join(map(str, row)) for row in content]
         return FormedLines(line * len(rows), rows, notes)
     return None
+
+
+def _split_frame(content: Any) -> Any:
+    """Return a data frame whose headers and rows are two members of an object as a list of objects."""
+    members = content.values() if isinstance(content, dict) else ()
+    for header in members:
+        is_header = (
+            isinstance(header, list) and len(header) >= _FEWEST and all(isinstance(each, str) for each in header)
+        )
+        for rows in members if is_header else ():
+            if isinstance(rows, list) and rows and all(isinstance(r, list) and len(r) == len(header) for r in rows):
+                return [dict(zip(header, row, strict=True)) for row in rows]
+    return content
 
 
 def _content(text: str) -> Any:
@@ -75,6 +89,8 @@ def of_vectors(numbers: Sequence[int], texts: Sequence[str]) -> FormedLines | No
     names = [match[1] for match in matches if match]
     vectors = [re.split(r"\s*[,;]\s*|\s+", match[2].strip().rstrip(",;")) for match in matches if match]
     length = len(vectors[0])
+    if len(set(names)) < len(names):  # such as a tuple in each line of a log
+        return None
     if length < _FEWEST or any(len(v) != length or not all(map(is_number, v)) for v in vectors):
         return None
     rows = [COLUMN.join(row) for row in (names, *zip(*vectors, strict=True))]

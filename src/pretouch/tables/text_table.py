@@ -17,7 +17,7 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.files import read_regular_file
 
 from .cell_forms import plain_columns
-from .cells import TextTable, is_number, is_row
+from .cells import TextTable, is_missing, is_no_object, is_number, is_row, quoted
 from .column_options import ColumnOptions
 from .dialect import BLANK, cells_of, delimiter_of_header, delimiter_of_row
 from .distance_blocks import of_blocks
@@ -29,12 +29,14 @@ from .names import is_length, is_unit
 
 _refusal = CalibrationDataError.without_content
 
+_SHOWN = 4  # cells that a message shows
 _COUNTED = 1000  # rows from which the number of columns is determined
 _MOST_BYTES = 100_000_000
 _MOST_ROWS = 2_000_000
 _LONGEST_LINE = 200_000  # characters, enough for ten thousand columns
 _EMPTY = " \t\r\n,;"  # characters of a line without content
 _BREAK = re.compile(r"\r\n|\n|\r")
+_UNIT_TITLES = frozenset({"unit", "units", "einheit", "unité", "unidad", "unità", "eenheid", "единица", "单位", "単位"})
 _START = 400  # characters in which a file says that it is a page
 _PAGES = ("<!doctype", "<html", "<?xml", "<table", "<head", "<body", "<div", "<svg")
 _FULL_WIDTH = {0xFF01 + i: 0x21 + i for i in range(94)} | {0x3000: 0x20, 0x3001: 0x2C}
@@ -96,8 +98,11 @@ def read_table(
         header, rows, numbers = _with_titles(title, header, rows, numbers) or (header, rows, numbers)
         _refuse_second_table(path.name, header, rows, numbers)
     _refuse_other_widths(path.name, header, rows, numbers, delimiter)
-    columns = tuple(zip(*rows, strict=True)) or ((),) * len(header)
+    columns: tuple[Sequence[str], ...] = tuple(zip(*rows, strict=True)) or ((),) * len(header)
+    header, columns = _with_units_of_column(header, columns)
     plain = plain_columns(path.name, header, columns, numbers, delimiter)
+    if all(floats is None for floats in plain.floats):  # otherwise, no row has only words
+        _refuse_other_table(path.name, header, rows, numbers)
     return TextTable(
         file=path.name,
         sha256=digest,
@@ -170,7 +175,8 @@ def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimit
     header = tuple(f"column {i + 1}" for i in range(width or 1))
     if line is not None:
         header = without_remark(header_cells(line, delimiter, width), width)
-        if delimiter == BLANK and width == len(header) + 1 and _are_counted(rows):
+        is_indented = delimiter == BLANK and line[:1].isspace()
+        if is_indented and width == len(header) + 1 and _are_counted(rows):
             header = ("", *header)
     units = [cell.strip("[]() ") for cell in rows[0]] if rows else []
     if len(units) != len(header) or any(map(is_number, units)):
@@ -178,6 +184,24 @@ def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimit
     if not any(map(is_length, units)) and not (any(units) and all(is_unit(unit) for unit in units if unit)):
         return header, 0
     return tuple(f"{title} [{unit}]" if unit else title for title, unit in zip(header, units, strict=True)), 1
+
+
+def _with_units_of_column(
+    header: tuple[str, ...], columns: tuple[Sequence[str], ...]
+) -> tuple[tuple[str, ...], tuple[Sequence[str], ...]]:
+    """Write the units of a column such as `unit` behind the numbers of the column before it, and remove it."""
+    for i in range(1, len(header)):
+        units, numbers = columns[i], columns[i - 1]
+        if header[i].strip().casefold() not in _UNIT_TITLES or not all(map(is_unit, set(units) - {""})):
+            continue
+        if (
+            any(units)
+            and all(is_number(cell) or not cell for cell in numbers[:_COUNTED])
+            and not any(is_length(unit) for unit in set(units))
+        ):
+            cells = [f"{number} {unit}".strip() if number else "" for number, unit in zip(numbers, units, strict=True)]
+            return (*header[:i], *header[i + 1 :]), (*columns[: i - 1], cells, *columns[i + 1 :])
+    return header, columns
 
 
 def _are_counted(rows: Sequence[tuple[str, ...]]) -> bool:
@@ -263,6 +287,23 @@ def _refuse_second_table(file: str, header: tuple[str, ...], rows: Sequence[Any]
                 f"{file}, line {number}: the header occurs again. If another table follows, save each table as a "
                 "file of its own; if it continues the table, remove this line",
                 problem=f"{file}, line {number}: the header occurs again",
+            )
+
+
+def _refuse_other_table(file: str, header: tuple[str, ...], rows: Sequence[Any], numbers: Sequence[int]) -> None:
+    """Raise an error if the header of another table stands between the rows, with rows of numbers below it."""
+    for i, row in enumerate(rows[:-1]):
+        if not row or not row[0][:1].isalpha() or tuple(row) == header:
+            continue
+        below = rows[i + 1]
+        if len(row) > 1 and all(cell[:1].isalpha() and not is_missing(cell) and not is_no_object(cell) for cell in row):
+            if len(below) != len(row) or not all(map(is_number, below)):
+                continue
+            found = ", ".join(map(quoted, row[:_SHOWN]))
+            raise CalibrationDataError(
+                f"{file}, line {numbers[i]}: the cells {found} look like the header of another table. If so, save each "
+                "table as a file of its own; otherwise, put # before this line",
+                problem=f"{file}, line {numbers[i]}: another table begins here",
             )
 
 

@@ -45,7 +45,10 @@ def of_documents(numbers: Sequence[int], texts: Sequence[str]) -> FormedLines | 
     for i in range(len(texts) + 1):
         if i < len(texts) and texts[i].strip() != _END:
             continue
-        cells, unread = _document(numbers[begin:i], texts[begin:i])
+        document = _document(numbers[begin:i], texts[begin:i])
+        if document is None:
+            return None
+        cells, unread = document
         others += unread
         if cells:
             documents.append(cells)
@@ -67,8 +70,11 @@ def of_documents(numbers: Sequence[int], texts: Sequence[str]) -> FormedLines | 
     return FormedLines([starts[0], *starts], rows, (note,), tuple(lost)) if rows else None
 
 
-def _document(numbers: Sequence[int], texts: Sequence[str]) -> tuple[dict[str, str], list[int]]:
-    """Return the values of one document by the paths of their keys, and the numbers of lines that are not read."""
+def _document(numbers: Sequence[int], texts: Sequence[str]) -> tuple[dict[str, str], list[int]] | None:
+    """Return the values of one document by the paths of their keys, and the numbers of lines that are not read.
+
+    The result is None if a key occurs twice.
+    """
     cells: dict[str, str] = {}
     parents: list[tuple[int, str]] = []
     counts = Counter[str]()
@@ -83,8 +89,11 @@ def _document(numbers: Sequence[int], texts: Sequence[str]) -> tuple[dict[str, s
         elif key is not None:
             indent, name, value = len(key[1]), key[2], key[3]
             parents = [parent for parent in parents if parent[0] < indent]
+            path = ".".join([*(parent for _, parent in parents), name])
+            if path in cells:
+                return None
             if value:
-                cells[".".join([*(parent for _, parent in parents), name])] = value.strip("'\"")
+                cells[path] = value.strip("'\"")
             else:
                 parents.append((indent, name))
         else:

@@ -116,12 +116,16 @@ class _NativeRun(Structure):
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """Contacts of one run: of the sites, of all bodies, the largest force on the robot [N], and if it was passed."""
+    """Contacts of one run: of the sites, of all bodies, the largest force on the robot [N], and if it was passed.
+
+    `problems` has the names of MuJoCo's warnings in this run, such as "BADQACC".
+    """
 
     contacts: tuple[SiteContact, ...]
     touches: tuple[BodyContact, ...]
     robot_force: float
     passed_peak: bool
+    problems: tuple[str, ...]
 
 
 class _SiteResult:
@@ -318,7 +322,16 @@ class Runner:
             )
             for own, result in zip(self._sites, results, strict=True)
         )
-        return RunResult(contacts, self._body_contacts(), native.peak, bool(native.passed))
+        return RunResult(contacts, self._body_contacts(), native.peak, bool(native.passed), self._problems())
+
+    def _problems(self) -> tuple[str, ...]:
+        """Return the names of MuJoCo's warnings since the start of the run."""
+        kinds, counts = mujoco().mjtWarning, self._data.warning
+        return tuple(
+            name.removeprefix("mjWARN_")
+            for name, kind in kinds.__members__.items()
+            if name.startswith("mjWARN_") and counts[int(kind)].number
+        )
 
     def _restart(self, number: int, *, record: bool) -> Any:
         """Set state, sensors, laws and results to those of the start of a run; return what has to be kept alive."""

@@ -116,6 +116,37 @@ def report_rising_forces(passed: Sequence[bool]) -> Iterator[str]:
         )
 
 
+_PROBLEMS: Final = {
+    "BADQPOS": "unstable",
+    "BADQVEL": "unstable",
+    "BADQACC": "unstable",
+    "INERTIA": "unstable",
+    "CONTACTFULL": "memory",
+    "CNSTRFULL": "memory",
+}
+_REMEDIES: Final = {
+    "unstable": (
+        "an unstable simulation: reduce the time step of the model, lower the bandwidth of the tracking, or give light "
+        "joints an armature. Contacts and forces of these runs are wrong"
+    ),
+    "memory": (
+        "too little memory for contacts: raise <size memory=.../> of the model. Contacts are missing in these runs"
+    ),
+}
+
+
+def report_problems(problems: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Yield a warning for each kind of problem that MuJoCo has counted.
+
+    Args:
+        problems: the names of MuJoCo's warnings in each run.
+    """
+    for kind, text in _REMEDIES.items():
+        count = sum(any(_PROBLEMS.get(name) == kind for name in run) for run in problems)
+        if count:
+            yield caution("PT550", f"In {count} of {len(problems)} runs, MuJoCo warned about {text}.")
+
+
 def _saturated(contact: SiteContact) -> float:
     """Return the fraction of time with a drive at its limit. The time counts from detection to contact."""
     if contact.detection is None:

@@ -16,7 +16,13 @@ from pretouch.simulation.result import whole
 
 from .centering import Centering
 from .compiled_run import Runner, RunResult
-from .deviations import explain_deviations, report_deviations, report_rising_forces, report_touches
+from .deviations import (
+    explain_deviations,
+    report_deviations,
+    report_problems,
+    report_rising_forces,
+    report_touches,
+)
 from .model import Data, Model, check_model, site_index
 from .obstruction import beam_warnings
 from .projection import warnings_of_site
@@ -100,6 +106,7 @@ def simulate_robot(
         touches=touches,
         robot_forces=tuple(result.robot_force for result in results),
         warnings=(
+            *report_problems([result.problems for result in results]),
             *report_touches(touches_elsewhere(touches)),
             *report_rising_forces([result.passed_peak for result in results]),
             *_warnings(scene, contacts, predictions),

@@ -55,7 +55,7 @@ def test_prongs_ahead_of_the_sensor_are_said_to_be_hit(part: str) -> None:
     assert touch.peak_force == pytest.approx(force_on_the_ball(result), rel=1e-3)
     assert result.robot_forces[0] == touch.peak_force > 2.0
     assert 0.05 < -touch.relative_velocity < 0.1
-    assert [text[:5] for text in result.warnings] == ["PT507"]
+    assert [text[:5] for text in result.warnings] == ["PT548"]
     headline = str(result).splitlines()[0]
     assert "hit" in headline
     assert "No site" not in headline
@@ -138,7 +138,7 @@ def test_the_largest_force_is_followed_until_it_has_passed(bandwidth: float) -> 
 @pytest.mark.parametrize(("horizon", "rising"), [(0.06, True), (5.0, False)])
 def test_a_force_that_still_grows_at_the_end_is_said(horizon: float, rising: bool) -> None:
     result = landing(horizon=horizon)
-    assert [text[:5] for text in result.warnings if "follow_time" in text] == ["PT507"] * rising
+    assert [text[:5] for text in result.warnings if "follow_time" in text] == ["PT549"] * rising
 
 
 def test_a_contact_without_gravity_ends_soon() -> None:
@@ -166,4 +166,4 @@ def test_a_sensor_flush_with_its_own_robot_sees_past_it(view: str, flange: str) 
 def test_what_the_robot_holds_into_the_beam_is_named(place: str, named: bool) -> None:
     lug = f'<geom name="lug" size="0.003" pos="{place}" mass="0.001"/>'
     result = simulate_robot(*scene(lug), [LAW], horizon=0.01)
-    assert ["lug" in text for text in result.warnings if "PT507: tip" in text] == [True] * named
+    assert ["lug" in text for text in result.warnings if "PT547: tip" in text] == [True] * named

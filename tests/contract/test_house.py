@@ -93,6 +93,8 @@ ALLOWED = {
     "pretouch": "attach_stub",  # the public names, imported when they are first used
     "pretouch.report": "attach_stub",
     "pretouch._core.errors": "import_module",  # optional libraries of others, see `require`
+    "pretouch.robots.descriptions": "find_spec import_module",  # collections of models, if they are installed
+    "pretouch.robots.urdf": "import_module",  # xacro, which is no extra of pretouch
     "pretouch.robots.rendering": "import_module reload",  # MuJoCo's backend of OpenGL
 }
 

@@ -42,7 +42,7 @@ def test_an_example_is_projected(path: Path) -> None:
 def test_the_programs_of_the_page_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(EXAMPLES.parents[1])
     blocks = re.findall(r"```python\n(.*?)```", Path("docs/how-to/robots.md").read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 5
+    assert len(blocks) == 6
     for block in blocks:
         exec(block, {})  # noqa: S102 - the page is ours
     printed = capsys.readouterr().out
@@ -73,7 +73,7 @@ def test_a_hopping_leg_lands_with_its_designed_gain(monkeypatch: pytest.MonkeyPa
     # after the foot, the bent leg sits down on its shank and thigh; nothing else is warned of
     elsewhere = [touch.body for touch in landing.touches[0] if not touch.site]
     assert elsewhere == ["shank", "thigh"]
-    assert [text[:5] for text in landing.warnings] == ["PT507"] * len(elsewhere)
+    assert [text[:5] for text in landing.warnings] == ["PT548"] * len(elsewhere)
     course = landing.predicted_courses()[0]
     trace = landing.trace()
     distances = np.interp(course.time, trace.time, trace.distance[:, 0])

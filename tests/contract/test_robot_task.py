@@ -240,3 +240,84 @@ def test_the_command_refuses_with_one_sentence(tmp_path: Path) -> None:
     assert json.loads(answer.stdout)["status"] == "error"
     assert answer.stderr.startswith("pretouch: ")
     assert answer.stderr.count("\n") == 1
+
+
+# --- models of other people
+
+PLANAR = (
+    '<robot name="planar"><link name="base">{0}</link><link name="upper"><visual><geometry>'
+    '<mesh filename="package://arm/a.stl"/></geometry></visual>{0}</link><link name="lower">{0}</link>'
+    '<link name="tool"/>{1}{2}<joint name="flange" type="fixed">'
+    '<parent link="lower"/><child link="tool"/><origin xyz="0.4 0 0"/></joint></robot>'
+)
+INERTIAL = (
+    '<inertial><origin xyz="0.2 0 0"/><mass value="1"/>'
+    '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
+    "</inertial>"
+)
+HINGE = (
+    '<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/><origin xyz="{} 0 0"/><axis xyz="0 1 0"/>'
+    '<limit lower="-2" upper="2" effort="50" velocity="3"/></joint>'
+)
+
+
+@pytest.fixture
+def planar(tmp_path: Path) -> Path:
+    path = tmp_path / "planar.urdf"
+    hinges = HINGE.format("shoulder", "base", "upper", 0), HINGE.format("elbow", "upper", "lower", 0.4)
+    path.write_text(PLANAR.format(INERTIAL, *hinges))
+    return path
+
+
+def test_the_command_takes_a_site_a_posture_a_base_and_packages(planar: Path, monkeypatch, capsys) -> None:
+    run = command(monkeypatch, capsys)
+    posture = ("--posture", "elbow=-80deg", "--posture", "shoulder=0.2")
+    code, out, err = run("project", str(planar), "--site", "tool:+x:50mm", *posture, "--json")
+    assert (code, err) == (0, "")
+    (row,) = json.loads(out)["rows"]
+    assert row["posture"] == pytest.approx({"shoulder": 0.2, "elbow": np.radians(-80)})
+    assert [text[:5] for text in row["warnings"]][:2] == ["PT540", "PT542"]
+    code, out, err = run("project", str(planar), "--site", "tool:+z", "--joint", "shoulder", *posture, "--json")
+    (row,) = json.loads(out)["rows"]
+    assert list(row["posture"]) == ["shoulder"]
+    assert run("project", str(planar), "--site", "tool:+x", "--base", "free", *posture, "--json")[0] == 0
+    code, out, err = run("project", str(planar), "--site", "tool:+x", "--posture", "elbow")
+    assert code == 2
+    assert err.startswith("pretouch: --posture")
+
+
+def test_a_file_with_a_body_gives_the_task_of_the_robot(read, planar: Path) -> None:
+    place = f'model = "{planar.as_posix()}"\nbody = "tool"\naxis = "+x"\n'
+    posture = 'posture = { shoulder = "20 deg", elbow = "-70 deg" }\n'
+    task = read(place + 'offset = "50 mm"\n' + posture)
+    model = load_model(planar, sites=["tool:+x:50mm"])
+    data = make_data(model, {"shoulder": "20 deg", "elbow": "-70 deg"})
+    projection = project_site(model, data, SensorSite("tool:+x:0.05 m"))
+    assert task.impact.robot_mass == projection.reflected_mass
+    limits = {limit.name: limit.limit for limit in task.limits}
+    assert limits["speed"] == projection.speed.least
+    for more in (
+        'offset = ["50 mm", 0, 0]\n',
+        'base = "fixed"\n',
+        'packages = ["."]\njoints = ["shoulder", "elbow"]\n',
+    ):
+        other = read(place + more + posture)
+        assert other.impact.robot_mass == pytest.approx(task.impact.robot_mass, rel=1e-9)  # on one axis
+
+
+@pytest.mark.parametrize(
+    ("place", "argument"),
+    [
+        ('site = "tool"\nbody = "tool"\n', "robot.site"),
+        ("", "robot.site"),
+        ('site = "tool"\noffset = "5 mm"\n', "robot.offset"),
+        ('body = "tool"\naxis = [1, 0, 0]\n', "robot.axis"),
+        ('body = "tool"\noffset = ["5 mm", 0]\n', "robot.offset"),
+        ('body = "hand"\n', "robot.body"),
+        ('body = "tool"\nbase = "loose"\n', "robot.base"),
+        ('body = "tool"\njoints = "elbow"\n', "robot.joints"),
+    ],
+)
+def test_a_wrong_place_of_the_sensor_is_one_sentence(read, planar: Path, place: str, argument: str) -> None:
+    with refused(argument, error=ScenarioFileError):
+        read(f'model = "{planar.as_posix()}"\n{place}')

@@ -89,17 +89,15 @@ def test_the_model_without_changes_is_accepted() -> None:
         ({}, SensorSite("toe"), {"argument": "site", "value": "toe"}),
         ({}, SensorSite("fixed"), {"argument": "site", "value": "fixed"}),
         ({}, SensorSite("tip", axis="+y"), {"argument": "site 'tip'"}),
-        ({"limited": "false"}, SensorSite("tip"), {"argument": "joint 'a'"}),
         ({"motor": ""}, SensorSite("tip"), {"argument": "actuators"}),
         (
             {"kind": "ball", "limited": "false", "motor": '<motor joint="a" gear="1 0 0"/>'},
             SensorSite("tip"),
             {"argument": "joint 'a'"},
         ),
-        ({"place": "0.1"}, SensorSite("tip"), {"argument": "site 'tip'", "value": "finger"}),
         ({"range": "0.05 0.1"}, SensorSite("tip"), {"argument": "posture a", "value": 0.0, "limit": (0.05, 0.1)}),
     ],
-    ids=["unknown site", "fixed site", "other direction", "no range", "no actuator", "ball", "inside", "out of range"],
+    ids=["unknown site", "fixed site", "other direction", "no actuator", "ball", "out of range"],
 )
 def test_a_model_that_cannot_be_projected_is_refused(
     changes: dict[str, str], site: SensorSite, fields: dict[str, Any]
@@ -126,7 +124,7 @@ def test_a_model_that_cannot_be_projected_is_refused(
         ('type="box" size="0.1 0.1 0.1" contype="0" conaffinity="0"', 0.05, False),
     ],
 )
-def test_a_sensor_is_covered_inside_a_shape_only(shape: str, place: float, covered: bool) -> None:
+def test_a_site_inside_a_shape_is_taken_to_its_surface(shape: str, place: float, covered: bool) -> None:
     corners = " ".join(f"{x} {y} {z}" for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1))
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><asset><mesh name="cube" vertex="{corners}"/></asset><worldbody><body>
@@ -134,21 +132,52 @@ def test_a_sensor_is_covered_inside_a_shape_only(shape: str, place: float, cover
         <geom size="0.01" mass="1" pos="-1 0 0"/><site name="tip" pos="{place} 0 0"/></body></worldbody>
         <actuator><motor joint="a" ctrlrange="-5 5"/></actuator></mujoco>"""
     )
-    if covered:
-        with refused("site 'tip'", value="shell"):
-            project_site(model, make_data(model), SensorSite("tip"))
-    else:
-        assert project_site(model, make_data(model), SensorSite("tip")).retreat == pytest.approx(1.0)
+    projection = project_site(model, make_data(model), SensorSite("tip"))
+    assert projection.retreat == pytest.approx(1.0)
+    assert projection.position[0] == pytest.approx(
+        0.1 if covered else place, abs=1e-8
+    )  # meshes are stored in single precision
+    assert [text[:5] for text in projection.warnings if "PT544" in text] == ["PT544"] * covered
+    assert "'shell'" in "".join(projection.warnings) or not covered
 
 
-def test_drives_that_cannot_hold_the_robot_are_refused() -> None:
-    model = mujoco.MjModel.from_xml_string(
-        ONE_JOINT.format(**{**GOOD, "motor": '<motor joint="a" ctrlrange="-0.1 0.1"/>'}).replace(
-            "<worldbody>", '<option gravity="-9.81 0 0"/><worldbody>', 1
-        )
-    )
-    with refused("actuators"):
-        project_site(model, make_data(model), SensorSite("tip"))
+HEAVY = '<option gravity="-9.81 0 0"/><worldbody>'
+
+
+def test_the_joint_that_the_drives_cannot_hold_is_named() -> None:
+    text = ONE_JOINT.format(**{**GOOD, "motor": '<motor name="weak" joint="a" ctrlrange="-0.1 0.1"/>'})
+    model = mujoco.MjModel.from_xml_string(text.replace("<worldbody>", HEAVY, 1))
+    projection = project_site(model, make_data(model), SensorSite("tip"))
+    weight = 9.81 * float(model.body_mass.sum())
+    (said,) = (text for text in projection.warnings if "PT546" in text)
+    assert f"joint a lacks {weight - 0.1:.3g} of {weight:.3g} N" in said
+    assert "weak" in said
+    for limits in (projection.acceleration, projection.speed, projection.force):
+        assert (limits.ahead, limits.back) == (0.0, 0.0)
+    assert projection.reflected_mass == pytest.approx(float(model.body_mass.sum()))
+    with refused("speed"):
+        projection.constraints()
+
+
+def test_a_weak_joint_that_does_not_move_the_site_does_not_matter() -> None:
+    slide = '<joint name="{}" type="slide" axis="{}" range="-1 1" limited="true"/><geom size="0.1"/>'
+    other = f'<body pos="0 1 0">{slide.format("b", "1 0 0")}</body>'
+    bodies = f'<body pos="0 0 1">{slide.format("c", "0 0 1")}'
+    text = ONE_JOINT.format(**GOOD).replace('ctrlrange="-5 5"', 'ctrlrange="-50 50"').replace("<worldbody>", HEAVY, 1)
+    both = text.replace("<body>", bodies + other + "<body>", 1).replace("</worldbody>", "</body></worldbody>")
+    motors = '<motor joint="b" ctrlrange="-0.1 0.1"/><motor joint="c" ctrlrange="-9 9"/></actuator>'
+    model = mujoco.MjModel.from_xml_string(both.replace("</actuator>", motors))
+    projection = project_site(model, make_data(model), SensorSite("tip"))
+    assert not any("PT546" in text for text in projection.warnings)
+    assert projection.acceleration.least > 0
+
+
+def test_a_slide_without_a_range_is_said() -> None:
+    model = model_of(limited="false")
+    projection = project_site(model, make_data(model), SensorSite("tip"))
+    assert [text[:5] for text in projection.warnings] == ["PT508"]
+    with refused("joint 'a'"):
+        random_postures(model, SensorSite("tip"), 3)
 
 
 @pytest.mark.parametrize(
@@ -223,6 +252,6 @@ def test_a_hinge_without_range_turns_as_far_as_one_with_a_wide_range() -> None:
     free = project_site(model, make_data(model, posture), site)
     assert (free.retreat, free.reflected_mass) == (wide.retreat, wide.reflected_mass)
     (said,) = (text for text in free.warnings if "PT508" in text)
-    assert "lets them turn without limit (elbow, wrist): add the range" in said
+    assert "lets them move without limit (elbow, wrist): add the range" in said
     assert not any("PT508" in text for text in wide.warnings)
     assert free.retreat > project_site(load_model(ARM), make_data(load_model(ARM), posture), site).retreat

@@ -17,7 +17,7 @@ from .reading import Reading, ScenarioSource
 from .robot_section import MODEL, has_model
 
 if TYPE_CHECKING:
-    from pretouch.robots import Projection, SensorSite
+    from pretouch.robots import Projection, RobotFile, SensorSite
     from pretouch.sensors import SensorModel
 
 
@@ -61,31 +61,47 @@ def check_tracking(file: Reading) -> None:
 def _project(file: Reading, values: Mapping[str, Any]) -> Projection:
     from pretouch.robots import project_site  # noqa: PLC0415 - only with a robot model
 
-    path = model_path(file.source, values)
-    robot = read_robot(path, values)
-    file.source = replace(file.source, model_files=(path,))
+    robot_file = robot_file_of(file.source, values)
+    robot = read_robot(robot_file, values)
+    path = Path(robot_file.path)
+    file.source = replace(file.source, model_files=(path,) if path.is_file() else ())
     return project_site(robot.model, robot.data, robot.site, joint_speeds=values.get("joint_speeds"))
 
 
-def model_path(source: ScenarioSource, values: Mapping[str, Any]) -> Path:
-    """Return the path of the robot model that the section [robot] names."""
-    return source.path.parent / str(values[MODEL])
+def robot_file_of(source: ScenarioSource, values: Mapping[str, Any]) -> RobotFile:
+    """Return the robot model that the section [robot] names, with its choices."""
+    from pretouch.robots import RobotFile, SiteOnBody  # noqa: PLC0415 - only with a robot model
+
+    folder, name = source.path.parent, str(values[MODEL])
+    path = folder / name
+    is_name = not path.is_file() and not path.suffix and "/" not in name
+    sites = (SiteOnBody(values["body"], values["axis"], values.get("offset")),) if "body" in values else ()
+    return RobotFile(
+        name if is_name else str(path),
+        packages=tuple(str(folder / package) for package in values.get("packages", ())),
+        base=values.get("base"),
+        joints=tuple(values.get("joints", ())),
+        posture=values.get("posture"),
+        sites=sites,
+    )
 
 
-def read_robot(path: Path, values: Mapping[str, Any], sensor: SensorModel | None = None) -> RobotInPosture:
+def read_robot(robot: RobotFile, values: Mapping[str, Any], sensor: SensorModel | None = None) -> RobotInPosture:
     """Load the robot model in the posture that the section [robot] of the scenario file sets."""
     from pretouch.robots import SensorSite, load_model, make_data  # noqa: PLC0415 - only with a robot model
 
     try:
-        model = load_model(path)
-    except InvalidInputError:
+        model = load_model(robot)
+    except InvalidInputError as error:
         # A scenario may name any file, so the message must not reveal the content of that file.
-        if not path.is_file():
+        path = Path(robot.path)
+        if not path.is_file() or error.argument != "model":
             raise
         raise InvalidInputError(
             f"model: MuJoCo cannot read the robot model {path.name}; for details, run: pretouch project "
             f"{shlex.quote(str(path))}"
         ) from None
     options = {name: values[name] for name in ("axis", "field_of_view", "hold") if name in values}
-    site = SensorSite(values["site"], sensor, **options)
-    return RobotInPosture(model, make_data(model, values.get("posture"), keyframe=values.get("keyframe")), site)
+    site = SensorSite(robot.sites[0].name if robot.sites else values["site"], sensor, **options)
+    posture = {name: v for name, v in values.get("posture", {}).items() if not robot.joints or name in robot.joints}
+    return RobotInPosture(model, make_data(model, posture, keyframe=values.get("keyframe")), site)

@@ -18,7 +18,7 @@ from pretouch.verification.verdict import chosen_gain
 
 from .document import read_document
 from .reading import Reading
-from .robot import model_path, read_robot
+from .robot import read_robot, robot_file_of
 from .robot_section import has_model
 from .schema import FREE
 
@@ -65,7 +65,8 @@ def simulate_robot_file(
             f'{path}: found no robot model, expected [robot] with model = "arm.xml" and site = "fingertip"'
         )
     _refuse_other_motion(Path(path), task)
-    robot = read_robot(model_path(source, values), values, task.sensor)
+    robot_file = robot_file_of(source, values)
+    robot = read_robot(robot_file, values, task.sensor)
     scenario = task.scenario
     approach = Approach(
         distance=float(scenario.distance),
@@ -74,7 +75,7 @@ def simulate_robot_file(
         mass=math.nan if task.impact is None else float(task.impact.obstacle_mass),
         radius=values.get("object_radius", math.nan),
     )
-    scene = make_scene(model_path(source, values), robot.model, robot.data, robot.site, approach)
+    scene = make_scene(robot_file, robot.model, robot.data, robot.site, approach)
     controller, chain = _control(file, task)
     steps = math.ceil(controller.period / scene.model.opt.timestep - 1e-9)
     scene.model.opt.timestep = controller.period / steps
@@ -90,7 +91,7 @@ def simulate_robot_file(
         contact_stiffness=stiffness,
         **options,
     )
-    return replace(result, notes=(scene.note, *result.notes))
+    return replace(result, notes=(scene.note, *result.notes), warnings=(*result.warnings, *scene.warnings))
 
 
 def _refuse_other_motion(path: Path, task: Task) -> None:

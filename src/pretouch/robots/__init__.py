@@ -3,10 +3,11 @@
 from .centering import Centering
 from .drives import AxisLimits
 from .encounter import simulate_robot
-from .model import load_model, make_data
+from .model import make_data
 from .path import Excursion
 from .projection import Projection, project_site
 from .result import BodyContact, RobotSimulation, RobotTrace, SiteContact
+from .robot_file import RobotFile, SiteOnBody, load_model, site_on_body
 from .site import SensorSite
 from .site_law import SiteLaw
 from .sweep import sweep_robot
@@ -25,11 +26,13 @@ __all__ = [
     "PositionControl",
     "Projection",
     "ProjectionTable",
+    "RobotFile",
     "RobotSimulation",
     "RobotTrace",
     "SensorSite",
     "SiteContact",
     "SiteLaw",
+    "SiteOnBody",
     "Tracking",
     "Workspace",
     "load_model",
@@ -39,6 +42,7 @@ __all__ = [
     "project_workspace",
     "random_postures",
     "simulate_robot",
+    "site_on_body",
     "sweep_robot",
     "view_robot",
 ]

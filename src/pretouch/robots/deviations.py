@@ -98,7 +98,7 @@ def report_touches(touches: Sequence[BodyContact]) -> Iterator[str]:
     for touch in touches:
         speed = format_quantity(abs(touch.relative_velocity), "m/s", 3)
         yield caution(
-            "PT507",
+            "PT548",
             f"The body {touch.body} touches {touch.object} at {speed}, "
             f"with up to {format_quantity(touch.peak_force, 'N', 3)}: change the posture or the approach. The law and "
             "the prediction only know contacts at the surface of a site.",
@@ -110,7 +110,7 @@ def report_rising_forces(passed: Sequence[bool]) -> Iterator[str]:
     rising = passed.count(False)
     if rising:
         yield caution(
-            "PT507",
+            "PT549",
             f"In {rising} of {len(passed)} runs, the contact force was still growing when the run ended: raise "
             "follow_time and horizon. The peak forces are lower bounds.",
         )

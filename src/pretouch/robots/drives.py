@@ -23,8 +23,14 @@ from .stance import forces_of
 _OPTIMAL: Final = 0  # status of linprog
 _ENDLESS: Final = 1e6  # m/s^2 or N: no robot reaches as much, so that it counts as no limit
 _PRICE: Final = 1e-9  # share of the largest price of a limit, below which it is rounding
+_IMPORTANT: Final = 1e3  # weight of the torques that are missing at joints that move the site
+_ROUNDING: Final = 1e-7  # of missing torques, relative to the largest one
 _STILL: Final = 1e-9  # velocity relative to the fastest joint, below which a joint rests
 _FASTEST: Final = 30.0  # m/s: likewise; models with torques but without speed limits allow hundreds of m/s
+
+
+class HoldError(InvalidInputError):
+    """Raised if the drives cannot hold a robot at rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,6 +291,54 @@ def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
     return _span(drives, columns, np.zeros((len(dynamics.inertia), 0)))
 
 
+def missing_torques(drives: Drives, matter: BoolArray) -> FloatArray:
+    """Return the smallest generalized forces that are missing to hold a robot at rest.
+
+    Args:
+        drives: the drives.
+        matter: whether each of these forces matters, shape (n + k,). Where there is a choice, others are missing.
+
+    Returns:
+        The forces [N m or N], first those of the driven joints, shape (n + k,).
+
+    Raises:
+        HoldError: no forces of the actuators are possible at all.
+    """
+    from scipy.optimize import linprog  # noqa: PLC0415 - slow to import
+
+    (rows, joints), size, reactions = drives.moment.shape, len(drives.load), len(drives.reactions)
+    # unknowns: the forces, the controls, the reactions, then what is missing upward and downward
+    acting = np.vstack([drives.moment.T, np.zeros((size - joints, rows))])
+    balance = np.hstack([acting, np.zeros((size, rows)), drives.reactions.T, np.eye(size), -np.eye(size)])
+    coupled = np.flatnonzero(drives.gain != 0)
+    law = np.hstack([np.eye(rows), -np.diag(drives.gain), np.zeros((rows, reactions + 2 * size))])[coupled]
+    torques = np.hstack([drives.moment.T, np.zeros((joints, rows + reactions + 2 * size))])
+    bounds = np.concatenate([drives.torques[:, 1], -drives.torques[:, 0]])
+    finite = np.isfinite(bounds)
+    weights = np.where(matter, _IMPORTANT, 1.0)
+    result = linprog(
+        np.concatenate([np.zeros(2 * rows + reactions), weights, weights]),
+        A_ub=np.vstack([torques, -torques])[finite] if finite.any() else None,
+        b_ub=bounds[finite] if finite.any() else None,
+        A_eq=np.vstack([balance, law]),
+        b_eq=np.concatenate([drives.load, drives.constant[coupled]]),
+        bounds=[
+            *zip(drives.lowest, drives.highest, strict=True),
+            *drives.controls,
+            *((0.0 if only_pushes else None, None) for only_pushes in drives.pushes),
+            *[(0.0, None)] * (2 * size),
+        ],
+        method="highs",
+    )
+    if result.status != _OPTIMAL:
+        raise HoldError(
+            "actuators: the smallest and largest forces of the actuators contradict each other; correct forcerange and "
+            "ctrlrange of the actuators"
+        )
+    missing = np.asarray(result.x[-2 * size : -size] - result.x[-size:])
+    return np.where(np.abs(missing) > _ROUNDING * max(1.0, float(np.abs(drives.load).max())), missing, 0.0)
+
+
 def _span(
     drives: Drives, columns: FloatArray, velocities: FloatArray, friction: FloatArray | None = None
 ) -> AxisLimits:
@@ -303,7 +357,7 @@ def _span(
         The largest magnitudes of x[0] in both directions.
 
     Raises:
-        InvalidInputError: the limits exclude zero.
+        HoldError: the limits exclude zero.
     """
     from scipy.optimize import linprog  # noqa: PLC0415 - slow to import
 
@@ -349,7 +403,7 @@ def _span(
     for sign in (1.0, -1.0):
         end, reason = largest(sign, drives.load)
         if end < 0:
-            raise InvalidInputError(
+            raise HoldError(
                 "actuators: the drives cannot hold the robot at rest in this posture against gravity and springs; "
                 "choose another posture, or raise forcerange or ctrlrange of the actuators"
             )

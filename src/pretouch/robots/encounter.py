@@ -23,8 +23,8 @@ from .deviations import (
     report_rising_forces,
     report_touches,
 )
-from .model import Data, Model, check_model, site_index
-from .obstruction import beam_warnings
+from .model import Data, Model, check_model, mujoco, site_index
+from .obstruction import beam_warnings, take_to_surface
 from .projection import warnings_of_site
 from .result import RobotSimulation, RobotTrace, SiteContact, prediction_of, touches_elsewhere
 from .run_scene import RunScene
@@ -89,6 +89,7 @@ def simulate_robot(
         "follow_time": nonnegative(follow_time, "follow_time", "s"),
     }
     check_model(model)
+    model, data, moved = _at_surface(model, data, laws)
     scene = RunScene.of(model, data, laws, tracking=tracking or ComputedTorque(), centering=centering, **options)
     stiffness = None if contact_stiffness is None else positive(contact_stiffness, "contact_stiffness", "N/m")
     count, seed = whole(runs, "runs", 1, 10**7), whole(seed, "seed", 0, 2**64 - 1)
@@ -109,12 +110,21 @@ def simulate_robot(
             *report_problems([result.problems for result in results]),
             *report_touches(touches_elsewhere(touches)),
             *report_rising_forces([result.passed_peak for result in results]),
+            *moved,
             *_warnings(scene, contacts, predictions),
         ),
         laws=tuple(laws),
         model=scene.model,
         trace_of=_Tracer(scene, seed),
     )
+
+
+def _at_surface(model: Model, data: Data, laws: Sequence[SiteLaw]) -> tuple[Model, Data, tuple[str, ...]]:
+    """Return model and state with all sites at the surface of the robot, and a warning for each that was moved."""
+    still = mujoco().MjData(model)
+    still.qpos[:], still.qvel[:] = data.qpos, data.qvel
+    mujoco().mj_kinematics(model, still)
+    return take_to_surface(model, still, [law.site for law in laws])
 
 
 def _warnings(

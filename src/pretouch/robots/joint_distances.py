@@ -16,7 +16,7 @@ from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.sensors import InversePower
 
 from .model import Model, describe_position, is_scalar_joint, make_data, mujoco, names_of, site_index, unit_of_joint
-from .obstruction import refuse_covered_sensor
+from .obstruction import refuse_covered_sensor, take_to_surface
 from .sight import Sight
 from .site import SensorSite
 
@@ -44,7 +44,7 @@ def distances_ahead(model: Model, site: SensorSite, joints: Mapping[str, FloatAr
             or no posture has an object on the axis.
     """
     index = site_index(model, site.name)
-    data = make_data(model)
+    model, data, _ = take_to_surface(model, make_data(model), [site])
     moving = _joints_between(model, index)
     columns = np.column_stack([_column(model, joint, joints) for joint in moving])
     places = np.asarray(model.jnt_qposadr)[moving]

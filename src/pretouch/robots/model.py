@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import os
 import sys
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -22,36 +20,20 @@ Model: TypeAlias = Any
 Data: TypeAlias = Any
 """A `mujoco.MjData`."""
 
+NOTE: Final = "pretouch note "
+"""Start of the names of texts in a model that are warnings about its file."""
+
+SPEED: Final = "pretouch speed of "
+"""Start of the names of numbers in a model that are largest speeds of joints [rad/s or m/s]."""
+
+LOCK: Final = "pretouch hold of "
+"""Start of the names of equality constraints that hold joints or the base of a robot."""
+
 
 def mujoco() -> Any:
     """Import MuJoCo, or raise an error that says how to install it."""
     module = sys.modules.get("mujoco")  # a simulation asks at every step
     return require("mujoco", extra="mujoco") if module is None else module
-
-
-def load_model(path: str | os.PathLike[str]) -> Model:
-    """Load a robot model from an MJCF or URDF file.
-
-    Args:
-        path: the file.
-
-    Returns:
-        The `mujoco.MjModel`.
-
-    Raises:
-        InvalidInputError: the file does not exist, or MuJoCo cannot read it.
-    """
-    library, file = mujoco(), Path(path)
-    if not file.is_file():
-        raise InvalidInputError(
-            f"model: the file {file} does not exist; give the path of an MJCF or URDF file", value=str(file)
-        )
-    try:
-        return library.MjModel.from_xml_path(str(file))
-    except ValueError as error:
-        raise InvalidInputError(
-            f"model: MuJoCo cannot read {file}: {' '.join(str(error).split())}", value=str(file)
-        ) from None
 
 
 def check_model(model: Any) -> None:
@@ -94,8 +76,49 @@ def make_data(model: Model, posture: Mapping[str, Any] | None = None, *, keyfram
             )
         unit = unit_of_joint(model, joint)
         data.qpos[model.jnt_qposadr[joint]] = to_si(value, unit, name=f"posture {name}")
+    _hold(model, data)
     library.mj_forward(model, data)
     return data
+
+
+def _hold(model: Model, data: Data) -> None:
+    """Set joints and bases that a `RobotFile` holds to the positions in which they are held."""
+    welds = int(mujoco().mjtEq.mjEQ_WELD)
+    for constraint in range(model.neq):
+        if not _name(model, "EQUALITY", constraint).startswith(LOCK):
+            continue
+        held = int(model.eq_obj1id[constraint])
+        if int(model.eq_type[constraint]) == welds:
+            first = int(model.jnt_qposadr[model.body_jntadr[held]])
+            data.qpos[first : first + 7] = model.qpos0[first : first + 7]
+        else:
+            place = int(model.jnt_qposadr[held])
+            data.qpos[place] = model.qpos0[place] + model.eq_data[constraint, 0]
+
+
+def _name(model: Model, kind: str, index: int) -> str:
+    library = mujoco()
+    return library.mj_id2name(model, getattr(library.mjtObj, f"mjOBJ_{kind}"), index) or ""
+
+
+def notes_of(model: Model) -> tuple[str, ...]:
+    """Return the warnings about the file of a model."""
+    texts = []
+    for i in range(model.ntext):
+        if _name(model, "TEXT", i).startswith(NOTE):
+            first, size = int(model.text_adr[i]), int(model.text_size[i])
+            texts.append(bytes(model.text_data[first : first + size - 1]).decode("utf-8", "replace"))
+    return tuple(texts)
+
+
+def joint_speeds_of(model: Model) -> dict[str, float]:
+    """Return the largest speeds of joints that the file of a model states [rad/s or m/s], by name."""
+    names = ((i, _name(model, "NUMERIC", i)) for i in range(model.nnumeric))
+    return {
+        name.removeprefix(SPEED): float(model.numeric_data[model.numeric_adr[i]])
+        for i, name in names
+        if name.startswith(SPEED)
+    }
 
 
 def _keyframe_index(model: Model, keyframe: int | str) -> int:
@@ -184,20 +207,9 @@ def tree_of(model: Model, site: int) -> IntArray:
 
 
 def range_of(model: Model, joint: int) -> tuple[float, float]:
-    """Return the range of a joint [rad or m].
-
-    A hinge without a range turns continuously, so its range is infinite.
-
-    Raises:
-        InvalidInputError: a slide joint has no range.
-    """
+    """Return the range of a joint [rad or m], infinite for a joint without a range."""
     if not model.jnt_limited[joint]:
-        if unit_of_joint(model, joint) == "rad":
-            return -math.inf, math.inf
-        raise InvalidInputError(
-            f"joint {joint_label(model, joint)!r}: this slide joint has no range in the model, so nothing limits the "
-            "motion of the site. Add a range to the joint"
-        )
+        return -math.inf, math.inf
     low, high = map(float, model.jnt_range[joint])
     return low, high
 

@@ -2,21 +2,66 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Final
+import copy
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import caution
 
-from .model import Data, Model, mujoco, names_of
+from .geometry import TOLERANCE, covering, distance_to, geom_label, move_site, way_out
+from .model import Data, Model, mujoco, names_of, site_index
 from .sight import FARTHEST, FLUSH, Sight
 from .site import SensorSite
 
-_TOLERANCE: Final = 1e-5  # m: a site on a surface may be below it by this much, because models have rounded numbers
+
+def take_to_surface(model: Model, data: Data, sites: Sequence[SensorSite]) -> tuple[Model, Data, tuple[str, ...]]:
+    """Take sensor sites that are inside bodies of their robots to the surface along their axes.
+
+    Args:
+        model: the model, which is not changed.
+        data: its state after `mj_kinematics`.
+        sites: the sensors.
+
+    Returns:
+        Model and state with the sites at the surface, and a warning for each site that was moved. Without any, model
+        and state are the given ones.
+    """
+    warnings: list[str] = []
+    moved = model
+    for site in sites:
+        index = site_index(model, site.name)
+        axis = np.array(data.site_xmat[index]).reshape(3, 3) @ site.direction
+        distance, shapes = way_out(model, data, index, axis)
+        if not distance:
+            continue
+        moved = copy.copy(model) if moved is model else moved
+        move_site(moved, index, distance * site.direction)
+        around = ", ".join(geom_label(model, int(geom)) for geom in shapes)
+        warnings.append(
+            caution(
+                "PT544",
+                f"The site {site.name} is inside the geom{'s' if len(shapes) > 1 else ''} {around}, so pretouch takes "
+                f"it to the surface, {format_quantity(distance, 'm', 3)} along its axis: check that the sensor looks "
+                "out there. The reflected mass is the same on the whole axis.",
+            )
+        )
+    if moved is model:
+        return model, data, ()
+    state = mujoco().MjData(moved)
+    state.qpos[:], state.qvel[:] = data.qpos, data.qvel
+    mujoco().mj_forward(moved, state)
+    return moved, state, tuple(warnings)
+
+
+def covering_object(model: Model, data: Data, site: SensorSite, index: int) -> str:
+    """Return the label of a geometry that contains a sensor site; empty if there is none."""
+    point = np.array(data.site_xpos[index])
+    axis = np.array(data.site_xmat[index]).reshape(3, 3) @ site.direction
+    around = covering(model, data, point, axis)
+    return geom_label(model, int(around[0])) if len(around) else ""
 
 
 def refuse_covered_sensor(model: Model, data: Data, site: SensorSite, index: int) -> None:
@@ -33,18 +78,13 @@ def refuse_covered_sensor(model: Model, data: Data, site: SensorSite, index: int
     Raises:
         InvalidInputError: the site is inside a body.
     """
-    point = np.array(data.site_xpos[index])
-    axis = np.array(data.site_xmat[index]).reshape(3, 3) @ site.direction
-    touchable = np.asarray(model.geom_contype).astype(bool) | np.asarray(model.geom_conaffinity).astype(bool)
-    for geom in np.flatnonzero(touchable):
-        depths = [distance_to(model, data, int(geom), point, sign * axis) for sign in (1.0, -1.0)]
-        if min(depths) > _TOLERANCE:
-            name = _name_of(model, int(geom))
-            raise InvalidInputError(
-                f"site {site.name!r}: the site is inside the geom {name}, so the sensor cannot see objects. Move the "
-                f"site to the contact surface. The surface of the geom is {format_quantity(depths[0], 'm')} away",
-                value=names_of(model, "geom")[int(geom)],
-            )
+    label = covering_object(model, data, site, index)
+    if label:
+        raise InvalidInputError(
+            f"site {site.name!r}: in this posture, the site is inside the geom {label}, so the sensor cannot see "
+            "objects. Choose another posture, or move the geom",
+            value=label.strip("'"),
+        )
 
 
 def refuse_overlap(model: Model, data: Data, site: SensorSite, index: int, distance: float) -> None:
@@ -70,19 +110,14 @@ def refuse_overlap(model: Model, data: Data, site: SensorSite, index: int, dista
         for body, other, geom in zip(bodies, bodies[::-1], contact.geom[::-1], strict=True):
             foreign = trees[other] != trees[body] and (trees[other] >= 0 or body == carrier)
             if trees[body] == trees[carrier] and foreign and -contact.dist > deepest:
-                deepest, what = -float(contact.dist), f"the geom {_name_of(model, int(geom))}"
+                deepest, what = -float(contact.dist), f"the geom {geom_label(model, int(geom))}"
                 culprit = names_of(model, "geom")[int(geom)]
-    if deepest > _TOLERANCE:
+    if deepest > TOLERANCE:
         raise InvalidInputError(
             f"data: at the start, {what} overlaps the robot by {format_quantity(deepest, 'm')}; move the object away "
             f"from the robot. This robot carries the site {site.name!r}",
             value=culprit,
         )
-
-
-def _name_of(model: Model, geom: int) -> str:
-    name = names_of(model, "geom")[geom]
-    return repr(name) if name else f"number {geom}"
 
 
 def beam_warnings(model: Model, data: Data, index: int, sight: Sight) -> Iterator[str]:
@@ -110,20 +145,8 @@ def beam_warnings(model: Model, data: Data, index: int, sight: Sight) -> Iterato
             else "The sensor takes it for an object"
         )
         yield caution(
-            "PT507",
-            f"The geom {_name_of(model, int(geom))} of the robot itself is in the beam of the sensor, "
+            "PT547",
+            f"The geom {geom_label(model, int(geom))} of the robot itself is in the beam of the sensor, "
             f"{format_quantity(near, 'm', 2)} ahead of the site: move the site, or choose another axis or a narrower "
             f"field of view. {seen}.",
         )
-
-
-def distance_to(model: Model, data: Data, geom: int, point: FloatArray, direction: FloatArray) -> float:
-    """Return the distance [m] along a ray to a geometry's surface. It is negative if the ray misses the surface."""
-    library = mujoco()
-    kinds, kind = library.mjtGeom, int(model.geom_type[geom])
-    if kind in {int(kinds.mjGEOM_PLANE), int(kinds.mjGEOM_HFIELD)}:
-        return -1.0  # ground has no inside that a ray can leave
-    if kind == int(kinds.mjGEOM_MESH):
-        return float(library.mj_rayMesh(model, data, geom, point, direction))
-    where = data.geom_xpos[geom], data.geom_xmat[geom], model.geom_size[geom]
-    return float(library.mju_rayGeom(*where, point, direction, kind))

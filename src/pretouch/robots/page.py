@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from pretouch._core.blocks import Cell, Measured, Page, PageTable
 from pretouch._core.units import format_quantity
@@ -69,23 +69,39 @@ def table_page(table: ProjectionTable) -> Page:
         The report, which covers all postures of the model.
     """
     rows = table.projections
-    omitted, sites = len(table.rows) - len(rows), len({row.site for row, _ in rows})
+    sites = len({row.site for row, _ in rows})
     fast = any(math.isinf(p.speed.least) for _, p in rows)
-    count = len(table.rows)
-    text = f"{omitted} of {count} site axes are left out. Usually, the joints cannot move the site along them."
+    reasons = tuple(_missing(table.rows))
     head = ("site", "posture", "axis", "mass", "retreat", "ahead", "acceleration", "speed", "force", "conditioning")
-    warnings = dict.fromkeys(
-        with_context(f"{row.site}, {row.posture}, {row.axis}", warning) for row, p in rows for warning in p.warnings
+    common = [w for w in (rows[0][1].warnings if rows else ()) if all(w in p.warnings for _, p in rows)]
+    warnings = dict.fromkeys(common) | dict.fromkeys(
+        with_context(f"{row.site}, {row.posture}, {row.axis}", warning)
+        for row, p in rows
+        for warning in p.warnings
+        if warning not in common
     )
     return Page(
         kind="Robot model",
         headline=f"{table.model}: {_count(len(rows), 'projection')} of {_count(sites, 'site')}.",
         warnings=tuple(warnings),
-        findings=(*((text,) if omitted else ()), *((_FAST,) if fast else ())),
+        findings=(_FAST,) if fast else (),
         blocks=(
-            PageTable(head=head, rows=tuple(_cells(*row) for row in rows), note=text if omitted else "", brief=True),
+            PageTable(head=head, rows=tuple(_cells(*row) for row in rows), brief=True),
+            *((PageTable(head=("site", "without numbers", "reason"), rows=reasons, brief=True),) if reasons else ()),
         ),
     )
+
+
+def _missing(rows: Sequence[ProjectionRow]) -> Iterator[tuple[Cell, ...]]:
+    """Yield the site, the postures and axes, and the reason of rows without a projection."""
+    missing: dict[tuple[str, str], list[ProjectionRow]] = {}
+    for row in rows:
+        if row.projection is None:
+            reason = row.reason.removeprefix(f"site {row.site!r}: ").removeprefix("site: ")
+            missing.setdefault((row.site, reason), []).append(row)
+    for (site, reason), group in missing.items():
+        every = sum(row.site == site for row in rows) == len(group)
+        yield site, "all" if every else ", ".join(f"{row.posture} {row.axis}" for row in group), reason
 
 
 def _count(number: int, what: str) -> str:

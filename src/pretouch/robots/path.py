@@ -105,9 +105,9 @@ def ranges_of(model: Model, drivetrain: Drivetrain) -> FloatArray:
 
 
 def _travel(model: Model, drivetrain: Drivetrain) -> tuple[float, int]:
-    """Return how far all driven slides together can move a site [m], and the number of driven hinges."""
+    """Return how far all driven slides with a range can move a site [m], and the number of driven hinges."""
     slides = [int(joint) for joint in drivetrain.joints if unit_of_joint(model, int(joint)) == "m"]
-    ranges = (range_of(model, joint) for joint in slides)
+    ranges = (range_of(model, joint) for joint in slides if model.jnt_limited[joint])
     return math.fsum(high - low for low, high in ranges), len(drivetrain.joints) - len(slides)
 
 

@@ -20,7 +20,16 @@ from pretouch.designs import Constraint, Task
 from pretouch.motion import Scenario
 
 from .deviations import SIDEWAYS, TURN
-from .drives import AxisLimits, Drives, acceleration_limits, drives_of, force_limits, speed_limits
+from .drives import (
+    AxisLimits,
+    Drives,
+    HoldError,
+    acceleration_limits,
+    drives_of,
+    force_limits,
+    missing_torques,
+    speed_limits,
+)
 from .dynamics import (
     AxisMotion,
     Drivetrain,
@@ -31,8 +40,18 @@ from .dynamics import (
     null_space,
     posture_dynamics,
 )
-from .model import Data, Model, check_model, joint_label, mujoco, site_index, unit_of_joint
-from .obstruction import refuse_covered_sensor
+from .model import (
+    Data,
+    Model,
+    check_model,
+    joint_label,
+    joint_speeds_of,
+    mujoco,
+    notes_of,
+    site_index,
+    unit_of_joint,
+)
+from .obstruction import covering_object, take_to_surface
 from .path import Excursion, excursion
 from .site import SensorSite
 from .stance import describe_footholds, forces_of, holding_torques, largest_push, supporting_bodies
@@ -40,6 +59,7 @@ from .stance import describe_footholds, forces_of, holding_torques, largest_push
 POOR: Final = 0.2
 """Conditioning below which a projection warns, because the moved mass exceeds 25 times the lightest one."""
 
+_IMPOSSIBLE: Final = 1e-6  # conditioning below which a motion along the axis is rounding
 _FOLLOWS: Final = 1e-8  # motion of a joint per motion of the others, below which it is rounding
 
 
@@ -262,17 +282,16 @@ def project_site(
         The projection, with warnings near a singularity.
 
     Raises:
-        InvalidInputError: the model has no such site, the site is covered by a body or cannot move along the axis, or
-            a slide joint has no range.
+        InvalidInputError: the model has no such site, or the site cannot move along the axis.
     """
     check_model(model)
     index = site_index(model, site.name)
     data = _at_rest(model, data)
+    model, data, moved = take_to_surface(model, data, [site])
     drivetrain = drivetrain_of(model, data, index)
-    refuse_covered_sensor(model, data, site, index)
     dynamics = posture_dynamics(model, data, drivetrain, site.direction)
     motion = axis_motion(dynamics, site.hold)
-    if motion is None:
+    if motion is None or motion.conditioning < _IMPOSSIBLE:
         raise InvalidInputError(
             f"site {site.name!r}: in this posture, the joints cannot move the site along its axis {site.axis}"
             + ("" if site.hold in {"auto", "axis"} else f" while they hold its {site.hold}")
@@ -280,8 +299,10 @@ def project_site(
         )
     names = [joint_label(model, int(joint)) for joint in drivetrain.joints]
     units = [f"{unit_of_joint(model, int(joint))}/s" for joint in drivetrain.joints]
-    speeds = _speeds(dict(zip(names, units, strict=True)), joint_speeds or {})
+    stated = {name: speed for name, speed in joint_speeds_of(model).items() if name in names}
+    speeds = _speeds(dict(zip(names, units, strict=True)), {**stated, **(joint_speeds or {})})
     drives = drives_of(model, data, drivetrain, speeds)
+    limits, weak = _limits(model, drives, drivetrain, dynamics, motion)
     ahead, back = (
         excursion(model, data, drivetrain, site.direction, hold=motion.hold, ahead=side) for side in (True, False)
     )
@@ -296,9 +317,9 @@ def project_site(
         moved_mass=motion.moved_mass,
         recoil_share=motion.recoil_share if dynamics.reduction.loose.size else 0.0,
         excursion=(ahead, back),
-        acceleration=acceleration_limits(drives, dynamics, motion),
-        speed=speed_limits(drives, motion),
-        force=force_limits(drives, dynamics),
+        acceleration=limits[0],
+        speed=limits[1],
+        force=limits[2],
         conditioning=motion.conditioning,
         joint_motion=dict(zip(names, motion.joints.tolist(), strict=True)),
         base=dynamics.reduction.loose.shape[1],
@@ -310,6 +331,10 @@ def project_site(
         unsupported_mass=_unsupported_mass(model, data, drivetrain, dynamics),
         lag=_longest_lag(drives, motion),
         warnings=(
+            *notes_of(model),
+            *moved,
+            *weak,
+            *_object_warnings(model, data, site, index),
             *posture_warnings(
                 model, drivetrain, dynamics, motion, lambda: back.length, limited=drives.has_force_limits
             ),
@@ -350,6 +375,58 @@ def _falling_warnings(model: Model, data: Data, drivetrain: Drivetrain) -> Itera
             "PT555",
             f"The robot touches the ground, but cannot stand in this posture ({', '.join(pairs)}): choose a posture in "
             "which it balances and its contacts do not slide. pretouch treats it as a robot that falls freely.",
+        )
+
+
+def _limits(
+    model: Model, drives: Drives, drivetrain: Drivetrain, dynamics: PostureDynamics, motion: AxisMotion
+) -> tuple[tuple[AxisLimits, AxisLimits, AxisLimits], tuple[str, ...]]:
+    """Return the limits of acceleration, speed and force, and warnings about joints that the drives cannot hold.
+
+    Joints that do not move the site count as held, because their drives do not matter for the motion of the site.
+    """
+    matter = np.ones(len(drives.load), dtype=bool)
+    matter[: len(motion.joints)] = np.abs(np.vstack([dynamics.own, dynamics.reduction.coupling])).max(axis=0) > 0
+    try:
+        return _spans(drives, dynamics, motion), ()
+    except HoldError:
+        missing = missing_torques(drives, matter)
+    if np.any(missing[matter]):
+        return (AxisLimits(0.0, 0.0),) * 3, tuple(_weakness(model, drives, drivetrain, np.where(matter, missing, 0.0)))
+    return _spans(replace(drives, load=drives.load - missing), dynamics, motion), ()
+
+
+def _spans(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) -> tuple[AxisLimits, AxisLimits, AxisLimits]:
+    """Return the limits of acceleration, speed and force."""
+    return acceleration_limits(drives, dynamics, motion), speed_limits(drives, motion), force_limits(drives, dynamics)
+
+
+def _weakness(model: Model, drives: Drives, drivetrain: Drivetrain, missing: FloatArray) -> Iterator[str]:
+    """Yield a warning about the joints of a site that the drives cannot hold at rest."""
+    parts = []
+    for i in np.flatnonzero(missing[: len(drivetrain.joints)]):
+        unit = "N m" if unit_of_joint(model, int(drivetrain.joints[i])) == "rad" else "N"
+        names = ", ".join(drives.names[row] for row in np.flatnonzero(drives.moment[:, i]))
+        parts.append(
+            f"the joint {drives.joint_names[i]} lacks {abs(missing[i]):.3g} of {abs(drives.load[i]):.3g} {unit} "
+            f"(actuator {names})"
+        )
+    yield caution(
+        "PT546",
+        "In this posture, the drives cannot hold the site at rest against gravity and springs "
+        f"({'; '.join(parts) or 'its contacts do not hold it'}): choose another posture, or raise forcerange or "
+        "ctrlrange of these actuators. Acceleration, speed and force along the axis are therefore 0.",
+    )
+
+
+def _object_warnings(model: Model, data: Data, site: SensorSite, index: int) -> Iterator[str]:
+    """Yield a warning if an object or another robot covers a sensor site."""
+    label = covering_object(model, data, site, index)
+    if label:
+        yield caution(
+            "PT544",
+            f"In this posture, the site {site.name} is inside the geom {label}, which does not belong to its robot: "
+            "choose another posture before you simulate the robot. Masses and limits do not depend on it.",
         )
 
 
@@ -510,8 +587,8 @@ def posture_warnings(
     if endless:
         yield caution(
             "PT508",
-            f"The model has no range for these hinges, so pretouch lets them turn without limit "
-            f"({', '.join(endless)}): add the range of each hinge that cannot turn endlessly. With a range, the robot "
+            f"The model has no range for these joints, so pretouch lets them move without limit "
+            f"({', '.join(endless)}): add the range of each joint that cannot move endlessly. With a range, the robot "
             "may retreat less.",
         )
     if drivetrain.shared:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import copy
 import math
+import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -18,7 +18,10 @@ from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.units import format_quantity
 
 from .dynamics import drivetrain_of, falls
+from .geometry import move_site, way_out
 from .model import Data, Model, mujoco, names_of, site_index
+from .obstruction import take_to_surface
+from .robot_file import RobotFile, compile_robot, robot_file
 from .sight import FARTHEST, Glance, Sight
 from .site import SensorSite
 
@@ -45,11 +48,13 @@ class RobotScene:
         model: a `mujoco.MjModel`.
         data: its state at the start.
         note: sentence that says which object approaches.
+        warnings: sentences about the site, if it was moved to the surface of the robot.
     """
 
     model: Model
     data: Data
     note: str
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +78,9 @@ class Approach:
     radius: float = math.nan
 
 
-def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach: Approach) -> RobotScene:
+def make_scene(
+    robot: str | os.PathLike[str] | RobotFile, model: Model, data: Data, site: SensorSite, approach: Approach
+) -> RobotScene:
     """Return the scene of a robot's encounter with an object.
 
     Without a suitable object on the sensor's axis, a ball is added. An object of the model that can move gets its
@@ -82,8 +89,8 @@ def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach:
     approach. The ball moves without gravity; with a robot on a floating base, it falls.
 
     Args:
-        path: the file of the model.
-        model: the model.
+        robot: the file of the model.
+        model: the model of this file.
         data: its state.
         site: the sensor, with its curve.
         approach: the distance and the velocities.
@@ -93,6 +100,7 @@ def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach:
     """
     index = site_index(model, site.name)
     curve: Any = site.sensor
+    model, data, warnings = take_to_surface(model, data, [site])
     sight = Sight(model, site, index, curve, FARTHEST)
     drivetrain = drivetrain_of(model, data, index)
     glance, axis, base = sight.glance(data), sight.axis(data), drivetrain.root
@@ -101,9 +109,9 @@ def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach:
         weight = MASS if math.isnan(approach.mass) else min(approach.mass, _HEAVY)
         radius = RADIUS if math.isnan(approach.radius) else approach.radius
         ball = Ball(distance=approach.distance, velocity=approach.obstacle_velocity, mass=weight, radius=radius)
-        scene = put_ball(model_with_ball(path, gravity=falls(model, data, drivetrain)), data, site, ball)
+        scene = put_ball(model_with_ball(robot, gravity=falls(model, data, drivetrain)), data, site, ball)
         sizes = f"radius {format_quantity(radius, 'm')} and mass {format_quantity(weight, 'kg')}"
-        return RobotScene(*scene, f"The object is an added ball with {sizes}.")
+        return RobotScene(*scene, f"The object is an added ball with {sizes}.", warnings)
     if len(moving):
         point = np.array(data.site_xpos[index]) + glance.distance * axis
         body, velocity = int(model.geom_bodyid[glance.geom]), approach.obstacle_velocity * axis
@@ -117,7 +125,7 @@ def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach:
     note = f"The object is the geom {name!r} of the model, at a distance of {start} from the sensor."
     if not math.isnan(approach.radius):
         note += " It has the size that the model says, so object_radius has no effect."
-    return RobotScene(model, data, note)
+    return RobotScene(model, data, note, warnings)
 
 
 def _moving(model: Model, site: int, glance: Glance) -> IntArray:
@@ -147,14 +155,18 @@ class Ball:
     offset: float = 0.0
 
 
-def model_with_ball(path: Path, *, gravity: bool) -> Model:
+def model_with_ball(robot: str | os.PathLike[str] | RobotFile, *, gravity: bool) -> Model:
     """Load a robot model from a file, and add a ball.
 
     Returns:
         The model, in which `put_ball` places the ball in front of a sensor.
     """
-    library = mujoco()  # without gravity, the ball flies straight
-    spec = library.MjSpec.from_file(str(path))
+    return compile_robot(robot_file(robot), lambda spec: _add_ball(spec, gravity=gravity))
+
+
+def _add_ball(spec: Any, *, gravity: bool) -> None:
+    """Add the ball to the `mujoco.MjSpec` of a robot. Without gravity, the ball flies straight."""
+    library = mujoco()
     for key in list(spec.keys):  # they lack the positions of the ball
         spec.delete(key)
     body = spec.worldbody.add_body(name=_NAME, gravcomp=0.0 if gravity else 1.0)
@@ -168,7 +180,6 @@ def model_with_ball(path: Path, *, gravity: bool) -> Model:
         conaffinity=_BOTH,
         rgba=[0.9, 0.6, 0.2, 1.0],
     )
-    return spec.compile()
 
 
 def put_ball(model: Model, data: Data, site: SensorSite, ball: Ball) -> tuple[Model, Data]:
@@ -199,6 +210,8 @@ def put_ball(model: Model, data: Data, site: SensorSite, ball: Ball) -> tuple[Mo
     library.mj_kinematics(copied, state)
     index = site_index(copied, site.name)
     axis = np.array(state.site_xmat[index]).reshape(3, 3) @ site.direction
+    move_site(copied, index, way_out(copied, state, index, axis)[0] * site.direction)
+    library.mj_kinematics(copied, state)
     side = np.eye(3)[0 if abs(axis[2]) > _VERTICAL else 2]
     side = side - (side @ axis) * axis
     center = state.site_xpos[index] + (ball.distance + radius) * axis + ball.offset * side / np.linalg.norm(side)

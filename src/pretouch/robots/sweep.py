@@ -10,7 +10,6 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -28,8 +27,9 @@ from pretouch.sweeps.run import run_sweep
 
 from .dynamics import drivetrain_of, falls
 from .encounter import HORIZON, simulate_robot
-from .model import Model, load_model, make_data, mujoco, site_index, unit_of_joint
+from .model import Model, make_data, mujoco, site_index, unit_of_joint
 from .result import QUANTITIES, RobotSimulation, touches_elsewhere
+from .robot_file import RobotFile, load_model
 from .scene import MASS, RADIUS, Ball, model_with_ball, put_ball
 from .site_law import SiteLaw
 from .tracking import ComputedTorque, Tracking
@@ -69,7 +69,7 @@ _OBJECT: Final[dict[str, tuple[str, float | None]]] = {  # unit and default valu
 
 @check_arguments
 def sweep_robot(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | RobotFile,
     law: SiteLaw,
     postures: Sequence[Mapping[str, Any]],
     objects: Mapping[str, Any],
@@ -90,8 +90,8 @@ def sweep_robot(
     sweep is interrupted, the same call resumes it. One process computes on one core; a Dask cluster uses all.
 
     Args:
-        path: file of the robot model, to which a ball is added. The ball flies straight; with a robot on a floating
-            base, it falls.
+        path: file of the robot model, or a `RobotFile`, to which a ball is added. The ball flies straight; with a robot
+            on a floating base, it falls.
         law: the law of the sensor site.
         postures: joint positions by name, one mapping for each encounter, such as from `random_postures`.
         objects: the ball of each encounter, one value for each or one for all: `distance` from the site [m] and
@@ -123,7 +123,7 @@ def sweep_robot(
         results=_checked_results(results),
         seed=seed,
         chunk=(min(_CHUNK, len(postures)),),
-        model=model_with_ball(Path(path), gravity=falls(robot, start, drivetrain_of(robot, start, site))),
+        model=model_with_ball(path, gravity=falls(robot, start, drivetrain_of(robot, start, site))),
         law=law,
         tracking=tracking or ComputedTorque(),
         horizon=positive(horizon, "horizon", "s"),

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pretouch._core.numbers import IntArray
 
 from .dynamics import Drivetrain, actuator_moment
+from .geometry import distance_to
 from .model import Data, Model
-from .obstruction import distance_to
 from .result import BodyContact
 from .site import SensorSite
 

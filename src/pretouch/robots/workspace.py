@@ -19,7 +19,7 @@ from pretouch.designs import Task
 from pretouch.simulation.result import whole
 
 from .dynamics import drivetrain_of
-from .model import Model, joint_label, make_data, site_index
+from .model import Model, joint_label, make_data, site_index, unit_of_joint
 from .path import ranges_of
 from .projection import Projection, project_site
 from .site import SensorSite
@@ -174,6 +174,12 @@ def random_postures(
     data = make_data(model)
     drivetrain = drivetrain_of(model, data, site_index(model, site.name))
     ranges = ranges_of(model, drivetrain)
+    for joint, span in zip(drivetrain.joints, ranges, strict=True):
+        if not np.isfinite(span).all() and unit_of_joint(model, int(joint)) == "m":
+            raise InvalidInputError(
+                f"joint {joint_label(model, int(joint))!r}: this slide joint has no range in the model, so no "
+                "positions can be drawn for it. Add a range to the joint"
+            )
     low, high = np.where(np.isfinite(ranges), ranges, (-np.pi, np.pi)).T
     names = [joint_label(model, int(joint)) for joint in drivetrain.joints]
     shares = np.random.default_rng(whole(seed, "seed", 0, 2**64 - 1)).uniform(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -56,6 +57,24 @@ FLOATING = """<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/><geo
 <body pos="0.2 0 0"><joint name="leg" type="slide" axis="1 0 0" range="-0.1 0.1" limited="true"/>
 <geom size="0.02" mass="1"/><site name="foot" pos="0.02 0 0"/></body></body></worldbody>
 <actuator><motor joint="leg" ctrlrange="-5 5"/></actuator></mujoco>"""
+
+
+class CustomLaw:
+    """A sampled law of a user."""
+
+    period = 1e-3
+
+    def step(self, _: Any, state: Any, __: Any) -> Any:
+        return state, None
+
+    def parameters(self) -> Any:
+        return None
+
+    def start(self, **_: float) -> Any:
+        return None
+
+    def with_value(self, _: float) -> Any:
+        return self
 
 
 @pytest.fixture
@@ -128,11 +147,13 @@ def _contact_speed_with_recoil(share: float, gain: float) -> float:
     return -0.3 - (1 - share) * end.y[1, -1]
 
 
-def test_a_sampled_loop_on_a_floating_base_is_refused() -> None:
+def test_a_custom_sampled_law_on_a_floating_base_is_refused() -> None:
+    """Its admittance is unknown, so the recoil of the base has an unknown effect."""
     model = mujoco.MjModel.from_xml_string(FLOATING)
     projection = project_site(model, make_data(model), SensorSite("foot"))
+    task = pt.load_scenario(ROOT / "examples/loop.toml")
     with refused("loop"):
-        projection.apply(pt.load_scenario(ROOT / "examples/loop.toml"))
+        projection.apply(task.replace(loop=dataclasses.replace(task.loop, law=CustomLaw())))
 
 
 def test_a_file_gives_the_task_of_the_robot(read) -> None:

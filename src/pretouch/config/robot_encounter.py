@@ -117,7 +117,7 @@ def _control(file: Reading, task: Task) -> tuple[Controller, SensorChain | None]
     """Return the controller and sensor chain of the robot simulation."""
     gain = chosen_gain(task)
     if task.loop is not None:
-        law: Any = task.loop.law
+        law: Any = task.loop.robot_law
         return law.with_value(gain), task.loop.chain
     if task.law != DAMPER:
         raise InvalidInputError(

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
 from struct import Struct
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
@@ -164,6 +164,25 @@ class Controller:
         Examples are the gain D_p [N s] and the drag phi [N s^2].
         """
         return replace(self, law=self.law.with_value(value))
+
+    def scale_motion(self, factor: float) -> Controller:
+        """Return the controller whose motion is `factor` times as large, for the same readings and forces.
+
+        M x'' + D x' + K x = F with x = factor * s is M s'' + D s' + K s = F if the admittance is divided by the factor.
+        A controller on a floating base moves its site by s relative to the base, and by less relative to an object.
+
+        Args:
+            factor: ratio of both motions > 0.
+        """
+        limits, a = self.limits, self.admittance
+        scaled = {name: getattr(limits, name) for name in ("speed", "acceleration", "excursion")}
+        own_advance = getattr(self.law, "own_advance", 0.0)  # of a drag, a force per own speed
+        return replace(
+            self,
+            law=replace(cast("Any", self.law), own_advance=own_advance / factor) if own_advance else self.law,
+            admittance=replace(a, mass=a.mass / factor, damping=a.damping / factor, stiffness=a.stiffness / factor),
+            limits=replace(limits, **{name: None if v is None else factor * v for name, v in scaled.items()}),
+        )
 
     def rows(self) -> Iterator[Row]:
         """Yield the controller parameters as table rows for a report.

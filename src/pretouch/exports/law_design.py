@@ -163,7 +163,7 @@ def law_design(task: Task, *, verify: bool = True, toward_object: bool = False, 
             "option --toward-object (toward_object=True in Python)",
             remedy="--toward-object",
         )
-    controller = loop.law.with_value(gain)
+    controller: Any = loop.robot_law.with_value(gain)
     source: Any = task.source
     return LawDesign(
         task=task,

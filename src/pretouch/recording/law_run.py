@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -196,7 +196,8 @@ def _controller(task: Task) -> tuple[Controller, ClosedLoop, str]:
         )
     gain = chosen_gain(task)
     law = f"{task.law.kind.replace('-', ' ')}, {task.law.number.name} {task.law.number.equals(gain)}"
-    return loop.law.with_value(gain), loop, law
+    controller: Any = loop.robot_law
+    return controller.with_value(gain), loop, law
 
 
 def _one_clock(recording: Recording) -> tuple[Recording, tuple[str, ...]]:

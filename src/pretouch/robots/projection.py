@@ -16,6 +16,7 @@ from pretouch._core.numbers import FloatArray, IntArray, finite_or_none, positiv
 from pretouch._core.units import format_quantity, to_si
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
+from pretouch.control import Controller
 from pretouch.designs import Constraint, Task
 from pretouch.motion import Scenario
 
@@ -186,16 +187,14 @@ class Projection(Described, Value):
 
         The given task is not changed. The controller moves the site relative to the base, M s'' + D s' + K s = F_p. The
         base recoils, so that the encounter sees x = (1 - kappa) s. This is the motion of an admittance with M, D and K
-        divided by 1 - kappa. Of two constraints on one quantity, the tighter one remains.
+        divided by 1 - kappa; a sampled controller is treated in the same way. Of two constraints on one quantity, the
+        tighter one remains.
 
         Args:
             task: the task, with the admittance that the controller runs.
 
         Returns:
             The task for this robot.
-
-        Raises:
-            InvalidInputError: the task has a sampled loop, and the base floats.
         """
         share = 1 - self.recoil_share
         own = {limit.name: limit for limit in self.constraints()}
@@ -209,14 +208,27 @@ class Projection(Described, Value):
         changes: dict[str, Any] = {"constraints": (*kept, *added), "warnings": (*task.warnings, *self.warnings)}
         if self.recoil_share:
             if task.loop is not None:
-                raise InvalidInputError(
-                    "loop: a sampled loop on a floating base is not supported, because its controller and its "
-                    "encounter have different admittances; remove the loop"
-                )
+                changes["loop"] = self._seen_loop(task.loop)
             a = task.scenario.admittance
             divided = replace(a, mass=a.mass / share, damping=a.damping / share, stiffness=a.stiffness / share)
             changes["scenario"] = replace(task.scenario, admittance=divided)
         return task.replace(**changes)
+
+    def _seen_loop(self, loop: Any) -> Any:
+        """Return a sampled loop whose controller moves as much as the site moves relative to an object.
+
+        Raises:
+            InvalidInputError: the loop has a custom controller.
+        """
+        if not isinstance(loop.law, Controller):
+            raise InvalidInputError(
+                f"loop: found a controller of the class {type(loop.law).__name__} on a floating base, expected the "
+                "class Controller; remove the loop, or use a robot with a fixed base. Only the class Controller has a "
+                "known admittance, which the recoil of the base changes",
+                value=type(loop.law).__name__,
+            )
+        share = 1 - self.recoil_share
+        return replace(loop, law=loop.law.scale_motion(share), recoil_share=self.recoil_share)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all results of the projection as a dictionary for JSON.

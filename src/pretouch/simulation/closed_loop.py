@@ -59,6 +59,8 @@ class ClosedLoop:
         start_distance: distance at which simulated runs begin [m]; None for the distance at the start of the encounter.
             From there to the start, the object keeps its velocity at the start. Times still count from the start, so
             they are negative before.
+        recoil_share: share kappa of the motion of the robot's controller that the recoil of a floating base takes back.
+            `law` then moves by 1 - kappa times as much as the controller on the robot, which is `robot_law`.
 
     Examples:
         >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
@@ -93,6 +95,7 @@ class ClosedLoop:
     horizon: float = HORIZON
     follow_time: float = FOLLOW
     start_distance: Any = quantity("m", None, sign="positive")
+    recoil_share: float = 0.0
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -174,6 +177,13 @@ class ClosedLoop:
             At most one warning.
         """
         return tuple(start_in_words(self.detection(scenario, sensor), scenario, predict))
+
+    @property
+    def robot_law(self) -> TunableLaw:
+        """The controller that runs on the robot: that of the encounters, unless a floating base recoils."""
+        if not self.recoil_share or not isinstance(self.law, Controller):
+            return self.law
+        return self.law.scale_motion(1 / (1 - self.recoil_share))
 
     @property
     def continuous(self) -> ContinuousLaw | None:
@@ -381,7 +391,7 @@ def loop_section(loop: ClosedLoop, *first: Row) -> PageSection:
     """Return the report section that describes a sampled control loop. The rows `first` precede the loop's own rows."""
     parts = (
         ("Sensor chain", loop.chain.rows()),
-        ("Controller", law_rows(loop.law)),
+        ("Controller", law_rows(loop.robot_law)),
         ("Robot", loop.plant.rows()),
         ("Contact", contact_rows(loop.contact)),
     )
@@ -395,7 +405,7 @@ def loop_sentences(loop: ClosedLoop) -> Iterator[str]:
         f"Sensor: {_joined(loop.chain.rows())}; the noise has a normal distribution and is independent between "
         "readings."
     )
-    yield f"Controller: {_joined(law_rows(loop.law))}."
+    yield f"Controller: {_joined(law_rows(loop.robot_law))}."
     extra = () if loop.contact is None else (("followed for", Measured(loop.follow_time, "s")),)
     for rows in (loop.plant.rows(), (*contact_rows(loop.contact), *extra)):
         (name, kind), *others = rows
@@ -410,6 +420,8 @@ def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
     """Yield table rows with noise seed and duration of the runs."""
     yield "seed of the noise", str(loop.seed)
     yield "longest time until contact", Measured(loop.horizon, "s")
+    if loop.recoil_share:
+        yield "share of the motion that the base takes back", Measured(loop.recoil_share)
     if loop.start_distance is not None and not np.ndim(loop.start_distance):
         yield "distance at which runs begin", Measured(float(loop.start_distance), "m")
     if loop.contact is not None:

@@ -55,7 +55,7 @@ def test_prongs_ahead_of_the_sensor_are_said_to_be_hit(part: str) -> None:
     assert touch.peak_force == pytest.approx(force_on_the_ball(result), rel=1e-3)
     assert result.robot_forces[0] == touch.peak_force > 2.0
     assert 0.05 < -touch.relative_velocity < 0.1
-    assert [text[:5] for text in result.warnings] == ["PT548"]
+    assert [text[:5] for text in result.warnings] == ["PT548", "PT560"]  # the predicted contact does not happen
     headline = str(result).splitlines()[0]
     assert "hit" in headline
     assert "No site" not in headline
@@ -159,7 +159,7 @@ def test_a_sensor_flush_with_its_own_robot_sees_past_it(view: str, flange: str) 
     contact = result.contacts[0][0]
     assert contact.detection.distance == pytest.approx(DISTANCE, rel=1e-9)
     assert contact.relative_velocity == pytest.approx(-0.0815, rel=0.01)
-    assert not any("beam" in text for text in result.warnings)
+    assert not any("in the beam of the sensor" in text for text in result.warnings)
 
 
 @pytest.mark.parametrize(("place", "named"), [("0.14 0 0", True), ("0.14 0.02 0", False), ("0.1 0.02 0", False)])

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import re
 
+import numpy as np
 import pytest
 
 from pretouch.robots import (
     ComputedTorque,
     OperationalSpace,
+    PositionControl,
     RobotSimulation,
     SensorSite,
     SiteLaw,
@@ -149,3 +151,103 @@ def test_the_warnings_of_the_projection_are_repeated_with_the_name_of_the_site()
     (expected,) = project_site(*scene, FINGERTIP).warnings
     code, _, text = expected.partition(": ")
     assert result.warnings == (f"{code}: fingertip: {text}",)
+
+
+def slide_scene(geom: str, **options):
+    """The fixed slide, and an object that flies to its site."""
+    text = SLIDE.format(base="", mass=1.0, gravity="0 0 0")
+    return with_object(text, make_data(mujoco.MjModel.from_xml_string(text)), "tip", 0.3, geom=geom, **options)
+
+
+def compared(result: RobotSimulation) -> str:
+    """The warning that compares the simulation with the prediction; empty without one."""
+    return next((text for text in result.warnings if text.startswith("PT507: At the site")), "")
+
+
+@pytest.mark.parametrize("material", [False, True], ids=["geom", "material"])
+def test_a_transparent_object_is_seen(material: bool) -> None:
+    """MuJoCo's rays pass it. Geoms that cannot be touched stay invisible."""
+    law = SiteLaw(site=TIP, controller=controller())
+    ball = '<geom type="sphere" size="0.035" mass="0.5" {}/>'
+    expected = simulate_robot(*slide_scene(ball.format("")), [law]).contacts[0][0]
+    model, data = slide_scene(
+        ball.format('rgba="1 0 0 0"')
+        + '<geom type="sphere" size="0.039" mass="0" rgba="1 0 0 0" contype="0" conaffinity="0"/>'
+    )
+    if material:  # as of a geom with a transparent material
+        model.geom_rgba[:, 3] = 0.0
+    result = simulate_robot(model, data, [law])
+    assert result.contacts[0][0].relative_velocity == pytest.approx(expected.relative_velocity, rel=1e-9)
+    assert model.geom_rgba[-2, 3] == 0.0  # the model of the caller is not changed
+
+
+@pytest.mark.parametrize(("margin", "gap"), [(0.0, 0.0), (0.006, 0.0), (0.006, 0.003), (0.0, 0.006)])
+def test_a_contact_that_begins_at_the_margin_is_said(margin: float, gap: float) -> None:
+    """The force begins ahead of the surfaces. In the time to contact this is more than in the speed."""
+    ball = f'<geom name="ball" type="sphere" size="0.035" mass="0.5" margin="{margin}" gap="{gap}"/>'
+    result = simulate_robot(*slide_scene(ball), [SiteLaw(site=TIP, controller=controller())])
+    contact, predicted = result.contacts[0][0], result.predictions[0][0]
+    early = margin > 0
+    assert (contact.time < 0.9 * predicted.time) == early
+    assert ("time to contact" in compared(result)) == early
+    assert ("the margin of the geoms" in compared(result)) == early
+
+
+@pytest.mark.parametrize(
+    ("options", "cause"),
+    [
+        ({"offset": 0.028}, "beside the axis"),
+        ({"offset": 0.01, "direction": np.array([1.0, 0.0, 0.2])}, "the object moves otherwise"),
+    ],
+)
+def test_the_cause_of_a_deviation_is_named(options, cause: str) -> None:
+    ball = '<geom type="sphere" size="0.035" mass="0.5"/>'
+    result = simulate_robot(*slide_scene(ball, **options), [SiteLaw(site=TIP, controller=controller())], horizon=1.0)
+    assert cause in compared(result)
+
+
+def test_a_slow_joint_controller_is_a_cause() -> None:
+    law = SiteLaw(site=TIP, controller=controller())
+    ball = '<geom type="sphere" size="0.035" mass="0.5"/>'
+    result = simulate_robot(*slide_scene(ball), [law], tracking=PositionControl(bandwidth=2.0))
+    assert "does not follow its reference" in compared(result)
+    assert compared(simulate_robot(*slide_scene(ball), [law])) == ""
+
+
+def test_drives_that_push_during_the_impact_are_a_cause_of_the_force() -> None:
+    """A contact at 150 Hz with a joint controller of 20 Hz, whose damping acts at once, and with one of 1 Hz."""
+    law, frequency = SiteLaw(site=TIP, controller=controller()), 150.0
+    for bandwidth, pushes in ((20.0, True), (1.0, False)):
+        spring = (2 * math.pi * frequency) ** 2
+        ball = f'<geom size="0.035" mass="0.5" solref="{-spring} -1" solimp="0.9999 0.9999" priority="1"/>'
+        model, data = slide_scene(ball)
+        model.opt.timestep = 1e-4
+        mass, tracking = 1 / (1 / 0.25 + 1 / 0.5), ComputedTorque(bandwidth=bandwidth)
+        result = simulate_robot(model, data, [law], tracking=tracking, contact_stiffness=spring * mass)
+        assert ("the drives push against the impact" in compared(result)) == pushes
+        wrong = simulate_robot(model, data, [law], tracking=tracking, contact_stiffness=4 * spring * mass)
+        assert ("acts like a stiffness" in compared(wrong)) == (not pushes)
+
+
+@pytest.mark.parametrize("alpha", [0, 1])
+def test_a_ball_is_not_added_into_a_wall(alpha: int, tmp_path) -> None:
+    """The wall stays where it is, and the robot does not approach, so that a ball is added, 40 mm ahead of the site."""
+    from pretouch.robots.scene import Approach, make_scene
+
+    for distance, inside in ((0.06, True), (0.2, False)):
+        wall = f'<geom name="wall" type="box" size="0.01 1 1" pos="{0.23 + distance} 0 1" rgba="1 1 1 {alpha}"/>'
+        path = tmp_path / "robot.xml"
+        path.write_text(SLIDE.format(base="", mass=1.0, gravity="0 0 0").replace("<worldbody>", f"<worldbody>{wall}"))
+        model = load_model(path)
+        approach = Approach(distance=0.04, obstacle_velocity=-0.3, robot_velocity=0.0, mass=math.nan)
+        if inside:
+            with refused("obstacle position", value="wall"):
+                make_scene(path, model, make_data(model), TIP, approach)
+        else:
+            assert "added ball" in make_scene(path, model, make_data(model), TIP, approach).note
+
+
+def test_an_object_that_was_not_detected_is_said() -> None:
+    law = SiteLaw(site=TIP, controller=controller())
+    result = simulate_robot(*slide_scene('<geom size="0.035" mass="0.5"/>', offset=0.045), [law])
+    assert [text[:5] for text in result.warnings] == ["PT559"]

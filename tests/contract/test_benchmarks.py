@@ -217,6 +217,23 @@ def test_designs_with_limits_agree_with_the_full_search() -> None:
     assert limits.check(6, 7) == 0
 
 
+def test_random_robots_say_what_differs_from_their_prediction() -> None:
+    pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+    from benchmarks import random_robots
+
+    assert random_robots.check(2, 10) == 0
+
+
+def test_a_robot_that_says_nothing_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+    from benchmarks import random_robots
+
+    from pretouch.robots import encounter
+
+    monkeypatch.setattr(encounter, "report_deviations", lambda _: [])
+    assert random_robots.check(1, 23) > 0
+
+
 def test_co_designs_are_compared_with_narrowed_grids(monkeypatch: pytest.MonkeyPatch) -> None:
     from benchmarks import limits
 

@@ -27,7 +27,7 @@ from pretouch.simulation.native_loop import PythonStep
 from pretouch.simulation.sensing import SensorRun
 
 from .centering import hand_law
-from .dynamics import constraint_rows, free_acceleration, posture_dynamics, reduce_base
+from .dynamics import actuator_moment, constraint_rows, free_acceleration, posture_dynamics, reduce_base
 from .engine import address_of, contact_list, engine
 from .model import mujoco, names_of
 from .reference import SPACING
@@ -261,7 +261,8 @@ class Runner:
         native.longest, native.patience, native.resting, native.unseen = LONGEST, PATIENCE, RESTING, 2 * FARTHEST
         native.steps, native.periods = scene.steps, math.ceil(scene.horizon / scene.period - 1e-9)
         native.floats, native.returns = bodies.floats, bodies.returns
-        native.ask_torques = feedback is None or bool(model.neq or drivetrain.footholds)
+        constrained = bool(model.neq or drivetrain.footholds) or scene.forces is not None
+        native.ask_torques = feedback is None or constrained
         native.hand_first = native.hand_second = -1
         if scene.centering is not None:
             self._hand = hand = hand_law(scene.centering, scene.laws, scene.period)
@@ -478,7 +479,11 @@ class Runner:
             force,
             lambda: self._path.held(data),
         )
-        self._wanted[:] = scene.tracking.torques(state)
+        wanted = scene.tracking.torques(state)
+        if scene.forces is not None:  # actuators that drive several joints apply what comes closest to these torques
+            moment = actuator_moment(model, data)[np.ix_(scene.drivetrains[0].rows, driven)]
+            wanted = moment.T @ np.clip(np.linalg.lstsq(moment.T, wanted, rcond=None)[0], *scene.forces.T)
+        self._wanted[:] = wanted
 
     def _body_contacts(self) -> tuple[BodyContact, ...]:
         """Return the contacts of all bodies in their order."""

@@ -17,16 +17,17 @@ from pretouch.simulation.result import whole
 from .centering import Centering
 from .compiled_run import Runner, RunResult
 from .deviations import (
+    Comparison,
     explain_deviations,
     report_deviations,
     report_problems,
     report_rising_forces,
     report_touches,
 )
-from .model import Data, Model, check_model, mujoco, site_index
+from .model import Data, Model, check_model, mujoco, site_index, with_opaque_geoms
 from .obstruction import beam_warnings, take_to_surface
 from .projection import warnings_of_site
-from .result import RobotSimulation, RobotTrace, SiteContact, prediction_of, touches_elsewhere
+from .result import RobotSimulation, RobotTrace, prediction_of, touches_elsewhere
 from .run_scene import RunScene
 from .sight import FARTHEST, Sight
 from .site_law import SiteLaw
@@ -89,7 +90,7 @@ def simulate_robot(
         "follow_time": nonnegative(follow_time, "follow_time", "s"),
     }
     check_model(model)
-    model, data, moved = _at_surface(model, data, laws)
+    model, data, moved = _at_surface(with_opaque_geoms(model), data, laws)
     scene = RunScene.of(model, data, laws, tracking=tracking or ComputedTorque(), centering=centering, **options)
     stiffness = None if contact_stiffness is None else positive(contact_stiffness, "contact_stiffness", "N/m")
     count, seed = whole(runs, "runs", 1, 10**7), whole(seed, "seed", 0, 2**64 - 1)
@@ -111,7 +112,20 @@ def simulate_robot(
             *report_touches(touches_elsewhere(touches)),
             *report_rising_forces([result.passed_peak for result in results]),
             *moved,
-            *_warnings(scene, contacts, predictions),
+            *_warnings(
+                scene,
+                Comparison(
+                    model=scene.model,
+                    drivetrains=scene.drivetrains,
+                    laws=scene.laws,
+                    contacts=contacts,
+                    predictions=predictions,
+                    touches=touches,
+                    robot_forces=[result.robot_force for result in results],
+                    stiffness=stiffness,
+                    trace_of=_Tracer(scene, seed),
+                ),
+            ),
         ),
         laws=tuple(laws),
         model=scene.model,
@@ -127,16 +141,12 @@ def _at_surface(model: Model, data: Data, laws: Sequence[SiteLaw]) -> tuple[Mode
     return take_to_surface(model, still, [law.site for law in laws])
 
 
-def _warnings(
-    scene: RunScene,
-    contacts: Sequence[Sequence[SiteContact]],
-    predictions: Sequence[Sequence[SiteContact | None]],
-) -> Iterator[str]:
+def _warnings(scene: RunScene, comparison: Comparison) -> Iterator[str]:
     """Yield all warnings of a robot simulation, on postures, model and deviations from the prediction."""
     names = [law.site.name for law in scene.laws]
-    explanations = list(explain_deviations(names, contacts))
+    explanations = list(explain_deviations(names, comparison.contacts))
     if scene.centering is None:  # the prediction does not know the law of the hand
-        explanations += report_deviations(names, contacts, predictions)
+        explanations += report_deviations(comparison)
     for law in scene.laws:
         index, curve = site_index(scene.model, law.site.name), law.site.sensor
         sight = Sight(scene.model, law.site, index, cast("Any", curve), FARTHEST)

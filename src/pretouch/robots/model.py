@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import sys
 from collections.abc import Mapping
@@ -28,6 +29,9 @@ SPEED: Final = "pretouch speed of "
 
 LOCK: Final = "pretouch hold of "
 """Start of the names of equality constraints that hold joints or the base of a robot."""
+
+
+_HARDLY_VISIBLE: Final = 1e-6  # alpha of a geom
 
 
 def mujoco() -> Any:
@@ -221,3 +225,28 @@ def describe_position(value: float, unit: str) -> str:
         The position of a hinge in degrees, or that of a slide in millimeters.
     """
     return f"{math.degrees(value):.4g} deg" if unit == "rad" else f"{1e3 * value:.4g} mm"
+
+
+def with_opaque_geoms(model: Model) -> Model:
+    """Return a model whose rays meet all geoms that can be touched.
+
+    MuJoCo's rays pass geoms that are completely transparent, which many models use for collisions. Such geoms become
+    hardly visible instead.
+
+    Args:
+        model: the model, which is not changed.
+
+    Returns:
+        A copy, or the model itself if no such geom is transparent.
+    """
+    materials = np.asarray(model.geom_matid)
+    own, shared = np.asarray(model.geom_rgba)[:, 3], np.asarray(model.mat_rgba).reshape(-1, 4)[:, 3]
+    alpha = np.where(materials < 0, own, shared[materials] if len(shared) else own)
+    touchable = np.asarray(model.geom_contype).astype(bool) | np.asarray(model.geom_conaffinity).astype(bool)
+    hidden = np.flatnonzero(touchable & (alpha == 0))
+    if not len(hidden):
+        return model
+    copied = copy.copy(model)
+    copied.geom_matid[hidden] = -1
+    copied.geom_rgba[hidden, 3] = _HARDLY_VISIBLE
+    return copied

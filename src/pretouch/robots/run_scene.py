@@ -39,6 +39,7 @@ class RunScene:
     drivetrains: tuple[Drivetrain, ...]
     drives: Drives
     highest: FloatArray
+    forces: FloatArray | None
     path: JointPath
     steps: int
     period: float
@@ -118,6 +119,7 @@ class RunScene:
             drivetrains=drivetrains,
             drives=drives,
             highest=_largest_torques(drives),
+            forces=_largest_forces(drives) if ((drives.moment != 0).sum(axis=1) > 1).any() else None,
             path=JointPath(copied, start, drivetrains, [law.site for law in laws]),
             steps=steps,
             period=period,
@@ -151,14 +153,18 @@ def _check_bandwidth(tracking: Tracking, step: float) -> None:
         )
 
 
-def _largest_torques(drives: Drives) -> FloatArray:
-    """Return the smallest and largest actuator torques per joint, shape (n, 2)."""
+def _largest_forces(drives: Drives) -> FloatArray:
+    """Return the smallest and largest forces of the actuators, shape (rows, 2)."""
     by_control = np.sort(drives.gain[:, None] * drives.controls + drives.constant[:, None], axis=1)
     by_control = np.where(drives.gain[:, None] == 0, (-math.inf, math.inf), by_control)
     low = np.maximum(drives.lowest, by_control[:, 0])
-    high = np.minimum(drives.highest, by_control[:, 1])
+    return np.column_stack([low, np.minimum(drives.highest, by_control[:, 1])])
+
+
+def _largest_torques(drives: Drives) -> FloatArray:
+    """Return the smallest and largest actuator torques per joint, shape (n, 2)."""
     torques = np.zeros((drives.moment.shape[1], 2))
-    for row, least, most in zip(drives.moment, low, high, strict=True):
+    for row, (least, most) in zip(drives.moment, _largest_forces(drives), strict=True):
         for joint in np.flatnonzero(row):
             ends = sorted((row[joint] * least, row[joint] * most))
             torques[joint] += ends

@@ -19,7 +19,7 @@ from pretouch._core.units import format_quantity
 
 from .dynamics import drivetrain_of, falls
 from .geometry import move_site, way_out
-from .model import Data, Model, mujoco, names_of, site_index
+from .model import Data, Model, mujoco, names_of, site_index, with_opaque_geoms
 from .obstruction import take_to_surface
 from .robot_file import RobotFile, compile_robot, robot_file
 from .sight import FARTHEST, Glance, Sight
@@ -35,6 +35,7 @@ _BOTH: Final = 3  # bits of contype and conaffinity: the ball touches everything
 _HEAVY: Final = 1000.0  # kg: stands for an infinite mass
 _NAME: Final = "pretouch ball"
 _VERTICAL: Final = 0.9  # |vertical component| of an axis above which it counts as vertical
+_INSIDE: Final = 1e-5  # m: rounding of models
 _STRAIGHT: Final = 1e-9  # m/s or rad/s: rounding of the joint velocities
 
 
@@ -98,7 +99,7 @@ def make_scene(
     Returns:
         The scene.
     """
-    index = site_index(model, site.name)
+    index, model = site_index(model, site.name), with_opaque_geoms(model)
     curve: Any = site.sensor
     model, data, warnings = take_to_surface(model, data, [site])
     sight = Sight(model, site, index, curve, FARTHEST)
@@ -110,6 +111,7 @@ def make_scene(
         radius = RADIUS if math.isnan(approach.radius) else approach.radius
         ball = Ball(distance=approach.distance, velocity=approach.obstacle_velocity, mass=weight, radius=radius)
         scene = put_ball(model_with_ball(robot, gravity=falls(model, data, drivetrain)), data, site, ball)
+        _refuse_ball_inside(*scene)
         sizes = f"radius {format_quantity(radius, 'm')} and mass {format_quantity(weight, 'kg')}"
         return RobotScene(*scene, f"The object is an added ball with {sizes}.", warnings)
     if len(moving):
@@ -126,6 +128,20 @@ def make_scene(
     if not math.isnan(approach.radius):
         note += " It has the size that the model says, so object_radius has no effect."
     return RobotScene(model, data, note, warnings)
+
+
+def _refuse_ball_inside(model: Model, data: Data) -> None:
+    """Raise an error if the added ball overlaps something that is fixed in the scene."""
+    ball, names = model.geom(_NAME).id, names_of(model, "geom")
+    for contact in data.contact:
+        other = int(contact.geom[0] if contact.geom[1] == ball else contact.geom[1])
+        if ball in contact.geom and contact.dist < -_INSIDE and model.body_treeid[model.geom_bodyid[other]] < 0:
+            raise InvalidInputError(
+                f"obstacle position: the ball that is added at this distance overlaps the geom "
+                f"{names[other] or f'number {other}'} by {format_quantity(-float(contact.dist), 'm', 2)}; choose "
+                "another distance or posture, or let the robot approach this geom",
+                value=names[other],
+            )
 
 
 def _moving(model: Model, site: int, glance: Glance) -> IntArray:

@@ -147,9 +147,10 @@ def _balance(
     forces = np.linalg.solve(root, np.vstack([pushes, equality, -equality])[:, base].T)
     weight = np.linalg.solve(root, np.array(data.qfrc_bias - data.qfrc_passive)[base])
     small = _SPREAD * np.linalg.norm(forces, axis=0).max(initial=0.0) * np.eye(forces.shape[1])
-    sizes, _ = nnls(
-        np.vstack([forces, small]), np.concatenate([weight, np.zeros(len(small))]), maxiter=100 * len(small)
-    )
+    sizes = np.zeros(forces.shape[1])
+    if len(sizes):  # nnls of SciPy crashes without unknowns
+        target = np.concatenate([weight, np.zeros(len(small))])
+        sizes, _ = nnls(np.vstack([forces, small]), target, maxiter=100 * len(small))
     acceleration = np.zeros(model.nv)
     acceleration[base] = np.linalg.solve(root.T, forces @ sizes - weight)
     return np.asarray(sizes), acceleration

@@ -179,6 +179,7 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
             ["--quick"],
             [r"constant deceleration: excursion 0\.\d{3}", r"rate s' only( +[\d.]+ \+- [\d.]+){6}"],
         ),
+        ("wrong_distances", ["--count", "1", "--case", "zero"], [r"zero +zero +1( +\d+\.\d){8}"]),
         ("bounds", ["--count", "1000"], [r"any schedule .*[01]\.\d{9} of the bound at most", r"exceeded: 0 of 7"]),
     ],
 )

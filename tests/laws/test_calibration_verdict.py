@@ -321,6 +321,17 @@ def test_a_distance_that_cannot_be_right_is_named_first(calibration: Calibration
     assert report.contradictions[0] == report.reasons[0]
 
 
+def test_a_far_distance_that_disagrees_with_every_curve_is_left_out() -> None:
+    models = ("inverse-power", "exponential-1", "table")
+    typed, right = fit(repeated(written=np.append(DISTANCES[:-1], 0.7)), models), fit(repeated(), models)
+    assert typed.best is not None
+    assert right.best is not None
+    assert typed.window.l_max == DISTANCES[-2]
+    assert typed.best.sensor.log_slope(0.03) == pytest.approx(right.best.sensor.log_slope(0.03), rel=0.02)
+    assert "4 readings at 700 mm" in typed.left_out[-1]
+    assert "so it is left out" in split_code(typed.reasons[0])[1]
+
+
 @pytest.mark.parametrize("farthest", [0.18, 0.255])
 def test_a_far_distance_that_agrees_with_the_curve_is_believed(farthest: float) -> None:
     """The signal there is 25 and 12 mV, and the standard error of a mean is 1 mV."""
@@ -330,7 +341,8 @@ def test_a_far_distance_that_agrees_with_the_curve_is_believed(farthest: float) 
 
 
 def test_the_first_sentence_says_that_the_slope_is_unknown() -> None:
-    known, unknown = fit(repeated()), fit(repeated(written=np.append(DISTANCES[:-1], 0.7)))
+    few = Calibration(distances=[0.0, 2e-3, 4e-3, 8e-3], outputs=[3.0, 2.0, 1.0, 0.5], unit="V", no_object=[0.1])
+    known, unknown = fit(repeated()), fit(few)
     assert known.best is not None
     assert unknown.best is not None
     assert known.best.middle_slope.is_within(3.0)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from dataclasses import replace
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -52,50 +53,79 @@ def distance_reservations(calibration: Calibration) -> tuple[str, ...]:
     return ()
 
 
-def code_reservations(prepared: Prepared) -> tuple[str, ...]:
-    """Return warnings about a single distance that may be a code for no object, or a typing error.
+class DoubtfulDistance(NamedTuple):
+    """A single distance that may be a code for no object, or a typing error.
+
+    `distance` is in m, `text` is the warning, and `is_wrong` says that the fit is better without its readings.
+    """
+
+    distance: float
+    text: str
+    is_wrong: bool
+
+
+def doubtful_distances(prepared: Prepared) -> tuple[DoubtfulDistance, ...]:
+    """Return single distances that may be a code for no object, or a typing error.
 
     Some sensors and programs record a fixed distance, such as 0 or 255, if they detect no object.
     """
-    return tuple(text for text in (_zero(prepared), _isolated(prepared)) if text)
+    return tuple(found for found in (_zero(prepared), _isolated(prepared)) if found is not None)
 
 
-def _zero(prepared: Prepared) -> str:
-    """Return a warning if the output at the distance 0 is that of the empty scene; empty if it is not."""
+def without_distance(calibration: Calibration, distance: float) -> Calibration:
+    """Return a calibration without the readings at one distance [m]."""
+    kept = calibration.distances != distance
+    return replace(calibration, distances=calibration.distances[kept], outputs=calibration.outputs[kept])
+
+
+def _zero(prepared: Prepared) -> DoubtfulDistance | None:
+    """Return the distance 0 if its output is that of the empty scene.
+
+    Its readings remain: they are no part of the range in which the output falls, so they hardly change the slope.
+    """
     calibration = prepared.calibration
     curve = average(calibration)
     if len(curve.distance) < _FEWEST or curve.distance[0] != 0:
-        return ""
+        return None
     reach, nearest, others = float(np.ptp(curve.output)), float(curve.output[0]), curve.output[1:]
     empty = float(np.median(calibration.no_object)) if len(calibration.no_object) else float(others[-1])
     if nearest > empty + _EMPTY * reach or others[0] - nearest < _DROP * reach:
-        return ""
+        return None
     scene = "as without an object" if len(calibration.no_object) else "no more than at the largest distance"
-    return caution(
+    text = caution(
         "PT114",
         f"At the distance 0 mm, the output is only {_level(calibration, nearest)}, {scene}: if 0 is a code for no "
         "object, write inf as the distance of these readings. Otherwise the sensor does not see an object at contact.",
     )
+    return DoubtfulDistance(0.0, text, is_wrong=False)
 
 
-def _isolated(prepared: Prepared) -> str:
-    """Return a warning if the output at a far larger distance than all others does not belong to the curve."""
+def _isolated(prepared: Prepared) -> DoubtfulDistance | None:
+    """Return a far larger distance than all others if its output does not belong to the curve.
+
+    If it disagrees with every curve, the fit is better without it: a typing error bends all curves.
+    If it may have been taken without an object, it remains, because the offset then follows from it.
+    """
     calibration, used, offset = prepared.calibration, prepared.used, prepared.offset
     if offset is None or len(used.distance) <= _FEWEST or used.distance[-1] < _ISOLATED * used.distance[-2]:
-        return ""
+        return None
     output = _level(calibration, float(used.output[-1]))
     before, last = (format_quantity(float(d), "m") for d in used.distance[-2:])
     if offset.kind == "fitted" and _is_rather_empty(calibration, used):
-        finding = "agrees far better with the curve through the other readings if it was taken without an object"
+        finding, is_wrong = (
+            "agrees far better with the curve through the others if it was taken without an object",
+            False,
+        )
     elif _disagrees(calibration, used, None if offset.kind == "fitted" else offset):
-        finding = "disagrees with every curve through the other readings"
+        finding, is_wrong = "disagrees with every curve through the other readings, so it is left out", True
     else:
-        return ""
-    return caution(
+        return None
+    text = caution(
         "PT114",
         f"The output of {output} at the largest distance {last} {finding}: if this distance is a code for no object, "
         f"write inf instead; if it is a typing error, correct it; if it is right, measure between {before} and {last}.",
     )
+    return DoubtfulDistance(float(used.distance[-1]), text, is_wrong)
 
 
 def _is_rather_empty(calibration: Calibration, used: AveragedCurve) -> bool:

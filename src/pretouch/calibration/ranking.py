@@ -9,10 +9,11 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from pretouch._core.arguments import check_arguments
+from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import split_code
 
 from .data import Calibration
-from .doubtful_distances import code_reservations, distance_reservations
+from .doubtful_distances import distance_reservations, doubtful_distances, without_distance
 from .model_fit import attempt_fit, check_models, model_names
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import CalibrationReport, SensorFit
@@ -69,10 +70,13 @@ def fit(
     models = model_names() if models is None else tuple(dict.fromkeys(models))
     check_models(models)
     prepared = prepare(calibration, offset, saturation, near_field_peak, floor_sigmas, models=models)
+    found_distances = () if prepared.no_signal else doubtful_distances(prepared)
+    wrong = next((each for each in found_distances if each.is_wrong), None)
+    kept = calibration if wrong is None else without_distance(calibration, wrong.distance)
+    if wrong is not None:
+        prepared = prepare(kept, offset, saturation, near_field_peak, floor_sigmas, models=models)
     if math.isfinite(prepared.steep_from) and not _is_determined_by_table(prepared, models):
-        prepared = prepare(
-            calibration, offset, saturation, near_field_peak, floor_sigmas, models=models, uses_flattened=False
-        )
+        prepared = prepare(kept, offset, saturation, near_field_peak, floor_sigmas, models=models, uses_flattened=False)
     fits: list[SensorFit] = []
     not_fitted: dict[str, str] = {}
     if not prepared.no_signal:
@@ -85,7 +89,7 @@ def fit(
     reasons, notes = prepared.no_signal, tuple[str, ...]()
     contradictions = doubtful = (
         *distance_reservations(calibration),
-        *(() if prepared.no_signal else code_reservations(prepared)),
+        *(each.text for each in found_distances),
     )
     if not prepared.no_signal:
         check = _check(prepared, fits)
@@ -114,8 +118,17 @@ def fit(
         notes=notes,
         not_fitted=not_fitted,
         slope=slope,
-        left_out=ignored_readings(prepared),
+        left_out=(*ignored_readings(prepared), *(() if wrong is None else (_left_out(calibration, wrong.distance),))),
         curves=prepared.witness,
+    )
+
+
+def _left_out(calibration: Calibration, distance: float) -> str:
+    """Say which readings at a doubtful distance are not used."""
+    count = int((calibration.distances == distance).sum())
+    return (
+        f"{count} reading{'s' if count != 1 else ''} at {format_quantity(distance, 'm')}, far beyond all others: the "
+        "output disagrees with every curve through the other readings (PT114)."
     )
 
 

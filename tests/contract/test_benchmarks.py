@@ -153,6 +153,7 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
                 r"although within 15 %",
             ],
         ),
+        ("fitting", ["--count", "2"], [r"2 curves of one file: \d+\.\d\d s", r"by SciPy: .* ms a curve; ratio \d+"]),
         (
             "gradients",
             ["--count", "300", "--seconds", "0.01"],

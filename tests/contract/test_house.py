@@ -91,6 +91,7 @@ IMPORTERS = {
 }
 ALLOWED = {
     "pretouch": "attach_stub",  # the public names, imported when they are first used
+    "pretouch.config": "attach_stub",
     "pretouch.report": "attach_stub",
     "pretouch._core.errors": "import_module",  # optional libraries of others, see `require`
     "pretouch.robots.descriptions": "find_spec import_module",  # collections of models, if they are installed

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import errno
-import hashlib
 import json
 import math
 import os
 import re
-import secrets
 import shutil
 import stat
 import time
@@ -99,7 +97,7 @@ def temporary_path(target: Path) -> Path:
             leftover = _LEFTOVER.fullmatch(entry.name.removeprefix(f".{name}"))
             if leftover and entry.stat(follow_symlinks=False).st_mtime < time.time() - _ABANDONED:
                 remove_tree(Path(entry.path))
-    return target.with_name(f".{name}.{secrets.token_hex(6)}.tmp")
+    return target.with_name(f".{name}.{os.urandom(6).hex()}.tmp")
 
 
 def remove_tree(path: Path) -> None:
@@ -289,6 +287,8 @@ def is_own_unchanged(path: str | os.PathLike[str]) -> bool:
 
 
 def _digest(text: str) -> str:
+    import hashlib  # noqa: PLC0415 - keeps `pretouch --help` quick
+
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -249,17 +249,33 @@ def falling_means(curve: AveragedCurve, errors: FloatArray) -> AveragedCurve | N
     """
     if (np.diff(curve.output) < 0).all():
         return curve
-    from scipy.optimize import isotonic_regression  # noqa: PLC0415 - SciPy is loaded only for fits
-
     weights = 1 / np.maximum(errors, 1e-300) ** 2
-    fitted = isotonic_regression(curve.output, weights=weights, increasing=False)
-    if not (np.abs(fitted.x - curve.output) <= _EXPLAINED * errors).all():
+    fitted, starts = nonincreasing(curve.output, weights)
+    if not (np.abs(fitted - curve.output) <= _EXPLAINED * errors).all():
         return None
-    starts = np.asarray(fitted.blocks[:-1], dtype=np.int64)
     total = np.add.reduceat(weights, starts)
     distance = np.add.reduceat(weights * curve.distance, starts) / total
     distance[[0, -1]] = curve.distance[[0, -1]]
-    return AveragedCurve(distance=distance, output=fitted.x[starts], count=np.add.reduceat(curve.count, starts))
+    return AveragedCurve(distance=distance, output=fitted[starts], count=np.add.reduceat(curve.count, starts))
+
+
+def nonincreasing(values: FloatArray, weights: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return the nearest values that never increase, in weighted least squares, by pooling neighbors that do.
+
+    Returns:
+        The values, and the index of the first member of each group of equal values.
+    """
+    groups: list[tuple[float, float, int]] = []  # mean, weight and first member
+    for i, (value, weight) in enumerate(zip(values.tolist(), weights.tolist(), strict=True)):
+        mean, total, start = value, weight, i
+        while groups and groups[-1][0] <= mean:
+            other, size, start = groups.pop()
+            mean += size / (size + total) * (other - mean)  # equal means stay exactly equal
+            total += size
+        groups.append((mean, total, start))
+    starts = np.array([start for *_, start in groups], dtype=np.int64)
+    means = np.array([mean for mean, *_ in groups])
+    return np.repeat(means, np.diff(np.append(starts, len(values)))), starts
 
 
 def max_scatter(distance: FloatArray, values: FloatArray, *, unknown: float) -> float:

@@ -208,9 +208,9 @@ def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray,
     The points have the log output ln xi and the slope g [1/m].
     """
     sensor = PiecewiseCubic(
-        distances=tuple(distance),
-        log_outputs=tuple(np.clip(log_output, -600.0, 600.0)),
-        slopes=tuple(pairwise(slope)),
+        distances=tuple(distance.tolist()),  # Python's floats are checked three times as fast as NumPy's
+        log_outputs=tuple(np.clip(log_output, -600.0, 600.0).tolist()),
+        slopes=tuple(pairwise(slope.tolist())),
     )
     return DrawnCurve(sensor=sensor, offset=offset)
 

@@ -389,13 +389,13 @@ def mount(drawn: DrawnCurve, sensor: SensorModel, offset: float, start: float) -
         pieces.append(_observed_points(drawn, float(inner[0]), float(inner[1]), offset, recess))
     if far < start:
         pieces.append(_points_of(sensor, np.linspace(far, start, _BEYOND)))
-    distances, levels, slopes = (list(column) for column in pieces[0])
+    distances, levels, slopes = (column.tolist() for column in pieces[0])
     for places, values, ends in pieces[1:]:
-        levels += list(values[1:] - values[0] + levels[-1])
-        distances += list(places[1:])
-        slopes += list(ends)
+        levels += (values[1:] - values[0] + levels[-1]).tolist()
+        distances += places[1:].tolist()
+        slopes += ends.tolist()
     distances[0], distances[-1] = 0.0, start
-    return PiecewiseCubic(distances=tuple(distances), log_outputs=tuple(levels), slopes=tuple(slopes))
+    return PiecewiseCubic(distances=tuple(distances), log_outputs=tuple(levels), slopes=tuple(map(tuple, slopes)))
 
 
 Points: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]

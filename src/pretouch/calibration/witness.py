@@ -17,8 +17,9 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.sensors import PiecewiseCubic
+from pretouch.sensors.table import monotone_slopes
 
-from .averaging import AveragedCurve
+from .averaging import AveragedCurve, nonincreasing
 from .ceilings import CeilingFits
 from .result import DrawnCurve, NoiseEstimate, OffsetEstimate
 
@@ -71,13 +72,15 @@ class Witness(Value):
                 levels = level + np.log(np.maximum(factor, _SMALLEST_SIGNAL))
             levels = _without_noisy_rises(levels, self.errors)
             secants = np.diff(levels) / width
-            slopes = [(secant, secant) for secant in secants]
+            slopes = [(secant, secant) for secant in secants.tolist()]
             if number % 2:
-                bent = _smooth_slopes(self.distances, levels, secants)
+                bent = monotone_slopes(self.distances, levels)
                 if number > 1:
                     bent = _bounded(bent * np.exp(_BENDING * rng.standard_normal(len(bent))), secants)
-                slopes = list(pairwise(bent))
-            curve = PiecewiseCubic(distances=tuple(self.distances), log_outputs=tuple(levels), slopes=tuple(slopes))
+                slopes = list(pairwise(bent.tolist()))
+            curve = PiecewiseCubic(
+                distances=tuple(self.distances.tolist()), log_outputs=tuple(levels.tolist()), slopes=tuple(slopes)
+            )
             curves.append(DrawnCurve(sensor=curve, offset=self.offset))
         return tuple(curves)
 
@@ -137,19 +140,8 @@ def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
     """
     if (np.diff(level) <= 0).all():
         return level
-    from scipy.optimize import isotonic_regression  # noqa: PLC0415 - SciPy is loaded only for fits
-
-    falling = np.asarray(isotonic_regression(level, weights=1 / errors**2, increasing=False).x)
+    falling, _ = nonincreasing(level, 1 / errors**2)
     return falling if (np.abs(falling - level) <= _SURE * errors).all() else level
-
-
-def _smooth_slopes(distance: FloatArray, level: FloatArray, secants: FloatArray) -> FloatArray:
-    """Return the slopes of a monotone curve through the readings. The curve is a piecewise cubic (PCHIP)."""
-    if len(distance) == 2:
-        return np.repeat(secants, 2)
-    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - SciPy is loaded only for fits
-
-    return np.asarray(PchipInterpolator(distance, level).derivative()(distance))
 
 
 def _bounded(slopes: FloatArray, secants: FloatArray) -> FloatArray:

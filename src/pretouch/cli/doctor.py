@@ -6,7 +6,6 @@ import platform
 import re
 import shutil
 from functools import partial
-from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Annotated, Any, Final
 
 import typer
@@ -108,6 +107,8 @@ def _core() -> dict[str, Any]:
 
 def _required(extra: str) -> list[str]:
     """Return the packages that an extra, or pretouch without extras (""), installs on this machine."""
+    from importlib.metadata import requires  # noqa: PLC0415 - keeps `pretouch --help` quick
+
     names = []
     for line in requires("pretouch") or []:
         name = re.match(r"[\w.-]+", line)
@@ -130,6 +131,8 @@ def _missing(extra: str) -> list[str]:
 
 
 def _version(package: str) -> str | None:
+    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - keeps `pretouch --help` quick
+
     try:
         return version(package)
     except PackageNotFoundError:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 import re
 import sys
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -126,7 +124,10 @@ def _init(
     request: FitRequest | None, output: Path, answers: dict[str, str | None], *, drag: bool, force: bool, json: bool
 ) -> None:
     """Create, check and write a first scenario file."""
-    from pretouch.config import load_document  # noqa: PLC0415 - keeps `pretouch --help` quick
+    import hashlib  # noqa: PLC0415 - keeps `pretouch --help` quick
+    import tomllib  # noqa: PLC0415
+
+    from pretouch.config import load_document  # noqa: PLC0415
 
     refuse_existing(output, force=force)
     if request is not None:

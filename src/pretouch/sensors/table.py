@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -72,12 +72,19 @@ class Table(SensorModel):
     def _knots(self) -> Iterable[float]:
         return self.distances  # the second derivative of ln xi jumps there
 
+    def _terms(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        starts, coefficients = _cubics(self.distances, self.outputs)
+        at = np.maximum(np.searchsorted(starts, distance, side="right") - 1, 0)
+        return coefficients[:, at], distance - starts[at]
+
     def _log_output(self, distance: FloatArray) -> FloatArray:
-        return np.asarray(_interpolant(self.distances, self.outputs)(distance))
+        (c0, c1, c2, c3), z = self._terms(distance)
+        return np.asarray(c0 + z * (c1 + z * (c2 + z * c3)))  # exact at the points, except the last one
 
     def _log_slope(self, distance: FloatArray) -> FloatArray:
+        (_, c1, c2, c3), z = self._terms(distance)
         # At an end of the table the slope may be zero, and the polynomial may round to just above zero.
-        return np.asarray(np.minimum(_interpolant(self.distances, self.outputs)(distance, 1), 0.0))
+        return np.asarray(np.minimum(c1 + z * (2 * c2 + z * 3 * c3), 0.0))
 
 
 def _column(values: ArrayLike, name: str) -> FloatArray:
@@ -88,10 +95,50 @@ def _column(values: ArrayLike, name: str) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> Any:
-    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - only tables need SciPy
+def _cubics(distances: tuple[float, ...], outputs: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    """Return the near ends of the intervals of a table, and the coefficients of ln xi from there, shape (4, N - 1)."""
+    places, levels = np.array(distances), np.log(outputs)
+    slopes, width = monotone_slopes(places, levels), np.diff(places)
+    secant = np.diff(levels) / width
+    bend = (slopes[:-1] + slopes[1:] - 2 * secant) / width
+    return places[:-1], np.array([levels[:-1], slopes[:-1], (secant - slopes[:-1]) / width - bend, bend / width])
 
-    return PchipInterpolator(np.array(distances), np.log(outputs), extrapolate=True)
+
+def monotone_slopes(distance: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the slopes of a monotone piecewise cubic through points (Fritsch and Butland 1984).
+
+    A slope is a weighted harmonic mean of the slopes to both neighbors, and 0 where they differ in sign. At the ends it
+    is that of a parabola, limited so that the cubic is monotone. These are the slopes of SciPy's `PchipInterpolator`,
+    which takes 0.2 s to import.
+
+    Args:
+        distance: distances of the points [m], at least two, strictly increasing, shape (N,).
+        values: the values there, shape (N,).
+
+    Returns:
+        The slopes at the points, shape (N,).
+    """
+    width = np.diff(distance)
+    secant = np.diff(values) / width
+    if len(secant) == 1:
+        return np.repeat(secant, 2)
+    near, far = secant[:-1], secant[1:]
+    same = near * far > 0
+    first, last = 2 * width[1:] + width[:-1], width[1:] + 2 * width[:-1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inner = (first + last) / (first / near + last / far)
+    ends = [_end_slope(width[:2], secant[:2]), _end_slope(width[:-3:-1], secant[:-3:-1])]
+    return np.concatenate([ends[:1], np.where(same, inner, 0.0), ends[1:]])
+
+
+def _end_slope(width: FloatArray, secant: FloatArray) -> float:
+    """Return the slope at an end, from the widths and slopes of the two intervals there, the outer one first."""
+    slope = ((2 * width[0] + width[1]) * secant[0] - width[0] * secant[1]) / (width[0] + width[1])
+    if slope * secant[0] <= 0:
+        return 0.0
+    if secant[0] * secant[1] < 0 and abs(slope) > 3 * abs(secant[0]):
+        slope = 3 * secant[0]
+    return float(slope)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

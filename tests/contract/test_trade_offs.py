@@ -159,6 +159,8 @@ def test_the_lines_that_a_free_admittance_is_replaced_by_are_verified(run):
     section = re.search(r"  \[admittance\]\n(?:  \w+ = .*\n)+", designed)[0].replace("  ", "")
     start, end = free.index("[admittance]"), free.index("[obstacle]")
     Path("one.toml").write_text(free[:start] + section + free[end:])
+    compared = run("compare", "one.toml", "free.toml", "--runs", "5", "--no-report")[1]
+    assert "free was not verified: free.toml, line" in " ".join(compared.split())
     gain = strict(run("simulate", "one.toml", "--json")[1])["gain"]
     assert gain == pytest.approx(strict(run("design", "free.toml", "--json")[1])["gain"], rel=1e-6)
 

@@ -23,6 +23,7 @@ _NOTE: Final = (
 def candidates_page(comparison: CandidateComparison) -> Page:
     """Return the report page of a comparison of candidates."""
     reasons = tuple((c.name, c.reason[:1].upper() + c.reason[1:]) for c in comparison.candidates if c.reason)
+    refused = tuple(f"{c.name} was not verified: {c.problem}" for c in comparison.candidates if c.problem)
     drawn = any(math.isfinite(c.contact_speed) for c in comparison.candidates)
     picture = Picture(
         figure="candidates",
@@ -40,7 +41,7 @@ def candidates_page(comparison: CandidateComparison) -> Page:
         blocks=(
             picture if drawn else None,
             PageTable(head=_HEAD, rows=tuple(map(_row, comparison.candidates)), note=_NOTE, brief=True),
-            Listing(items=comparison.notes, brief=True) if comparison.notes else None,
+            Listing(items=(*refused, *comparison.notes), brief=True) if refused or comparison.notes else None,
             PageTable(head=("candidate", "main reason"), rows=reasons, wraps=True) if reasons else None,
         ),
     )

@@ -351,6 +351,7 @@ typedef struct {
     void (*com_pos)(const void *model, void *data);
     void (*subtree_vel)(const void *model, void *data);
     void (*mul_m)(const void *model, const void *data, double *result, const double *vector);
+    void (*mul_jac_t)(const void *model, const void *data, double *result, const double *vector);
     void (*jac)(const void *model, const void *data, double *positions, double *rotations, const double *point,
                 int body);
     void (*contact_force)(const void *model, const void *data, int contact, double *wrench);
@@ -454,6 +455,8 @@ enum {
  * driven, base: indices of degrees of freedom. places: of the driven joints in qpos. highest: torques, shape (n, 2).
  * motion: positions, velocities, accelerations of the sites, shape (3, m). reference: the same of the joints, shape
  * (3, n). scratch: memory for 4 nv + (base + 1) base numbers.
+ * equality_count, constraint_count: numbers of the data. equality: memory for most_equalities rows of nv numbers, and
+ * for as many of base numbers and 2 base base + 3 base; selected: memory for most_constraints numbers, which are 0.
  * unseen: distance that the sensor gets if it sees nothing [m].
  * setpoints: references on their way to the controller of the joints, a ring of most_setpoints rows of a time and a
  * reference, shape (1 + 3 n); null if every reference acts at once.
@@ -464,7 +467,7 @@ typedef struct {
     void *data;
     double *qpos, *qvel, *applied;
     const double *bias, *passive, *site_points, *site_frames, *subtree_velocity;
-    const int32_t *contact_count;
+    const int32_t *contact_count, *equality_count, *constraint_count;
     const char *contacts;
     int64_t contact_size, contact_fields[4];
     int64_t nq, nv, bodies;
@@ -480,6 +483,8 @@ typedef struct {
     int64_t driven_count, base_count;
     const double *highest;
     double *motion, *reference, *wanted, *torques, *scratch;
+    double *equality, *selected;
+    int64_t most_equalities, most_constraints;
     double *setpoints;
     int64_t most_setpoints, setpoint_head, setpoint_tail;
     pretouch_robot_touch *touches;

@@ -223,37 +223,178 @@ void solve(double *matrix, double *x, int64_t n) {
     }
 }
 
-// The torques of the tracking, from what the base does on its own: M_bb y = M_bq w + h_b for the wanted accelerations w
-// of the joints and the load h, and the torques are M_qq w + h_q - M_qb y.
-void set_wanted(Run &run) {
+constexpr double DEPENDENT = 1e-8;  // of constraint rows of length 1, as in robots/dynamics.py
+constexpr int SWEEPS = 40;
+
+// Turns the columns of a matrix, shape (rows, columns), until they are orthogonal to each other, and applies the same
+// rotations to the identity (one-sided Jacobi method; J. Demmel, K. Veselic, 1992). The columns are then the left
+// singular vectors times the singular values, and those of `right` the right singular vectors.
+void orthogonalize(double *matrix, int64_t rows, int64_t columns, double *right) {
+    for (int64_t i = 0; i < columns * columns; i++) right[i] = i % (columns + 1) ? 0.0 : 1.0;
+    const auto turn = [columns](double *a, int64_t count, int64_t p, int64_t q, double c, double s) {
+        for (int64_t i = 0; i < count; i++) {
+            const double x = a[i * columns + p], y = a[i * columns + q];
+            a[i * columns + p] = c * x - s * y;
+            a[i * columns + q] = s * x + c * y;
+        }
+    };
+    for (int sweep = 0; sweep < SWEEPS; sweep++) {
+        bool done = true;
+        for (int64_t p = 0; p < columns; p++) {
+            for (int64_t q = p + 1; q < columns; q++) {
+                double alpha = 0.0, beta = 0.0, gamma = 0.0;
+                for (int64_t i = 0; i < rows; i++) {
+                    const double x = matrix[i * columns + p], y = matrix[i * columns + q];
+                    alpha += x * x;
+                    beta += y * y;
+                    gamma += x * y;
+                }
+                if (gamma == 0.0 || fabs(gamma) <= 1e-15 * sqrt(alpha * beta)) continue;
+                done = false;
+                const double zeta = (beta - alpha) / (2.0 * gamma);
+                const double t = copysign(1.0, zeta) / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
+                const double c = 1.0 / sqrt(1.0 + t * t);
+                turn(matrix, rows, p, q, c, c * t);
+                turn(right, columns, p, q, c, c * t);
+            }
+        }
+        if (done) return;
+    }
+}
+
+// How the active equality constraints move the base: the rows A of unit length, shape (count, nv), and the
+// singular value decomposition of their columns A_b of the base, U S V^T. `left` has the columns U S.
+struct Constraints {
+    double *rows, *left, *right, *sizes, *first, *second;
+    int64_t count;
+    double largest;
+};
+
+// Reads the constraints of a step; returns false if they do not fit into the memory.
+bool read_constraints(Run &run, Constraints &c) {
+    const int64_t nv = run.nv, b = run.base_count, all = *run.constraint_count;
+    c.count = 0;
+    if (!run.equality) return true;
+    const int64_t number = *run.equality_count;
+    if (number > run.most_equalities || all > run.most_constraints) return false;
+    c.rows = run.equality;
+    c.left = c.rows + run.most_equalities * nv;
+    c.right = c.left + run.most_equalities * b;
+    c.sizes = c.right + 2 * b * b;
+    c.first = c.sizes + b;
+    c.second = c.first + b;
+    for (int64_t i = 0; i < number; i++) {
+        double *row = c.rows + c.count * nv;
+        run.selected[i] = 1.0;
+        run.engine->mul_jac_t(run.model, run.data, row, run.selected);
+        run.selected[i] = 0.0;
+        const double size = sqrt(dot(row, row, nv));
+        if (!(size > 0.0)) continue;
+        for (int64_t j = 0; j < nv; j++) row[j] /= size;
+        for (int64_t k = 0; k < b; k++) c.left[c.count * b + k] = row[run.base[k]];
+        c.count++;
+    }
+    orthogonalize(c.left, c.count, b, c.right);
+    c.largest = 0.0;
+    for (int64_t k = 0; k < b; k++) {
+        double sum = 0.0;
+        for (int64_t i = 0; i < c.count; i++) sum += c.left[i * b + k] * c.left[i * b + k];
+        c.sizes[k] = sqrt(sum);
+        c.largest = larger(c.largest, c.sizes[k]);
+    }
+    return true;
+}
+
+bool is_held(const Constraints &c, int64_t k) { return c.sizes[k] > DEPENDENT * c.largest; }
+bool is_loose(const Constraints &c, int64_t k) { return !(c.sizes[k] > DEPENDENT * larger(1.0, c.largest)); }
+
+// Adds the motion of the base that the constraints cause to a velocity of the joints, -A_b^+ A_q w.
+void follow(const Run &run, const Constraints &c, double *velocity) {
+    const int64_t b = run.base_count;
+    for (int64_t k = 0; k < b; k++) c.first[k] = 0.0;
+    for (int64_t i = 0; i < c.count; i++) {
+        const double moved = dot(c.rows + i * run.nv, velocity, run.nv);  // the base is still at rest
+        for (int64_t k = 0; k < b; k++)
+            if (is_held(c, k)) c.first[k] -= c.left[i * b + k] * moved / (c.sizes[k] * c.sizes[k]);
+    }
+    for (int64_t j = 0; j < b; j++) velocity[run.base[j]] = dot(c.right + j * b, c.first, b);
+}
+
+// Returns the force on a joint that the constraints transmit from forces on the base, row j of -A_q^T (A_b^+)^T f_b.
+// second: output of set_multipliers.
+void set_multipliers(const Run &run, const Constraints &c, const double *force) {
+    const int64_t b = run.base_count;
+    for (int64_t k = 0; k < b; k++) {
+        double sum = 0.0;
+        for (int64_t j = 0; j < b; j++) sum += c.right[j * b + k] * force[run.base[j]];
+        c.second[k] = is_held(c, k) ? sum / (c.sizes[k] * c.sizes[k]) : 0.0;
+    }
+}
+double transmitted(const Run &run, const Constraints &c, int64_t degree) {
+    double sum = 0.0;
+    for (int64_t i = 0; i < c.count; i++)
+        sum -= c.rows[i * run.nv + degree] * dot(c.left + i * run.base_count, c.second, run.base_count);
+    return sum;
+}
+
+// The torques of the tracking. With the wanted accelerations w of the joints, the load h, the motion P w of the base
+// that constraints cause and a basis B of the motions that they leave, the forces are f = M (P w, w) + h. The base moves
+// so that B^T f_b - B^T M_bb B u is 0, and the torques are those of g = f - M (B u, 0): g_q + P^T g_b. Returns false if
+// Python has to compute them.
+bool set_wanted(Run &run) {
     const pretouch_joint_feedback &f = run.feedback;
     const int64_t n = run.driven_count, b = run.base_count, nv = run.nv;
     const double *position = run.reference, *velocity = position + n, *acceleration = velocity + n;
     double *vector = run.scratch, *product = vector + nv, *column = product + nv, *matrix = column + nv,
            *y = matrix + b * b;
     const size_t size = static_cast<size_t>(nv) * sizeof(double);
+    Constraints held = {};
+    if (b && !read_constraints(run, held)) return false;
     memset(vector, 0, size);
     for (int64_t j = 0; j < n; j++)
         vector[run.driven[j]] = f.acceleration * acceleration[j] + f.velocity * velocity[j] -
                                 f.damping * run.qvel[run.driven[j]] +
                                 f.stiffness * (position[j] - run.qpos[run.places[j]]);
+    if (held.count) follow(run, held, vector);
     run.engine->mul_m(run.model, run.data, product, vector);
     for (int64_t i = 0; i < nv; i++) product[i] += run.bias[i] - run.passive[i];
-    if (b) {
-        for (int64_t k = 0; k < b; k++) {
-            memset(vector, 0, size);
-            vector[run.base[k]] = 1.0;
-            run.engine->mul_m(run.model, run.data, column, vector);
-            for (int64_t i = 0; i < b; i++) matrix[i * b + k] = column[run.base[i]];
-            y[k] = product[run.base[k]];
-        }
-        solve(matrix, y, b);
-        memset(vector, 0, size);
-        for (int64_t k = 0; k < b; k++) vector[run.base[k]] = y[k];
-        run.engine->mul_m(run.model, run.data, column, vector);
-        for (int64_t i = 0; i < nv; i++) product[i] -= column[i];
+    int64_t loose = 0;  // number of columns of B
+    for (int64_t k = 0; k < b; k++) {
+        if (held.count && !is_loose(held, k)) continue;
+        if (held.count)
+            for (int64_t i = 0; i < b; i++) held.right[b * b + loose * b + i] = held.right[i * b + k];
+        loose++;
     }
-    for (int64_t j = 0; j < n; j++) run.wanted[j] = f.scale * product[run.driven[j]];
+    if (loose) {
+        const auto basis = [&](int64_t k) {  // writes column k of B as a velocity
+            memset(vector, 0, size);
+            if (!held.count) vector[run.base[k]] = 1.0;
+            for (int64_t i = 0; held.count && i < b; i++) vector[run.base[i]] = held.right[b * b + k * b + i];
+        };
+        for (int64_t k = 0; k < loose; k++) {
+            basis(k);
+            y[k] = dot(vector, product, nv);
+            run.engine->mul_m(run.model, run.data, column, vector);
+            for (int64_t i = 0; i < loose; i++) {
+                basis(i);
+                matrix[i * loose + k] = dot(vector, column, nv);
+            }
+        }
+        solve(matrix, y, loose);
+        memset(column, 0, size);
+        for (int64_t k = 0; k < loose; k++) {
+            basis(k);
+            for (int64_t i = 0; i < nv; i++) column[i] += y[k] * vector[i];
+        }
+        run.engine->mul_m(run.model, run.data, vector, column);
+        for (int64_t i = 0; i < nv; i++) product[i] -= vector[i];
+    }
+    if (held.count) set_multipliers(run, held, product);
+    for (int64_t j = 0; j < n; j++) {
+        const double more = held.count ? transmitted(run, held, run.driven[j]) : 0.0;
+        run.wanted[j] = f.scale * (product[run.driven[j]] + more);
+    }
+    return true;
 }
 
 // Applies the wanted torques within the limits of the drives.
@@ -556,8 +697,7 @@ int64_t continue_run(Run &run) {
                 if (!touched(run.sites[i]) && !run.sites[i].obstacle) run.sites[i].obstacle = what;
             delay_reference(run);
             run.phase = APPLY;
-            if (run.ask_torques) return PRETOUCH_RUN_TORQUES;
-            set_wanted(run);
+            if (run.ask_torques || !set_wanted(run)) return PRETOUCH_RUN_TORQUES;
             [[fallthrough]];
         case APPLY:
             apply(run);

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pretouch.robots import ComputedTorque, PositionControl, SensorSite, SiteLaw, simulate_robot
+from pretouch.robots import ComputedTorque, PositionControl, SensorSite, SiteLaw, make_data, simulate_robot
 from pretouch.robots.sight import Sight
 from pretouch.robots.tracking import JointState, Tracking
 from pretouch.simulation import SensorChain
 from pretouch.simulation.sensing import SensorRun
-from robot_scenes import CURVE, controller, slide_with_ball
+from robot_scenes import CURVE, SLIDE, controller, slide_with_ball, with_object
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -156,5 +156,43 @@ def test_torques_of_python_are_those_of_compiled_code(floats: bool) -> None:
         for tracking in (ComputedTorque(model_error=0.2), _Held(ComputedTorque(model_error=0.2)))
     ]
     assert len(traces[0].time) == 100
+    assert np.allclose(traces[0].torque, traces[1].torque, rtol=0, atol=1e-9)
+    assert np.allclose(traces[0].configuration, traces[1].configuration, rtol=0, atol=1e-12)
+
+
+EXTRA = (
+    '<body name="extra" pos="0 0.03 0"><joint name="extra" type="slide" axis="1 0 0"/><geom size="0.01" mass="0.1"/>'
+    "</body>"
+)
+DANGLING = '<body pos="0 -0.03 0"><joint axis="0 1 0"/><geom size="0.01" pos="0 0 -0.05" mass="0.1"/></body>'
+CRANK = """<body pos="0 0.05 0"><joint axis="0 0 1"/>
+<geom type="capsule" fromto="0 0 0 0 0.1 0" size="0.01" mass="0.1"/>
+<body name="rod" pos="0 0.1 0"><joint axis="0 0 1"/>
+<geom type="capsule" fromto="0 0 0 -0.05 0 0" size="0.01" mass="0.1"/></body></body>"""
+COUPLED = '<joint joint1="extra" joint2="slide" polycoef="0 1 0 0 0"/>'
+
+
+@pytest.mark.parametrize(
+    ("base", "part", "equality"),
+    [
+        ("", EXTRA, COUPLED),
+        ("", EXTRA, COUPLED + '<joint joint1="slide" joint2="extra" polycoef="0 1 0 0 0"/>'),  # the same twice
+        ("", CRANK, '<connect body1="rod" anchor="-0.05 0 0"/>'),
+        ("<freejoint/>", EXTRA + DANGLING, COUPLED),
+        ("<freejoint/>", DANGLING, '<weld body1="base"/>'),
+    ],
+)
+def test_torques_under_constraints_are_those_of_python(base: str, part: str, equality: str) -> None:
+    """Compiled code decomposes the constraints of the base by itself; Python uses pseudoinverses of NumPy."""
+    text = SLIDE.format(base=base, mass=1.0, gravity="0 0 0").replace('<site name="tip"', f'{part}<site name="tip"')
+    text = text.replace("</worldbody>", f"</worldbody><equality>{equality}</equality>")
+    scene = with_object(text, make_data(mujoco.MjModel.from_xml_string(text)), "tip", 0.3)
+    law = SiteLaw(site=SensorSite("tip", CURVE), controller=controller())
+    traces = [
+        simulate_robot(*scene, [law], tracking=tracking, horizon=0.1).trace()
+        for tracking in (ComputedTorque(model_error=0.1), _Held(ComputedTorque(model_error=0.1)))
+    ]
+    assert len(traces[0].time) == 100
+    assert np.abs(traces[1].torque).max() > 1.0
     assert np.allclose(traces[0].torque, traces[1].torque, rtol=0, atol=1e-9)
     assert np.allclose(traces[0].configuration, traces[1].configuration, rtol=0, atol=1e-12)

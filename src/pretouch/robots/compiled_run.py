@@ -28,7 +28,7 @@ from pretouch.simulation.sensing import SensorRun
 
 from .centering import hand_law
 from .dynamics import actuator_moment, constraint_rows, free_acceleration, posture_dynamics, reduce_base
-from .engine import address_of, contact_list, engine
+from .engine import address_of, contact_list, count_address, engine
 from .model import mujoco, names_of
 from .reference import SPACING
 from .result import BodyContact, DetectedEncounter, SiteContact
@@ -45,6 +45,7 @@ OBSTACLES: Final = "", "joint range", "singularity"
 
 _ENDED, _DETECTED, _ANCHOR, _TORQUES, _TOUCHED, _ROWS, _FAILED = range(7)
 _MOST_TOUCHES: Final = 1024  # pairs of bodies that touch in one run
+_MOST_CONSTRAINTS: Final = 100_000  # scalar constraints of MuJoCo in one step
 _MOST_ROWS: Final = 4096  # of a time series, after which Python stores them
 _BYTE: Final = np.dtype(np.uint8)
 _INDEX: Final = np.dtype(np.int64)
@@ -89,7 +90,8 @@ class _Feedback(Structure):
 class _NativeRun(Structure):
     _fields_ = (
         *numbers("engine", "model", "data", "qpos", "qvel", "applied", "bias", "passive", kind=POINTER),
-        *numbers("site_points", "site_frames", "subtree_velocity", "contact_count", "contacts", kind=POINTER),
+        *numbers("site_points", "site_frames", "subtree_velocity", kind=POINTER),
+        *numbers("contact_count", "equality_count", "constraint_count", "contacts", kind=POINTER),
         *(("contact_size", INTEGER), ("contact_fields", INTEGER * 4)),
         *numbers("nq", "nv", "bodies", kind=INTEGER),
         *numbers("geom_body", "flex_body", "body_root", "body_tree", "own", "moving", "still", kind=POINTER),
@@ -98,6 +100,10 @@ class _NativeRun(Structure):
         *numbers("driven", "base", "places", kind=POINTER),
         *numbers("driven_count", "base_count", kind=INTEGER),
         *numbers("highest", "motion", "reference", "wanted", "torques", "scratch", kind=POINTER),
+        *(
+            *numbers("equality", "selected", kind=POINTER),
+            *numbers("most_equalities", "most_constraints", kind=INTEGER),
+        ),
         *(("setpoints", POINTER), *numbers("most_setpoints", "setpoint_head", "setpoint_tail", kind=INTEGER)),
         *(("touches", POINTER), *numbers("most_touches", "touch_count", kind=INTEGER)),
         *(("rows", POINTER), ("most_rows", INTEGER), ("row_count", INTEGER)),
@@ -261,8 +267,14 @@ class Runner:
         native.longest, native.patience, native.resting, native.unseen = LONGEST, PATIENCE, RESTING, 2 * FARTHEST
         native.steps, native.periods = scene.steps, math.ceil(scene.horizon / scene.period - 1e-9)
         native.floats, native.returns = bodies.floats, bodies.returns
-        constrained = bool(model.neq or drivetrain.footholds) or scene.forces is not None
-        native.ask_torques = feedback is None or constrained
+        native.ask_torques = feedback is None or bool(drivetrain.footholds) or scene.forces is not None
+        native.equality_count, native.constraint_count = count_address(data, "ne"), count_address(data, "nefc")
+        if model.neq:
+            most = max(int(data.ne), 1)
+            equality = self._hold(np.zeros(most * (model.nv + base) + 2 * base * base + 3 * base))
+            selected = self._hold(np.zeros(_MOST_CONSTRAINTS))
+            native.equality, native.most_equalities = address(equality), most
+            native.selected, native.most_constraints = address(selected), len(selected)
         native.hand_first = native.hand_second = -1
         if scene.centering is not None:
             self._hand = hand = hand_law(scene.centering, scene.laws, scene.period)
@@ -459,7 +471,7 @@ class Runner:
         result.turn, result.sideways = math.asin(min(turn, 1.0)), float(np.linalg.norm(np.cross(axis, moved)))
 
     def _set_torques(self) -> None:
-        """Compute the torques of a tracking in Python, or of one under constraints."""
+        """Compute torques in Python: of a custom tracking, a standing robot, or actuators that drive several joints."""
         scene, data, model = self._scene, self._data, self._scene.model
         driven, base = scene.drivetrains[0].driven, scene.drivetrains[0].base
         mass, load = np.zeros((model.nv, model.nv)), np.array(data.qfrc_bias - data.qfrc_passive)

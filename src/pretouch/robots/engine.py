@@ -1,8 +1,9 @@
 """Give compiled code access to the MuJoCo library that Python has loaded.
 
 The compiled core calls MuJoCo's functions by their addresses. It reads the arrays of a state by the addresses of their
-NumPy views, which stay the same for the life of the state. Only two things have no view: the number of contacts, whose
-place in the structure is measured, and the list of contacts, whose layout is that of the views of its fields.
+NumPy views, which stay the same for the life of the state. Only two things have no view: the numbers of contacts and
+constraints, whose places in the structure are measured, and the list of contacts, whose layout is that of the views of
+its fields.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from pretouch._core.native import POINTER, Structure, numbers
 from .model import Data, mujoco
 
 _FUNCTIONS: Final = (
-    *("step1", "step2", "kinematics", "comPos", "subtreeVel", "mulM", "jac", "contactForce", "ray", "multiRay"),
+    *("step1", "step2", "kinematics", "comPos", "subtreeVel", "mulM", "mulJacTVec", "jac", "contactForce"),
+    *("ray", "multiRay"),
 )
 _HANDLER: Final = "_mjPRIVATE_setTlsLogHandler"  # MuJoCo's own Python package sets the handler of a thread with it
 _MARKS: Final = 0x5EA1C0DE, 0x1D0C0FFE
@@ -33,8 +35,8 @@ class Engine(Structure):
     """Addresses of the functions of MuJoCo, as a C structure."""
 
     _fields_ = numbers(
-        *("step1", "step2", "kinematics", "com_pos", "subtree_vel", "mul_m", "jac", "contact_force", "ray"),
-        *("multi_ray", "set_log_handler"),
+        *("step1", "step2", "kinematics", "com_pos", "subtree_vel", "mul_m", "mul_jac_t", "jac", "contact_force"),
+        *("ray", "multi_ray", "set_log_handler"),
         kind=POINTER,
     )
 
@@ -87,7 +89,7 @@ class ContactList:
 
 def contact_list(data: Data) -> ContactList:
     """Return where compiled code finds the contacts of a state."""
-    number, offset = data.ncon, _count_offset(data)
+    number, place = data.ncon, count_address(data, "ncon")
     data.ncon = 1  # the views of the fields exist only for contacts
     try:
         views = [getattr(data.contact, name) for name in _FIELDS]
@@ -96,34 +98,36 @@ def contact_list(data: Data) -> ContactList:
         size = views[0].strides[0]
     finally:
         data.ncon = number
-    return ContactList(data._address + offset, first, size, (places[0], places[1], places[2], places[3]))
+    return ContactList(place, first, size, (places[0], places[1], places[2], places[3]))
 
 
 _offsets: Final[dict[str, int]] = {}
 
 
-def _count_offset(data: Data) -> int:
-    """Return the byte offset of the number of contacts in the structure of a state.
+def count_address(data: Data, name: str) -> int:
+    """Return the address of a number of a state that has no view, such as the number of contacts.
 
     It is where marks appear that are written through the Python package.
+
+    Args:
+        data: the state, which is not changed.
+        name: "ncon", "ne" or "nefc".
 
     Raises:
         InvalidInputError: the marks appear nowhere.
     """
-    if "ncon" not in _offsets:
-        number = data.ncon
+    if name not in _offsets:
+        number = getattr(data, name)
         try:
-            data.ncon = _MARKS[0]
+            setattr(data, name, _MARKS[0])
             offset = _find(data._address, _MARKS[0])
-            data.ncon = _MARKS[1]
+            setattr(data, name, _MARKS[1])
             if ctypes.c_int32.from_address(data._address + offset).value != _MARKS[1]:
-                raise InvalidInputError(
-                    "mujoco: cannot find the number of contacts in the state of this MuJoCo version"
-                )
+                raise InvalidInputError(f"mujoco: cannot find the number {name} in the state of this MuJoCo version")
         finally:
-            data.ncon = number
-        _offsets["ncon"] = offset
-    return _offsets["ncon"]
+            setattr(data, name, number)
+        _offsets[name] = offset
+    return int(data._address + _offsets[name])
 
 
 def _find(address: int, mark: int) -> int:

@@ -167,6 +167,39 @@ def test_a_file_is_saved_where_it_was_opened(tmp_path, scenario):
     assert pt.load_scenario(file).scenario.obstacle.velocity == -0.5
 
 
+def test_a_file_that_was_changed_outside_is_not_overwritten_unasked(tmp_path, scenario):
+    """The page sends the text that it knows; the answer has the present one, and `known: null` overwrites."""
+    file = tmp_path / "own.toml"
+    file.write_text(scenario, encoding="utf-8")
+    with running_studio(file) as server:
+        text = change_text(scenario, {"obstacle.velocity": "-0.5 m/s"})
+        edited = scenario + "\n# a note from an editor\n"
+        file.write_text(edited, encoding="utf-8")
+        assert server.answer("save", {"text": text, "known": scenario})["changed"] == edited
+        assert file.read_text(encoding="utf-8") == edited
+        assert server.answer("reload", {})["text"] == edited
+        assert server.answer("save", {"text": text, "known": edited})["saved"] == "own.toml"
+        other = change_text(scenario, {"obstacle.velocity": "-0.6 m/s"})  # of a second tab, which read the first text
+        assert server.answer("save", {"text": other, "known": scenario})["changed"] == text
+        assert server.answer("save", {"text": other, "known": None})["saved"] == "own.toml"
+    assert file.read_text(encoding="utf-8") == other
+
+
+def test_saving_keeps_link_permissions_and_line_ends(tmp_path, scenario):
+    (tmp_path / "far").mkdir()
+    target, link = tmp_path / "far/real.toml", tmp_path / "own.toml"
+    target.write_bytes(scenario.replace("\n", "\r\n").encode("utf-8-sig"))
+    target.chmod(0o600)
+    link.symlink_to(target)
+    with running_studio(link) as server:
+        text = change_text(scenario, {"obstacle.velocity": "-0.5 m/s"})
+        assert server.answer("save", {"text": text, "known": scenario})["saved"] == "own.toml"
+    assert link.is_symlink()
+    assert target.read_bytes() == text.replace("\n", "\r\n").encode("utf-8-sig")
+    assert target.stat().st_mode & 0o777 == 0o600
+    assert [path.name for path in (tmp_path / "far").iterdir()] == ["real.toml"]
+
+
 def test_a_fit_follows_the_window(studio):
     content = (EXAMPLES / "sensor.csv").read_bytes()
     status, _, found = studio.ask("POST", "/api/calibration", content, **{"X-Name": "own.csv"})

@@ -437,6 +437,41 @@ def test_a_simulated_run_is_drawn_over_the_prediction(open_page, server):
     assert page.evaluate("pretouch.overlay") is None  # it was that of the gain before
 
 
+def test_two_tabs_and_an_editor_do_not_overwrite_each_other(open_page, tmp_path):
+    """Each version can be taken; until the user chooses, the file stays, and Undo returns to the page's values."""
+    file = Path(shutil.copy(ROOT / "examples/loop.toml", tmp_path))
+    with running_studio(file) as server:
+        first = open_page(server.address)
+        second = open_page(server.address, context=first.context)
+
+        def set_speed(page, text):
+            page.bring_to_front()
+            wait(page, "pretouch.state.disk !== undefined")  # the page shows the file
+            page.fill("[id='obstacle.velocity']", text)
+            page.keyboard.press("Tab")
+
+        set_speed(first, "-0.5 m/s")
+        first.click("#save")
+        wait(first, "document.querySelector('#save').textContent === 'Saved loop.toml'")
+        set_speed(second, "-0.6 m/s")
+        second.click("#save")
+        second.wait_for_selector("#conflict:not([hidden])")
+        assert '"-0.5 m/s"' in file.read_text(encoding="utf-8")
+        second.click("#take")
+        wait(second, "document.getElementById('obstacle.velocity').value === '-0.5 m/s'")
+        assert second.is_hidden("#conflict")
+        second.click("#undo")
+        wait(second, "document.getElementById('obstacle.velocity').value === '-0.6 m/s'")
+        file.write_text(file.read_text(encoding="utf-8") + "# a note\n", encoding="utf-8")  # an editor
+        second.click("#save")
+        second.wait_for_selector("#conflict:not([hidden])")
+        assert file.read_text(encoding="utf-8").endswith("# a note\n")
+        second.click("#overwrite")
+        wait(second, "document.querySelector('#save').textContent === 'Saved loop.toml'")
+        assert '"-0.6 m/s"' in file.read_text(encoding="utf-8")
+        assert first.mistakes == second.mistakes == []
+
+
 def test_a_lost_server_loses_nothing(open_page, scenario_file):
     with running_studio(scenario_file) as server:
         page = open_page(server.address)

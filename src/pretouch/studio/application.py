@@ -75,7 +75,8 @@ class Application:
             "describe": lambda a: describe_scenario(files, a.text),
             "reservations": lambda a: describe_reservations(files, a.text, a.of("gain", float)),
             "change": lambda a: change_scenario(a.text, a.of("changes", dict)),
-            "save": lambda a: {"saved": files.save(a.text)},
+            "save": lambda a: files.save(a.text, a.known),
+            "reload": lambda _: {"text": files.text},
             "fit": lambda a: fit_readings(files, a.of("name", str), a.window),
             "cloud": lambda a: sample_cloud(files, a.text, a.of("gain", float)),
             "simulate": lambda a: simulate_run(files, a.text, a.gain, a.seed),
@@ -236,6 +237,11 @@ class _Asked:
     def text(self) -> str:
         """The text of the scenario file in the request."""
         return str(self.of("text", str))
+
+    @property
+    def known(self) -> str | None:
+        """The text of the opened file that the page knows; None to overwrite any text."""
+        return None if self._values.get("known") is None else str(self.of("known", str))
 
     @property
     def gain(self) -> float | None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+import shutil
 import tempfile
 import tomllib
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError, ScenarioFileError, UnitError, require
+from pretouch._core.files import temporary_path
 from pretouch._core.units import to_si
 from pretouch.motion.scenario import SCENARIO_INPUTS
 
@@ -41,10 +44,12 @@ class OpenedFiles:
         self._files: dict[str, Path] = {}
         self._count = 0
         if opened is not None:
-            self.text = opened.read_text(encoding="utf-8-sig")
             self._allow_files(self.text, opened.parent.resolve())
-        else:
-            self.text = ""
+
+    @property
+    def text(self) -> str:
+        """The text of the opened scenario file as it is now; empty if the studio was started without a file."""
+        return "" if self.opened is None else self.opened.read_text(encoding="utf-8-sig")
 
     def close(self) -> None:
         """Remove the temporary files."""
@@ -105,13 +110,18 @@ class OpenedFiles:
         path.write_text(tomlkit.dumps(document), encoding="utf-8")
         return path
 
-    def save(self, text: str) -> str:
-        """Write a text to the opened scenario file.
+    def save(self, text: str, known: str | None) -> dict[str, str]:
+        """Write a text to the opened scenario file, unless the file has changed since the page read it.
 
-        The studio was started with this file.
+        The studio was started with this file. Its permissions and line ends stay, and a symbolic link stays a link.
+
+        Args:
+            text: the new text.
+            known: the text of the file that the page knows; None to overwrite any text.
 
         Returns:
-            The name of the file.
+            `saved` with the name of the file, or `changed` with the present text of the file if it is another one than
+            the known text.
 
         Raises:
             InvalidInputError: the studio was started without a file.
@@ -121,11 +131,22 @@ class OpenedFiles:
                 "save: the studio was started without a file; download the scenario, or run: pretouch studio FILE"
             )
         self.write_scenario(text)  # raises an error if the text is not TOML or names a file that was not opened
-        partial = self.opened.with_name(f".{self.opened.name}.partial")
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(self.opened)
-        self.text = text
-        return self.opened.name
+        target = self.opened.resolve()  # of a link, the file
+        before = target.read_bytes() if target.exists() else b""
+        if known is not None and before and before.decode("utf-8-sig").replace("\r\n", "\n") != known:
+            return {"changed": self.text}
+        content = text.encode("utf-8-sig" if before.startswith(BOM_UTF8) else "utf-8")
+        if b"\r\n" in before:
+            content = content.replace(b"\r\n", b"\n").replace(b"\n", b"\r\n")
+        partial = temporary_path(target)
+        try:
+            partial.write_bytes(content)
+            if before:
+                shutil.copymode(target, partial)
+            partial.replace(target)
+        finally:
+            partial.unlink(missing_ok=True)
+        return {"saved": self.opened.name}
 
 
 def _names(document: Any) -> Iterator[tuple[str, str, str]]:

@@ -103,8 +103,8 @@ export class Page {
     }
 
     /** Replace the scenario, such as by that of a file. */
-    load(fields, fixed = {}, file = null) {
-        this.change((state) => Object.assign(state, { fields, fixed, file, chosen: null }));
+    load(fields, fixed = {}, file = null, more = {}) {
+        this.change((state) => Object.assign(state, { fields, fixed, file, chosen: null }, more));
         this.#form();
     }
 

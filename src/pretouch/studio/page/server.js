@@ -76,23 +76,32 @@ class Studio {
     /** Show the values of a scenario file. */
     async open(text, file = null, disk = undefined) {
         const { fields, fixed, notes } = await this.ask("describe", { text });
-        this.page.load(fields, fixed, file);
-        this.page.change((state) => Object.assign(state, { text, base: fields, disk }), { commit: false });
-        this.page.commit();
+        this.page.load(fields, fixed, file, { text, base: { ...fields }, disk }); // a copy: edits change the fields
         this.#say(notes.join(". "));
     }
 
+    /** Show the file as it is now. */
     async reload() {
         try {
-            await this.open(this.server.text, this.server.file, this.server.text);
+            const { text } = await this.ask("reload", {});
+            this.server.text = text;
+            byId("conflict").hidden = true;
+            await this.open(text, this.server.file, text);
         } catch (error) {
             this.#say(error.message);
         }
     }
 
-    async #save() {
+    /** Save, unless another program or tab has changed the file since this page read it. */
+    async #save({ overwrite = false } = {}) {
         try {
-            const text = await this.text(), { saved } = await this.ask("save", { text });
+            const text = await this.text(), known = overwrite ? null : (this.page.state.disk ?? this.server.text);
+            const { saved, changed } = await this.ask("save", { text, known });
+            byId("conflict").hidden = changed === undefined;
+            if (changed !== undefined) {
+                byId("conflict-text").textContent = `${this.server.file} was changed outside of this page, so nothing was saved. Overwrite it with the values of this page, or show the file; Undo then returns to the values of this page.`;
+                return;
+            }
             this.server.text = text;
             this.page.change((state) => Object.assign(state, { text, base: { ...state.fields }, disk: text }), { commit: false });
             this.page.commit();
@@ -364,6 +373,8 @@ class Studio {
             }
         });
         byId("save").addEventListener("click", () => this.#save());
+        byId("overwrite").addEventListener("click", () => this.#save({ overwrite: true }));
+        byId("take").addEventListener("click", () => this.reload());
         byId("reload").addEventListener("click", () => this.reload());
         byId("csv").addEventListener("change", (event) => {
             this.#calibrate(event.target.files[0]);

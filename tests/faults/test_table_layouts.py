@@ -353,6 +353,11 @@ def test_a_line_whose_other_line_is_missing_is_left_out_and_counted() -> None:
     assert any("1 lines of pairs" in note for note in parser.notes)
 
 
+def test_lines_without_a_distance_among_whole_ones_are_no_pairs() -> None:
+    text = '{"gap": 5, "y": 7}\n{"y": 6}\n{"gap": 8}\n{"gap": 9, "y": 4}\n'
+    assert parsed(text, distance_column="gap", column="y") == [(7, 0.005), (4, 0.009)]
+
+
 def test_an_echoed_topic_is_recorded_by_its_field() -> None:
     documents = "".join(f"header:\n  stamp:\n    sec: 17\n    nanosec: {i}\nrange: 0.{i}\n---\n" for i in (1, 2, 3))
     assert [output for output, _ in parsed(documents, column="range")] == [0.1, 0.2, 0.3]

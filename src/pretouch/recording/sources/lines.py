@@ -127,6 +127,7 @@ class LineParser:
         self._rest, self._skip_first, self._header = b"", from_middle, dict[str, int]()
         self._bytes = self._no_text = self._skipped = self._half = 0
         self._example = b""
+        self._has_whole = False  # a line with both the distance and the output: then others are incomplete
         self._pairs = _PairedLines(name, starts_inside=from_middle)
 
     def feed(self, data: bytes) -> list[SourceReading]:
@@ -220,8 +221,10 @@ class LineParser:
         """Return True if a line has either the distance or the output, so that the next line has the other one."""
         place, column = self._format.distance_column, self._format.column
         names = {name for label in labeled for name in (label, split_title(label)[0])}
-        has_output = column in names if column else len(labeled) == 1 and place not in names
-        return bool(place) and (place in names) != has_output and (place in names or has_output)
+        others = [label for label in labeled if place not in {label, split_title(label)[0]}]
+        has_output = column in names if column else bool(others)
+        self._has_whole |= place in names and has_output
+        return bool(place) and not self._has_whole and (place in names) != has_output
 
     def _of_labels(self, labeled: Mapping[str, str]) -> SourceReading | None:
         """Return the reading in a line whose values have labels, with or without a unit."""

@@ -55,7 +55,7 @@ from .model import (
 from .obstruction import covering_object, take_to_surface
 from .path import Excursion, excursion
 from .site import SensorSite
-from .stance import describe_footholds, forces_of, holding_torques, largest_push, supporting_bodies
+from .stance import describe_footholds, forces_of, gap_below, holding_torques, largest_push, supporting_bodies
 
 POOR: Final = 0.2
 """Conditioning below which a projection warns, because the moved mass exceeds 25 times the lightest one."""
@@ -381,7 +381,14 @@ def _falling_warnings(model: Model, data: Data, drivetrain: Drivetrain) -> Itera
     """Yield a warning if a robot touches something, but does not stand on it."""
     if not len(drivetrain.root) or not np.any(model.opt.gravity):
         return
-    pairs = supporting_bodies(model, data, np.concatenate([drivetrain.base, drivetrain.driven]))
+    degrees = np.concatenate([drivetrain.base, drivetrain.driven])
+    pairs, (lowest, gap) = supporting_bodies(model, data, degrees), gap_below(model, data, degrees)
+    if not pairs and gap > 0 and math.isfinite(gap):
+        yield caution(
+            "PT555",
+            f"The robot is just above the ground ({lowest}, {format_quantity(gap, 'm', 2)}): lower it if it is meant "
+            "to stand. pretouch treats it as a robot that falls freely.",
+        )
     if pairs:
         yield caution(
             "PT555",

@@ -25,6 +25,7 @@ from pretouch._core.values import Value
 from .model import Data, Model, mujoco, names_of
 
 _AT_SURFACE: Final = 1e-6  # m: bodies that are this close touch
+_NEAR: Final = 5e-3  # m: a robot that is this close to the ground is likely meant to stand on it
 _SPREAD: Final = 1e-6  # weight of the size of the contact forces, so that contacts share their load
 _CARRIES: Final = 1e-6  # share of the largest contact force, below which a contact carries nothing
 _SLIDES: Final = 1e-6  # share of gravity: a contact point that accelerates more along the surface slides
@@ -270,6 +271,29 @@ def forces_of(model: Model, data: Data, footholds: Sequence[Foothold]) -> FloatA
 def supporting_bodies(model: Model, data: Data, degrees: IntArray) -> tuple[str, ...]:
     """Name the pairs of bodies by which a robot touches the world or itself, whether or not they carry it."""
     return describe_footholds(model, _contacts_of(model, data, degrees))
+
+
+def gap_below(model: Model, data: Data, degrees: IntArray) -> tuple[str, float]:
+    """Return which body of a robot is nearest to the world, and how near [m]; infinite if nothing is within 5 mm.
+
+    Args:
+        model: the model.
+        data: its state after `mj_forward`.
+        degrees: the degrees of freedom of the robot.
+    """
+    trees = np.asarray(model.body_treeid)[np.asarray(model.geom_bodyid)]
+    robot = np.isin(trees, np.asarray(model.dof_treeid)[degrees])
+    kinds, groups = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
+    nearest, pair = math.inf, (0, 0)
+    for own in np.flatnonzero(robot):
+        meets = ((kinds[own] & groups) | (kinds & groups[own])) != 0
+        for other in np.flatnonzero((trees < 0) & meets):
+            distance = float(mujoco().mj_geomDistance(model, data, int(own), int(other), _NEAR, None))
+            if distance < min(nearest, _NEAR):
+                nearest, pair = distance, (int(own), int(other))
+    names, bodies = names_of(model, "body"), np.asarray(model.geom_bodyid)
+    labels = [names[body] or f"number {body}" for body in bodies[list(pair)]]
+    return f"{labels[0]} above {labels[1]}", nearest
 
 
 def describe_footholds(model: Model, footholds: Sequence[Foothold]) -> tuple[str, ...]:

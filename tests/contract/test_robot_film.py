@@ -318,3 +318,31 @@ def test_a_camera_sees_all_that_moves(result) -> None:
         seen = (np.array([data.geom(n).xpos for n in ("finger", "upper link")]) - camera.target) @ camera.frame.T
         assert np.abs(seen[:, 0]).max() < half * 4 / 3
         assert np.abs(seen[:, 1]).max() < half
+
+
+DRESSED = """<mujoco><asset><mesh name="skin" vertex="0 0 0 .1 0 0 0 .1 0 0 0 .1"/></asset><worldbody><body>
+<joint name="a" type="slide" axis="1 0 0" range="-1 1"/><geom name="hull" size="0.1" mass="1"/>
+<geom name="visual" type="mesh" mesh="skin" contype="0" conaffinity="0" mass="0"/>
+<site name="tip" pos="0.1 0 0"/></body>
+<body name="bare" pos="0.5 0 0"><geom name="plain" size="0.05"/></body>
+{wall}</worldbody></mujoco>"""
+WALL = '<geom type="box" size="1 0.01 1" pos="0 {} 0"/>'
+
+
+def test_collision_shapes_of_bodies_with_visual_meshes_are_not_drawn() -> None:
+    model = mujoco.MjModel.from_xml_string(DRESSED.format(wall=""))
+    shown = rendering.visual_model(model)
+    alphas = {shown.geom(i).name: float(shown.geom_rgba[i, 3]) for i in range(shown.ngeom)}
+    assert alphas == {"hull": 0.0, "visual": 1.0, "plain": 1.0}
+    assert float(model.geom("hull").rgba[3]) == 1.0
+    camera = rendering.camera_for(model, np.zeros((1, 1)), SensorSite("tip", CURVE))
+    assert len(rendering.silhouettes(model, np.zeros(1), camera)) == 2
+
+
+@pytest.mark.parametrize(("walls", "sides"), [((), {1}), ((-0.3,), {-1}), ((0.3,), {1}), ((-0.3, 0.3), {-1, 1})])
+def test_the_camera_looks_from_where_nothing_hides_the_sensor(walls, sides: set[int]) -> None:
+    """The camera looks along +y (side 1) unless a wall is there."""
+    text = DRESSED.format(wall="".join(WALL.format(y) for y in walls))
+    model = mujoco.MjModel.from_xml_string(text)
+    camera = rendering.camera_for(model, np.zeros((1, 1)), SensorSite("tip", CURVE))
+    assert int(np.sign(camera.frame[2][1])) in sides

@@ -255,3 +255,16 @@ def test_a_hinge_without_range_turns_as_far_as_one_with_a_wide_range() -> None:
     assert "lets them move without limit (elbow, wrist): add the range" in said
     assert not any("PT508" in text for text in wide.warnings)
     assert free.retreat > project_site(load_model(ARM), make_data(load_model(ARM), posture), site).retreat
+
+
+def test_a_problem_of_mujoco_writes_no_file(tmp_path: Path) -> None:
+    """In a process of its own: the file would be in the working directory."""
+    import subprocess
+
+    program = (
+        "from pretouch.robots import load_model, make_data\nimport mujoco\n"
+        f"model = load_model({str(ARM)!r})\ndata = make_data(model)\ndata.qvel[0] = 1e20\nmujoco.mj_step(model, data)\n"
+        "assert data.warning[mujoco.mjtWarning.mjWARN_BADQVEL].number\n"
+    )
+    subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=True, capture_output=True)
+    assert list(tmp_path.iterdir()) == []

@@ -124,9 +124,11 @@ class PostureDynamics:
     @property
     def lightest_mass(self) -> float:
         """The smallest effective mass [kg] in any direction that the joints allow."""
-        free = null_space(self.reduction.coupling)
-        jacobian = self.own[:3] @ free
-        mobility = jacobian @ np.linalg.solve(free.T @ self.inertia @ free, jacobian.T)
+        jacobian, inertia = self.own[:3], self.inertia
+        if len(self.reduction.coupling):
+            free = null_space(self.reduction.coupling)
+            jacobian, inertia = jacobian @ free, free.T @ inertia @ free
+        mobility = jacobian @ np.linalg.solve(inertia, jacobian.T)
         return float(1 / np.linalg.eigvalsh(mobility)[-1])
 
 
@@ -192,7 +194,8 @@ def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
         )
     base = tree[~moved]
     chain = np.intersect1d(_root_of(model, site, driven), base)
-    footholds = footholds_of(model, data, (base, driven, chain), constraint_rows(model, data))
+    # a robot on a fixed base does not stand on contacts, such as those between its own links
+    footholds = footholds_of(model, data, (base, driven, chain), constraint_rows(model, data)) if len(chain) else ()
     held = constraint_rows(model, data, footholds)
     free = np.abs(null_space(held[:, base])).max(axis=1, initial=0.0) > _RANK
     root = np.intersect1d(chain, base[free])
@@ -253,6 +256,8 @@ def constraint_rows(model: Model, data: Data, footholds: Sequence[Foothold] = ()
 
     The state has to be that after `mj_forward` or `update_posture`. The rows have unit length.
     """
+    if not model.neq and not footholds:
+        return np.zeros((0, model.nv))
     equal = np.asarray(data.efc_type) == int(mujoco().mjtConstraint.mjCNSTR_EQUALITY)
     rows = rows_of(model, data, footholds)
     if model.neq and equal.any():
@@ -463,7 +468,7 @@ def axis_motion(dynamics: PostureDynamics, hold: str, locked: Any = ()) -> AxisM
     Returns:
         The motion; None if the joints cannot move the site in this way.
     """
-    kept = np.setdiff1d(np.arange(len(dynamics.inertia)), locked)
+    kept = np.delete(np.arange(len(dynamics.inertia)), np.asarray(locked, dtype=np.int64))
     for choice in ("pose", "position", "axis") if hold == "auto" else (hold,):
         motion = _axis_motion(dynamics, choice, kept) if len(kept) else None
         if motion is not None:
@@ -481,13 +486,14 @@ def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMo
     joints, free = np.zeros(len(dynamics.inertia)), np.zeros((len(dynamics.inertia), others.shape[1]))
     joints[kept], free[kept] = motion[:, 0], others
     moved = float(joints @ dynamics.inertia @ joints)
-    shift, turn = (np.cross(part @ joints, dynamics.axis) for part in (dynamics.relative[:3], dynamics.relative[3:]))
+    moves = dynamics.relative @ joints
+    shift, turn = (part - (part @ dynamics.axis) * dynamics.axis for part in (moves[:3], moves[3:]))
     return AxisMotion(
         hold=hold,
         joints=joints,
         free=free,
         moved_mass=moved,
-        recoil_share=float(1 - dynamics.axis @ dynamics.relative[:3] @ joints),
+        recoil_share=float(1 - dynamics.axis @ moves[:3]),
         conditioning=float(np.sqrt(dynamics.lightest_mass / moved)),
         turning=float(np.linalg.norm(turn)),  # without the turn about the axis, which changes nothing
         sideways=float(np.linalg.norm(shift)),
@@ -503,10 +509,19 @@ def held_rows(dynamics: PostureDynamics, hold: str) -> FloatArray:
     lines = np.zeros(({"axis": 1, "position": 3, "pose": 6}[hold], 6))
     lines[0, :3] = u
     if hold != "axis":
-        lines[1:3, :3] = np.linalg.svd(u[None])[2][1:]
+        lines[1:3, :3] = _across(u)
     if hold == "pose":
         lines[3:, 3:] = np.eye(3)
     return np.vstack([lines @ dynamics.own, dynamics.reduction.coupling])
+
+
+def _across(u: FloatArray) -> FloatArray:
+    """Return two unit vectors at right angles to a unit vector and to each other, as rows."""
+    x, y, z = u.tolist()
+    side = math.copysign(1.0, z)  # T. Duff and others, 2017
+    a = -1 / (side + z)
+    b = x * y * a
+    return np.array([[1 + side * x * x * a, side * b, -side * x], [b, side + y * y * a, -y]])
 
 
 def least_energy(
@@ -525,8 +540,8 @@ def least_energy(
     Returns:
         The motions, shape (n, m), and a basis of the motions that move no row; None if the rows are in conflict.
     """
-    root = np.linalg.cholesky(inertia)
-    whitened = np.linalg.solve(root, rows.T).T
+    inverse = np.linalg.inv(np.linalg.cholesky(inertia))
+    whitened = rows @ inverse.T
     sizes = np.linalg.norm(whitened, axis=1)
     useful = sizes > _RANK * sizes.max()
     if not useful[list(driven)].all():
@@ -540,5 +555,5 @@ def least_energy(
     missed = np.linalg.norm(left[:, :rank] @ part - targets[useful], axis=0)
     if np.any(missed > _FEASIBLE * targets.max(axis=0)):
         return None
-    motions = np.linalg.solve(root.T, right[:rank].T @ (part / values[:rank, None]))
-    return motions, np.linalg.solve(root.T, right[rank:].T)
+    motions = inverse.T @ (right[:rank].T @ (part / values[:rank, None]))
+    return motions, inverse.T @ right[rank:].T

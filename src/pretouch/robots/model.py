@@ -32,12 +32,20 @@ LOCK: Final = "pretouch hold of "
 
 
 _HARDLY_VISIBLE: Final = 1e-6  # alpha of a geom
+_quiet: Final[list[bool]] = []
 
 
 def mujoco() -> Any:
-    """Import MuJoCo, or raise an error that says how to install it."""
-    module = sys.modules.get("mujoco")  # a simulation asks at every step
-    return require("mujoco", extra="mujoco") if module is None else module
+    """Import MuJoCo without its log file, or raise an error that says how to install it."""
+    if "mujoco" not in sys.modules or not _quiet:  # a simulation asks at every step
+        library = require("mujoco", extra="mujoco")
+        if not hasattr(library, "MjLogConfig"):
+            return library
+        settings = library.MjLogConfig.get()
+        settings.logto_file = False  # MuJoCo would write MUJOCO_LOG.TXT into the folder of the user
+        library.MjLogConfig.set(settings)
+        _quiet.append(True)
+    return sys.modules["mujoco"]
 
 
 def check_model(model: Any) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -36,7 +36,7 @@ SINGULAR: Final = 0.02
 """Conditioning below which a path ends: there, the joints move fifty times as much as in the best direction."""
 
 _TOLERANCE: Final = 1e-9  # of the joint positions along a path [rad or m]
-_ACCURACY: Final = 1e-7  # of the integration of a path, so that its length is right to micrometers
+_ACCURACY: Final = 1e-6  # of the integration of a path, so that its length is right to 10 micrometers
 _SHORTEST: Final = 1e-6  # m: shorter paths are rounding of the joint positions
 _STEP: Final = 0.05  # longest step, as a share of the size of the robot
 _STILL: Final = 1e-9  # of the velocity of a joint: rounding
@@ -172,6 +172,7 @@ class _Path:
     hold: str
     followers: Followers
     heaviest: float = math.inf
+    last: dict[bytes, PostureDynamics] = field(default_factory=dict)
 
     def moved_mass(self, joints: FloatArray) -> float:
         """Return the mass that the drives move along the path [kg]; infinite if they cannot."""
@@ -209,6 +210,13 @@ class _Path:
 
     def _posture(self, joints: FloatArray) -> PostureDynamics:
         """Return the dynamics of the robot in a posture, with its base as constraints and contacts place it."""
+        key = joints.tobytes()
+        if key not in self.last:  # rates and events ask for the same posture
+            self.last.clear()
+            self.last[key] = self._dynamics(joints)
+        return self.last[key]
+
+    def _dynamics(self, joints: FloatArray) -> PostureDynamics:
         self.data.qpos[self.places] = joints
         update_posture(self.model, self.data)
         close_loops(self.model, self.data, self.drivetrain)
@@ -221,6 +229,9 @@ class _Path:
 
     def _motion_in(self, dynamics: PostureDynamics, locked: tuple[int, ...]) -> AxisMotion | None:
         count = len(dynamics.inertia)
+        if not any(i >= count for i in locked):
+            motion = axis_motion(dynamics, self.hold, locked)
+            return None if motion is None or self._share(motion) <= SINGULAR else motion
         still = self._following(dynamics)[[i - count for i in locked if i >= count]]
         reduction = replace(dynamics.reduction, coupling=np.vstack([dynamics.reduction.coupling, still]))
         motion = axis_motion(replace(dynamics, reduction=reduction), self.hold, [i for i in locked if i < count])

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 
+from .geometry import touchable
 from .model import Data, Model, mujoco, site_index
 from .site import SensorSite
 
@@ -30,6 +31,11 @@ _AIR: Final = 1.12  # size of the view, in sizes of what moves
 PAPER: Final = (238, 240, 243)
 """Color of the background of frames: red, green and blue, from 0 to 255."""
 _SAMPLES: Final = 5  # configurations from which the size of the view is computed
+_TURNS: Final = (0.0, 180.0, 30.0, -30.0, 210.0, 150.0, 60.0, -60.0, 240.0, 120.0)  # deg: views that are tried
+_LOOKED_AT: Final = np.array([0.0, 0.25, 0.5, 0.75, 0.95])  # points from sensor to object that have to be seen
+_CLEARANCE: Final = 1e-3  # m: the first of them is as far ahead of the site
+_NEAR: Final = 0.05  # m: an object that is farther ahead need not be seen from the side
+_INVISIBLE: Final = 1e-3  # opacity
 _CIRCLE: Final = np.column_stack([f(np.linspace(0, 2 * math.pi, 25)[:-1]) for f in (np.cos, np.sin)])
 
 
@@ -80,10 +86,23 @@ class Silhouette(Value):
     color: tuple[float, ...]
 
 
+def visual_model(model: Model) -> Model:
+    """Return a copy of a model in which collision shapes of bodies with visual meshes are invisible."""
+    copied = copy.copy(model)
+    bodies, solid = np.asarray(model.geom_bodyid), touchable(model)
+    meshes = np.asarray(model.geom_type) == int(mujoco().mjtGeom.mjGEOM_MESH)
+    seen = np.array([_color_of(model, geom)[3] > _INVISIBLE for geom in range(model.ngeom)], dtype=bool)
+    dressed = np.isin(bodies, bodies[meshes & ~solid & seen])
+    for geom in np.flatnonzero(dressed & solid):
+        copied.geom_matid[geom], copied.geom_rgba[geom, 3] = -1, 0.0
+    return copied
+
+
 def camera_for(model: Model, configurations: FloatArray, site: SensorSite, *, aspect: float = 4 / 3) -> Camera:
     """Choose a camera with a side view of a sensor's axis.
 
-    The camera sees everything that moves.
+    The camera sees everything that moves. Of several directions, it is the first from which nothing hides the sensor
+    and what is ahead of it at the start, or the one from which least is hidden.
 
     Args:
         model: the model.
@@ -100,7 +119,7 @@ def camera_for(model: Model, configurations: FloatArray, site: SensorSite, *, as
     axis = np.array(data.site_xmat[index]).reshape(3, 3) @ site.direction
     side = np.array([0.0, 1.0, 0.0]) if abs(axis[2]) > _UPRIGHT else np.cross(axis, [0.0, 0.0, 1.0])
     side = side if side[1] >= 0 else -side
-    azimuth = math.degrees(math.atan2(side[1], side[0]))
+    azimuth = _clear_azimuth(model, data, index, axis, math.degrees(math.atan2(side[1], side[0])))
     bodies = np.asarray(model.geom_bodyid)
     roots = np.asarray(model.body_rootid)
     own = roots[bodies] == roots[model.site_bodyid[index]]
@@ -123,6 +142,24 @@ def camera_for(model: Model, configurations: FloatArray, site: SensorSite, *, as
     return Camera((low + high) / 2 @ frame, tall / 2 / math.tan(half_angle) + depth / 2, azimuth, tall)
 
 
+def _clear_azimuth(model: Model, data: Data, index: int, axis: FloatArray, azimuth: float) -> float:
+    """Return the direction of view [deg] near an azimuth from which least hides a sensor and what is ahead of it."""
+    shown, geom, normal = visual_model(model), np.zeros(1, dtype=np.int32), np.zeros(3)
+    surface = np.array(data.site_xpos[index]) + _CLEARANCE * axis
+    body = int(model.site_bodyid[index])
+    ahead = float(mujoco().mj_ray(shown, data, surface, axis, None, True, body, geom, normal))
+    depths = _LOOKED_AT * (ahead if 0 < ahead < _NEAR else _NEAR)
+    points = surface + np.outer(depths, axis)
+
+    def hidden(turn: float) -> int:
+        toward = -Camera(np.zeros(3), 1.0, azimuth + turn, 1.0).frame[2]
+        hits = (mujoco().mj_ray(shown, data, p, toward, None, True, -1, geom, normal) for p in points)
+        return sum(hit >= 0 for hit in hits)
+
+    counts = {turn: hidden(turn) for turn in _TURNS}
+    return azimuth + min(counts, key=lambda turn: counts[turn])
+
+
 def render_frames(
     model: Model, configurations: FloatArray, camera: Camera, *, width: int, height: int
 ) -> list[Frame] | None:
@@ -138,7 +175,7 @@ def render_frames(
     Returns:
         The frames as a list of arrays of shape (height, width, 3); None if OpenGL cannot render.
     """
-    library, bright = mujoco(), copy.copy(model)
+    library, bright = mujoco(), visual_model(model)
     bright.vis.headlight.ambient[:], bright.vis.headlight.diffuse[:] = 0.3, 0.4
     bright.vis.global_.offwidth = max(int(bright.vis.global_.offwidth), width)
     bright.vis.global_.offheight = max(int(bright.vis.global_.offheight), height)
@@ -206,6 +243,7 @@ def silhouettes(model: Model, configuration: FloatArray, camera: Camera) -> list
     Returns:
         The outlines, without infinite planes and invisible geometries.
     """
+    model = visual_model(model)
     data = mujoco().MjData(model)
     data.qpos[:] = configuration
     mujoco().mj_kinematics(model, data)

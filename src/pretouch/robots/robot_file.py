@@ -399,6 +399,8 @@ def _complete(spec: Any, robot: RobotFile, source: PreparedUrdf | None) -> list[
         _lock_joints(spec, [n for n in scalar if n not in robot.joints], robot.posture or {})
     if robot.base is not None:
         _set_base(spec, robot.base)
+    if source is not None:
+        _exclude_neighbors(spec)
     for joint, speed in ({} if source is None else source.speeds).items():
         if joint in scalar:
             spec.add_numeric(name=f"{SPEED}{joint}", data=[speed])
@@ -417,6 +419,29 @@ def _scalar_joints(spec: Any) -> dict[str, Any]:
     for i, joint in enumerate(joints):
         joint.name = joint.name or f"joint {i}"
     return {joint.name: joint for joint in joints}
+
+
+def _exclude_neighbors(spec: Any) -> None:
+    """Exclude contacts of the fixed links of a robot with the links that a joint connects to them.
+
+    Neighboring links of URDF files often overlap. MuJoCo excludes such contacts itself, unless a link is fixed to the
+    world.
+    """
+    for root in spec.worldbody.bodies:
+        fixed = [] if list(root.joints) else list(_rigid(root))
+        for link in fixed:
+            for child in (child for child in link.bodies if list(child.joints)):
+                for other in _rigid(child):
+                    for own in fixed:
+                        spec.add_exclude(bodyname1=own.name, bodyname2=other.name)
+
+
+def _rigid(body: Any) -> Iterator[Any]:
+    """Yield a body and all bodies that are fixed to it."""
+    yield body
+    for child in body.bodies:
+        if not list(child.joints):
+            yield from _rigid(child)
 
 
 def _add_motors(spec: Any, names: Sequence[str]) -> Iterator[str]:

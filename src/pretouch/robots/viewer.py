@@ -13,6 +13,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, require
 
 from .model import mujoco
+from .rendering import visual_model
 from .result import RobotSimulation
 
 SLOWER: Final = 10.0
@@ -43,10 +44,11 @@ def view_robot(result: RobotSimulation, run: int = 0) -> None:
     trace, library = result.trace(run), mujoco()
     try:
         viewer: Any = require("mujoco.viewer", extra="mujoco")
-        data = library.MjData(result.model)
+        model = visual_model(result.model)
+        data = library.MjData(model)
         data.qpos[:] = trace.configuration[0]
-        library.mj_forward(result.model, data)
-        window = viewer.launch_passive(result.model, data)
+        library.mj_forward(model, data)
+        window = viewer.launch_passive(model, data)
     except (ImportError, RuntimeError) as error:
         raise InvalidInputError(
             "view: MuJoCo cannot open its viewer; look at the film in the report instead. "
@@ -60,7 +62,7 @@ def view_robot(result: RobotSimulation, run: int = 0) -> None:
                 if not window.is_running():
                     break
                 data.qpos[:] = trace.configuration[row]
-                library.mj_forward(result.model, data)
+                library.mj_forward(model, data)
                 window.sync()
                 time.sleep(1 / _RATE)
             time.sleep(_PAUSE)

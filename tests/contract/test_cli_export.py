@@ -192,7 +192,7 @@ def test_an_export_that_cannot_be_finished_leaves_nothing(tmp_path: Path, monkey
 def test_the_command_line_has_every_target(tmp_path: Path) -> None:
     """The command line lists the targets without importing the exports, so that --help is quick."""
     assert [target.value for target in Target] == list(TARGETS)
-    with refused("target", value="matlab", limit=("c", "fmu", "json", "ros2")):
+    with refused("target", value="matlab", limit=("arduino", "c", "fmu", "json", "ros2")):
         export(pt.load_scenario(LOOP), tmp_path / "law", "matlab")
     assert not list(tmp_path.iterdir())
 

@@ -16,7 +16,10 @@ PAGES = (
     *("start.md", "tutorial.md", "explanation/method.md", "explanation/offset.md", "explanation/stability.md"),
     *("explanation/bounds.md", "explanation/signs-and-units.md", "explanation/motion.md"),
     *(f"how-to/{name}.md" for name in ("bounces", "crashes-while-tuning", "slow-sensor", "two-fingers", "which-part")),
-    *(f"how-to/{name}.md" for name in ("ros2-control-admittance", "leg-landing", "notebook", "cluster")),
+    *(
+        f"how-to/{name}.md"
+        for name in ("ros2-control-admittance", "leg-landing", "notebook", "cluster", "teensy", "export/arduino")
+    ),
 )
 NEGATIVE = ("Does not hold", "4 detections in 16 s")  # answers that end with exit status 1
 ELSEWHERE = {  # pages whose Python another test runs

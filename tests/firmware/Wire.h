@@ -1,6 +1,6 @@
 // An I2C bus with one simulated sensor, whose registers have one byte, or two bytes with the low byte first.
 #pragma once
-#include <cstdint>
+#include <stdint.h>
 
 struct Bus {
   int address = 0, register_bytes = 1, taken = 0, to = 0, sent = 0, start = 0;

@@ -8,14 +8,14 @@
 const unsigned long BAUD = 115200;
 const unsigned long PERIOD_US = 10000;
 
+unsigned long due;
+
 const uint8_t ADDRESS = 0x39;
-const uint8_t ENABLE = 0x80;  // bit 0: power, bit 2: proximity
+const uint8_t ENABLE_REGISTER = 0x80;  // bit 0: power, bit 2: proximity
 const uint8_t PPULSE = 0x8E;  // length of a pulse in bits 7:6, 1 for 8 us; number of pulses - 1 in bits 5:0
-const uint8_t CONTROL = 0x8F;  // current in bits 7:6, 0 for 100 mA; proximity gain in bits 3:2, 1 for a factor of 2
+const uint8_t CONTROL_REGISTER = 0x8F;  // current in bits 7:6, 0 for 100 mA; proximity gain in bits 3:2, 1 for a factor of 2
 const uint8_t ID = 0x92;  // 0xAB
 const uint8_t PDATA = 0x9C;
-
-unsigned long due;
 
 bool write_register(uint8_t code, uint8_t value) {
   Wire.beginTransmission(ADDRESS);
@@ -35,8 +35,8 @@ bool read_register(uint8_t code, uint8_t &value) {
 
 bool start_sensor() {
   uint8_t id = 0;
-  return read_register(ID, id) && id == 0xAB && write_register(ENABLE, 0) && write_register(PPULSE, (1 << 6) | 7) &&
-         write_register(CONTROL, 1 << 2) && write_register(ENABLE, (1 << 0) | (1 << 2));
+  return read_register(ID, id) && id == 0xAB && write_register(ENABLE_REGISTER, 0) && write_register(PPULSE, (1 << 6) | 7) &&
+         write_register(CONTROL_REGISTER, 1 << 2) && write_register(ENABLE_REGISTER, (1 << 0) | (1 << 2));
 }
 
 void wait_for_sensor() {

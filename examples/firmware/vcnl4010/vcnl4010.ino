@@ -8,14 +8,14 @@
 const unsigned long BAUD = 115200;
 const unsigned long PERIOD_US = 4000;
 
+unsigned long due;
+
 const uint8_t ADDRESS = 0x13;
 const uint8_t COMMAND = 0x80;  // bit 0: measure by itself, bit 1: proximity, bit 5: a result is ready
 const uint8_t IDENTITY = 0x81;  // 0x21: product 2, revision 1
 const uint8_t PROXIMITY_RATE = 0x82;  // 7 for 250 per second; changed only while the sensor does not measure
 const uint8_t CURRENT = 0x83;  // in steps of 10 mA, at most 20
 const uint8_t RESULT = 0x87;
-
-unsigned long due;
 
 bool write_register(uint8_t code, uint8_t value) {
   Wire.beginTransmission(ADDRESS);

@@ -8,13 +8,13 @@
 const unsigned long BAUD = 115200;
 const unsigned long PERIOD_US = 5000;  // the shortest measuring period, with the duty 1/40 and a pulse of 1 T
 
+unsigned long due;
+
 const uint8_t ADDRESS = 0x60;
 const uint8_t PS_CONF1_2 = 0x03;  // low byte: duty in bits 7:6, pulse in bits 3:1, off in bit 0; high byte: 16 bits in bit 3
 const uint8_t PS_CONF3_MS = 0x04;  // high byte: current of the emitter in bits 2:0, 7 for 200 mA
 const uint8_t PS_DATA = 0x08;
 const uint8_t ID = 0x0C;  // 0x86 in the low byte
-
-unsigned long due;
 
 bool write_register(uint8_t code, uint8_t low, uint8_t high) {
   Wire.beginTransmission(ADDRESS);

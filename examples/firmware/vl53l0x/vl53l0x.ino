@@ -11,13 +11,13 @@ const unsigned long BAUD = 115200;
 const unsigned long PERIOD_US = 40000;  // one measurement takes about 33 ms
 const unsigned long LONGEST_MS = 200;
 
+unsigned long due;
+
 const uint8_t ADDRESS = 0x29;
 const uint8_t SYSRANGE_START = 0x00;
 const uint8_t SYSTEM_INTERRUPT_CLEAR = 0x0B;
 const uint8_t RESULT_RANGE_STATUS = 0x14;  // 12 bytes; bit 0 of the first: a measurement is complete
 const uint8_t MODEL = 0xC0;
-
-unsigned long due;
 
 bool write_register(uint8_t code, uint8_t value) {
   Wire.beginTransmission(ADDRESS);
@@ -35,25 +35,38 @@ bool read_registers(uint8_t code, uint8_t *values, uint8_t count) {
   return true;
 }
 
-bool measure(uint16_t &signal, uint16_t &distance) {
+bool start_sensor() {
+  uint8_t model = 0;
+  return read_registers(MODEL, &model, 1) && model == 0xEE;
+}
+
+bool start_measurement() { return write_register(SYSRANGE_START, 0x01); }
+
+bool read_measurement(bool &complete, uint16_t &signal, uint16_t &distance) {
   uint8_t bytes[12];
-  if (!write_register(SYSRANGE_START, 0x01)) return false;
-  const unsigned long start = millis();
-  do {
-    if (millis() - start > LONGEST_MS || !read_registers(RESULT_RANGE_STATUS, bytes, 12)) return false;
-  } while ((bytes[0] & 1) == 0);
+  if (!read_registers(RESULT_RANGE_STATUS, bytes, 12)) return false;
+  complete = (bytes[0] & 1) != 0;
   signal = ((uint16_t)bytes[6] << 8) | bytes[7];
   distance = ((uint16_t)bytes[10] << 8) | bytes[11];
-  return write_register(SYSTEM_INTERRUPT_CLEAR, 0x01);
+  return !complete || write_register(SYSTEM_INTERRUPT_CLEAR, 0x01);
 }
 
 void wait_for_sensor() {
-  uint8_t model = 0;
-  while (!read_registers(MODEL, &model, 1) || model != 0xEE) {
+  while (!start_sensor()) {
     Serial.println(F("VL53L0X does not answer: check wiring and supply"));
     delay(1000);
   }
   due = micros();
+}
+
+bool measure(uint16_t &signal, uint16_t &distance) {
+  bool complete = false;
+  if (!start_measurement()) return false;
+  const unsigned long start = millis();
+  while (!complete) {
+    if (millis() - start > LONGEST_MS || !read_measurement(complete, signal, distance)) return false;
+  }
+  return true;
 }
 
 void setup() {

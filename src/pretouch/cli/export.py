@@ -24,6 +24,7 @@ class Target(StrEnum):
     The values are the names in `pretouch.exports.TARGETS`.
     """
 
+    ARDUINO = "arduino"
     C = "c"
     FMU = "fmu"
     JSON = "json"
@@ -35,8 +36,8 @@ def export(
         Target,
         typer.Argument(
             metavar="TARGET",
-            help="What to write: c (C99 source), fmu (co-simulation units for FMI 2.0 and 3.0), json (parameters and "
-            "MATLAB code) or ros2 (ROS 2 package).",
+            help="What to write: arduino (Arduino library with a whole loop), c (C99 source), fmu (co-simulation units "
+            "for FMI 2.0 and 3.0), json (parameters and MATLAB code) or ros2 (ROS 2 package).",
         ),
     ],
     file: LoopFile,

@@ -9,7 +9,6 @@ import hashlib
 import io
 import os
 import platform
-import re
 import shlex
 import shutil
 import subprocess
@@ -62,7 +61,7 @@ def fmu_files(design: LawDesign) -> dict[str, str | bytes]:
     Returns:
         Both units, the test vectors, a test and instructions.
     """
-    compiler, name = _compiler(), _name(design)
+    compiler, name = _compiler(), design.identifier
     library = f"a library for {_platform()}" if compiler else "no library, because the export found no C compiler"
     units: dict[str, str | bytes] = {
         f"{name}-fmi{standard}.fmu": _archive(_unit(design, standard, compiler)) for standard in _STANDARDS
@@ -77,7 +76,7 @@ def fmu_files(design: LawDesign) -> dict[str, str | bytes]:
 
 def _unit(design: LawDesign, standard: int, compiler: tuple[str, ...]) -> dict[str, bytes]:
     """Return the path and content of each file of an FMU archive."""
-    identifier = f"pretouch_{_name(design)}"
+    identifier = f"pretouch_{design.identifier}"
     token = _token(design, standard, identifier)
     sources = {
         f"fmi{standard}.c": filled(f"fmu/fmi{standard}.c"),
@@ -114,12 +113,6 @@ def _instance(design: LawDesign, identifier: str, token: str) -> str:
         fresh_reference=str(reference["fresh"]),
         status_reference=str(reference["status"]),
     )
-
-
-def _name(design: LawDesign) -> str:
-    """Return the scenario name with only characters allowed in C names."""
-    stem = "law" if design.digest is None else Path(design.origin).stem
-    return re.sub(r"\W", "_", stem, flags=re.ASCII)
 
 
 def _token(design: LawDesign, standard: int, identifier: str) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError
@@ -86,6 +88,12 @@ class LawDesign(Value):
         The name is "gain" for the virtual damper and "drag" for the virtual drag.
         """
         return "drag" if self.is_drag else "gain"
+
+    @property
+    def identifier(self) -> str:
+        """Name of the scenario file with only characters that C names allow; "law" without a file."""
+        stem = "law" if self.digest is None else Path(self.origin).stem
+        return re.sub(r"\W", "_", stem, flags=re.ASCII)
 
     @property
     def suffix(self) -> str:

@@ -10,12 +10,11 @@ import re
 from collections.abc import Iterator
 from typing import Any, Final
 
-import numpy as np
-
 from pretouch._core.units import format_quantity
 from pretouch.simulation import ImpedancePlant
 
 from .c import c_files, filled
+from .curve_table import curve_table
 from .law_design import LawDesign
 
 _FILLED: Final = (  # with numbers and texts of the design
@@ -43,7 +42,6 @@ _FIXED: Final = (  # the same for every design; .in hides Python files, which im
 _CURVE_STEPS: Final = 1024
 _CLEAR: Final = 4.0  # standard deviations of the noise, between the readings without an object and the lowest reading
 _RARE: Final = 1e-6  # probability that all readings up to the timeout are equal, below which a constant one is a fault
-_BELOW_FLOOR: Final = 1.0  # ln xi below the detection threshold at which the table of the sensor curve ends
 
 
 def ros2_files(design: LawDesign) -> dict[str, str]:
@@ -127,38 +125,16 @@ def yaml_number(value: float) -> str:
 
 
 def _curve(design: LawDesign) -> dict[str, str]:
-    """Return the sensor curve as a table. The distances range from the smallest valid one to one without detection."""
-    sensor: Any = design.task.sensor
-    start, end = _curve_range(sensor, math.log(design.controller.conditioning.floor) - _BELOW_FLOOR)
-    step = (end - start) / _CURVE_STEPS
-    distances = start + step * np.arange(_CURVE_STEPS + 1)
-    distances[-1] = end
-    values = sensor.log_output(distances)
-    between = sensor.log_output((distances[1:] + distances[:-1]) / 2) - (values[1:] + values[:-1]) / 2
-    rows = (values[i : i + 6] for i in range(0, len(values), 6))
+    """Return the sensor curve as text of C++."""
+    table = curve_table(design, _CURVE_STEPS)
     return {
-        "curve": type(sensor).__name__,
-        "curve_error": f"{1.06 * np.max(np.abs(between)):.2g}",
-        "curve_start": repr(float(start)),
-        "curve_step": repr(float(step)),
+        "curve": table.curve,
+        "curve_error": f"{table.error:.2g}",
+        "curve_start": repr(table.start),
+        "curve_step": repr(table.step),
         "curve_steps": str(_CURVE_STEPS),
-        "curve_values": "\n".join(f"    {', '.join(repr(float(v)) for v in row)}," for row in rows),
+        "curve_values": table.rows(),
     }
-
-
-def _curve_range(sensor: Any, lowest: float) -> tuple[float, float]:
-    """Return the first and last distance of a curve table [m]."""
-    start, end = sensor.valid_range
-    far = min(start + 1e-3, end)
-    if sensor.log_output(start) <= lowest:
-        return start, far
-    while far < end and sensor.log_output(far) > lowest:
-        far = min(start + 2 * (far - start), end)
-    near = start
-    for _ in range(60):
-        middle = (near + far) / 2
-        near, far = (middle, far) if sensor.log_output(middle) > lowest else (near, middle)
-    return start, far
 
 
 def _admittance(design: LawDesign) -> dict[str, str]:

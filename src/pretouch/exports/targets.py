@@ -1,6 +1,6 @@
 """Verify a control law, and export it for one target.
 
-The targets are C, JSON, FMU and ROS 2.
+The targets are C, JSON, FMU, ROS 2 and Arduino.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pretouch._core.messages import not_one_of
 from pretouch.control import Limits
 from pretouch.designs import Task
 
+from .arduino import arduino_files
 from .c import c_files
 from .fmu import fmu_files, fmu_kind
 from .folder import check_free, write_folder
@@ -39,6 +40,7 @@ class _Target(NamedTuple):
 
 
 TARGETS: Final = {
+    "arduino": _Target(lambda: "Arduino library", arduino_files),
     "c": _Target(lambda: "C", c_files),
     "fmu": _Target(fmu_kind, fmu_files),
     "json": _Target(lambda: "JSON", json_files),
@@ -68,7 +70,8 @@ def export(
         folder: the new folder; it is complete or does not exist.
         target: "c" for C99 source, which is the very source that simulations run; "json" for parameters and difference
             equations for MATLAB, Octave and PLCs; "fmu" for co-simulation units, one for FMI 2.0 and one for FMI 3.0;
-            "ros2" for a package with a chainable controller for ros2_control (ROS 2 Jazzy and later).
+            "ros2" for a package with a chainable controller for ros2_control (ROS 2 Jazzy and later); "arduino" for a
+            library whose example reads a sensor, runs the law and writes a reference for a drive.
         verify: whether to verify the gain first. Without it, the files say that the gain was not verified.
         toward_object: whether a law that is not verified may pull the robot toward the object. By default, such a law
             is refused, as its gain has the wrong sign.

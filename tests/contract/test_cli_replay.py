@@ -18,7 +18,7 @@ from command_text import in_this_process as run
 import pretouch as pt
 from pretouch.errors import OutputExistsError
 from pretouch.recording import read_recording, replay
-from pretouch.recording.mcap_output import series_of_replay, series_of_trace, write_mcap
+from pretouch.recording.mcap_output import Series, series_of_replay, series_of_trace, write_mcap
 from pretouch.recording.reading import read_recordings
 from pretouch.verification import simulate
 
@@ -86,6 +86,33 @@ def test_the_messages_of_a_replay_are_its_steps(tmp_path: Path) -> None:
     assert json.dumps(panels["layout"]).count("Plot!") == len(panels["configById"]) == len(paths)
     with pytest.raises(OutputExistsError):
         write_mcap(path, series_of_replay(result))
+
+
+def test_messages_in_a_file_satisfy_their_schema(tmp_path: Path) -> None:
+    """Numbers that are not finite are left out: Foxglove reads no schema that allows null."""
+    reader = pytest.importorskip("mcap.reader", reason="needs the extra ros")
+    columns = {
+        "reading": np.array([np.nan, 1.5, np.inf]),
+        "position": np.array([0.25, 0.5, 0.75]),
+        "detected": np.array([False, True, True]),
+        "status": np.array([1, 2, 3]),
+    }
+    series = Series(topic="/pretouch/law", stamps=np.array([1, 2, 3]), columns=columns)
+    path, _ = write_mcap(tmp_path / "x.mcap", [series])
+    kinds = {"number": float, "integer": int, "boolean": bool}
+    messages = []
+    with path.open("rb") as stream:
+        for schema, _, message in reader.make_reader(stream).iter_messages():
+            properties = json.loads(schema.data)["properties"]
+            messages.append(json.loads(message.data))
+            assert all(type(value) is kinds[properties[name]["type"]] for name, value in messages[-1].items())
+    assert messages == [
+        {"position": 0.25, "detected": False, "status": 1},
+        {"reading": 1.5, "position": 0.5, "detected": True, "status": 2},
+        {"position": 0.75, "detected": True, "status": 3},
+    ]
+    own = read_recording(path, "/pretouch/law.reading").values
+    assert np.isnan(own).tolist() == [True, False, True]
 
 
 def test_a_simulation_that_is_written_and_replayed_is_the_same_run(tmp_path: Path) -> None:

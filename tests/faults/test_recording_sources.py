@@ -166,7 +166,7 @@ def test_the_kernel_sees_one_transfer_with_a_repeated_start(monkeypatch: pytest.
 def test_messages_are_decoded_as_ros_encodes_them() -> None:
     """The bytes are CDR, little endian: stamp and frame, radiation type, four floats, and a later member."""
     pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (pip install pretouch[ros])")
-    from pretouch.recording.sources.ros_messages import message_types, reading_members
+    from pretouch.recording.sources.ros_messages import NUMBERS, message_types, reading_types
 
     types = message_types()
     body = struct.pack("<iII7sB4f", 5, 6, 7, b"sensor\0", 1, 0.25, 0.5, 2.0, 1.5)
@@ -176,9 +176,8 @@ def test_messages_are_decoded_as_ros_encodes_them() -> None:
         assert (message.radiation_type, message.min_range, message.range) == (1, 0.5, 1.5)
     assert types.Float64.deserialize(b"\x00\x01\x00\x00" + struct.pack("<d", 2.5)).data == 2.5
     assert types.Float32.deserialize(b"\x00\x01\x00\x00" + struct.pack("<f", 2.5)).data == 2.5
-    names = {kind.__idl_typename__: member for kind, member in reading_members().items()}
+    names = {name: kind.member for name, kind in reading_types().items()}
     assert names == {
         "sensor_msgs::msg::dds_::Range_": "range",
-        "std_msgs::msg::dds_::Float64_": "data",
-        "std_msgs::msg::dds_::Float32_": "data",
+        **{f"std_msgs::msg::dds_::{name}_": "data" for name in NUMBERS},
     }

@@ -34,6 +34,7 @@ class _Origin:
     baud: int
     topic: str | None
     domain: int
+    unit: str | None
     i2c: str | None
     bus: int
     rate: str | None
@@ -70,7 +71,7 @@ class _Origin:
         if self.topic:
             from pretouch.recording.sources.topic import TopicSource  # noqa: PLC0415
 
-            return TopicSource(self.topic, self.domain)
+            return TopicSource(self.topic, self.domain, self.unit)
         if self.i2c:
             from pretouch.recording.sources.i2c import I2cSource  # noqa: PLC0415
 
@@ -97,7 +98,7 @@ def record(
     port: Annotated[str | None, option("PORT", "Serial port of the sensor; by default the only one.")] = None,
     baud: Annotated[int, option("NUMBER", "Baud rate of the serial port.", min=1)] = 115200,
     topic: Annotated[
-        str | None, option("TOPIC", "ROS 2 topic (Range, Float64 or Float32), read through DDS without ROS.")
+        str | None, option("TOPIC", "ROS 2 topic (Range, or a number of std_msgs), read through DDS without ROS.")
     ] = None,
     domain: Annotated[int, option("NUMBER", "DDS domain of the topic.", envvar="ROS_DOMAIN_ID", min=0, max=232)] = 0,
     i2c: Annotated[str | None, option("PART", "Sensor at an I2C bus under Linux: VCNL4040 or VCNL4010.")] = None,
@@ -153,6 +154,7 @@ def record(
         baud=baud,
         topic=topic,
         domain=domain,
+        unit=unit,
         i2c=i2c,
         bus=bus,
         rate=rate,

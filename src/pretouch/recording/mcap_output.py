@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -120,7 +121,7 @@ def write_mcap(path: str | os.PathLike[str], series: Iterable[Series], *, overwr
     """Write time series to an MCAP file and a Foxglove layout.
 
     The layout plots the time series and is in the same folder. Both files are written completely or not at all; numbers
-    that are not finite are null.
+    that are not finite are left out of their message.
 
     Args:
         path: the MCAP file.
@@ -176,16 +177,19 @@ def _schema(series: Series) -> bytes:
 
 
 def _messages(series: Series) -> Iterable[bytes]:
-    """Yield the messages of a topic as JSON."""
+    """Yield the messages of a topic as JSON.
+
+    JSON has no NaN. A number that is not finite is left out, because Foxglove reads no schema that allows null.
+    """
     names = list(series.columns)
-    lists = []
-    for column in map(np.asarray, series.columns.values()):
-        values = column.tolist()
-        if column.dtype.kind == "f" and not np.isfinite(column).all():
-            values = [value if np.isfinite(value) else None for value in values]
-        lists.append(values)
-    for row in zip(*lists, strict=True):
-        yield json.dumps(dict(zip(names, row, strict=True))).encode()
+    columns = [np.asarray(column) for column in series.columns.values()]
+    finite = [np.isfinite(column).all() if column.dtype.kind == "f" else True for column in columns]
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    for row in rows:
+        message = dict(zip(names, row, strict=True))
+        if not all(finite):
+            message = {name: value for name, value in message.items() if math.isfinite(value)}
+        yield json.dumps(message).encode()
 
 
 def _layout(series: tuple[Series, ...]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from pretouch._core.values import Value
 from pretouch.simulation import PARTS
 
 Reason: TypeAlias = Literal["infinite", "range", "part", "negative", "repeated"]
+Meaning: TypeAlias = Literal["distance", "no object", "too near", "no valid reading"]
 
 ASSUMED: Final = ("part", "negative", "repeated")
 """Reasons that neither the message nor REP 117 gives."""
@@ -81,14 +82,13 @@ def classify_distances(values: FloatArray, bounds: tuple[float, float]) -> Dista
     Returns:
         The distances.
     """
-    low, high = bounds
+    _, high = bounds
     changed, taken = values.copy(), []
     infinite = np.isposinf(values)
-    if low < high:
-        beyond = np.isfinite(values) & (values >= high * (1 - _ROUNDING))
-        changed[beyond] = np.inf
-        if beyond.any():
-            taken.append(NoObject(value=high, count=int(beyond.sum()), reason="range"))
+    beyond = np.isfinite(values) & _from_maximum(values, bounds)
+    changed[beyond] = np.inf
+    if beyond.any():
+        taken.append(NoObject(value=high, count=int(beyond.sum()), reason="range"))
     if infinite.any():
         taken.append(NoObject(value=np.inf, count=int(infinite.sum()), reason="infinite"))
     failures = _any_of(changed, _codes("failed"))
@@ -100,7 +100,7 @@ def classify_distances(values: FloatArray, bounds: tuple[float, float]) -> Dista
     impossible = _outside_jumps(changed)
     changed[impossible] = np.nan
     unclear = _unclear_value(changed, frozen)
-    near = np.isfinite(changed) & (changed < low) if low < high else np.zeros(len(values), dtype=bool)
+    near = np.isfinite(changed) & _below_minimum(changed, bounds)
     changed[near] = -np.inf
     return Distances(
         values=changed,
@@ -110,6 +110,38 @@ def classify_distances(values: FloatArray, bounds: tuple[float, float]) -> Dista
         too_near=int(near.sum()),
         unclear=unclear,
     )
+
+
+def distance_meaning(value: float, bounds: tuple[float, float]) -> Meaning:
+    """Return what a single live reading of a distance sensor means.
+
+    It follows the rules of `classify_distances`, except for those that need a series of readings: every negative value
+    and every value that a sensor part reports without an object is taken as "no object".
+
+    Args:
+        value: the reading [m].
+        bounds: smallest and largest distance that the sensor can measure [m]; NaN if unknown.
+    """
+    values = np.array([value])
+    if np.isnan(value) or _any_of(values, _codes("failed"))[0]:
+        return "no valid reading"
+    if value == -np.inf:
+        return "too near"
+    if value < 0 or value == np.inf or _from_maximum(values, bounds)[0] or _any_of(values, _codes("no_object"))[0]:
+        return "no object"
+    return "too near" if _below_minimum(values, bounds)[0] else "distance"
+
+
+def _from_maximum(values: FloatArray, bounds: tuple[float, float]) -> BoolArray:
+    """Return the distances at or beyond the largest one that the sensor can measure."""
+    low, high = bounds
+    return (values >= high * (1 - _ROUNDING)) & (low < high)
+
+
+def _below_minimum(values: FloatArray, bounds: tuple[float, float]) -> BoolArray:
+    """Return the distances below the smallest one that the sensor can measure."""
+    low, high = bounds
+    return (values < low * (1 - _ROUNDING)) & (low < high)
 
 
 def idle_codes(readings: FloatArray) -> tuple[NoObject, ...]:

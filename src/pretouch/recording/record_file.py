@@ -184,6 +184,7 @@ class RecordFile:
         if unit is not None and unit != self.unit:
             expected = f"the unit {self.unit}" if self.unit else "no unit"
             raise InvalidInputError(f"--unit: found the unit {unit}, expected {expected} as in the file {self.path}")
+        unusable = 0
         for i, line in lines[1:]:
             cells = line.split(",")
             try:
@@ -193,9 +194,14 @@ class RecordFile:
                     f"{self.path}, line {i}: found {line[:40]!r}, expected a distance and a sensor output; correct the "
                     "line"
                 ) from None
+            if not math.isfinite(output):
+                unusable += 1
+                continue
             distance = millimeters / 1000
             self._rows.append((distance, output))
             self._count[round(distance, _PICOMETERS)] += 1
+        if unusable:
+            self.notes += (f"{self.path}: {unusable:,} readings that are not finite were ignored; delete their lines.",)
 
     def _write(self, descriptor: int, line: str) -> None:
         try:

@@ -22,7 +22,7 @@ from pretouch.tables.line_prefixes import without_stamp
 from pretouch.tables.names import is_length, split_title
 from pretouch.tables.unit_words import unit_in_words
 
-from .source import SourceReading
+from .source import SourceReading, is_usable
 
 _LONGEST: Final = 4096  # bytes without a line end, after which they are skipped
 _SHOWN: Final = 40  # characters of a skipped line that a message shows
@@ -327,7 +327,7 @@ class LineParser:
         if self._format.decimal_mark == ".":
             text = text.replace(",", "") if _THOUSANDS.fullmatch(text) else text
         value = float_of(text)
-        return value if math.isfinite(value) else None
+        return value if is_usable(value) else None
 
     @property
     def _distance_number(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, Protocol
 
 
@@ -41,3 +42,14 @@ class ReadingSource(Protocol):
     @property
     def notes(self) -> tuple[str, ...]:
         """Remarks on input that was skipped or lost."""
+
+
+def is_usable(output: float) -> bool:
+    """Return True if a calibration can use a sensor output: it is finite.
+
+    All sources skip and count the others.
+
+    Args:
+        output: the sensor output.
+    """
+    return math.isfinite(output)

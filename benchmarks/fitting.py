@@ -18,6 +18,8 @@ import subprocess
 import sys
 import tempfile
 import time
+import warnings
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -62,10 +64,9 @@ def fit_by_scipy(curve: Calibration) -> None:
     """Fit one family to a curve by SciPy."""
     distance, output = 1e3 * curve.distances, curve.outputs
     start = [np.log(np.ptp(output) + 1.0), 15.0, 2.0, float(output.min())]
-    try:
+    with warnings.catch_warnings(), suppress(RuntimeError):  # one that has not converged counts all the same
+        warnings.simplefilter("ignore")
         curve_fit(inverse_power, distance, output, p0=start, maxfev=2000)
-    except RuntimeError:  # it has not converged; its time counts all the same
-        return
 
 
 def in_turn(path: Path) -> tuple[list[float], list[float]]:

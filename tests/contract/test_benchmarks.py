@@ -332,3 +332,17 @@ def test_a_sensor_that_fails_without_a_check_of_jumps_is_noticed() -> None:
         loop=dataclasses.replace(task.loop, law=dataclasses.replace(law, conditioning=conditioning, law=damper))
     )
     assert disturbances.judge("loop", lambda f, e: disturbances.run_loop(bare, -0.86, f, e), failures, 0.05) > 0
+
+
+def test_models_of_other_people_are_projected_and_compared(capsys: pytest.CaptureFixture[str], monkeypatch) -> None:
+    pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+    from benchmarks import models
+
+    monkeypatch.setattr(sys, "argv", ["models", "/nowhere"])
+    assert models.main() == 0
+    assert "skipped" in capsys.readouterr().out
+    paths = models.find_models([ROOT / "examples/robots"])
+    assert {path.name for path in paths} >= {"arm.xml", "arm.urdf", "leg.xml", "gripper.xml"}
+    found = models.examine(ROOT / "examples/robots/arm.urdf")
+    assert {"reflected mass", "moved mass", "recoil share"} <= set(found["differences"])
+    assert max(found["differences"].values()) <= models.SAME

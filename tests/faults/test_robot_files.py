@@ -307,6 +307,8 @@ def test_a_missing_mesh_of_an_mjcf_file_is_left_out_unless_a_mass_needs_it(model
     assert codes(project_site(model, make_data(model), SensorSite("tip"))) == ["PT540"]
     with refused("model", value="part.stl"):
         load_model(model_file(text.format(""), "robot.xml"))
+    scenery = text.format(inertial).replace("<worldbody>", '<worldbody><geom type="mesh" mesh="part"/>')
+    assert load_model(model_file(scenery, "robot.xml")).nmesh == 0
 
 
 # --- bases and joints

@@ -346,7 +346,8 @@ def _remove_missing_meshes(path: Path, spec: Any) -> Iterator[str]:
                 continue
             name = _mesh_name(mesh)
             for geom in spec.geoms:
-                if geom.meshname == name and not geom.parent.explicitinertial:
+                moves = geom.parent.name != "world"
+                if geom.meshname == name and moves and not geom.parent.explicitinertial:
                     raise InvalidInputError(
                         f"model: the mesh {mesh.file} of {path} does not exist, and the mass of the body "
                         f"{geom.parent.name or 'without a name'} is computed from it; get this file, or add <inertial> "

@@ -374,6 +374,7 @@ def test_an_analog_sensor_needs_the_unit_of_its_counts(tmp_path: Path) -> None:
     assert export(pt.load_scenario(path).replace(gain=-0.86), tmp_path / "law", "arduino", verify=False).is_written
     source = sketch(tmp_path / "law")
     assert "#define SENSOR PRETOUCH_ANALOG_PIN" in source.read_text()
+    assert "#define READING_DIGITS 5" in source.read_text()  # a reading in V has digits in the log
     command = ["g++", "-std=gnu++11", "-fsyntax-only", f"-I{BOARD}", f"-I{tmp_path / 'law/src'}", "-x", "c++"]
     command += ["-include", "Arduino.h", str(source)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -640,7 +641,7 @@ def test_the_whole_sketch_runs_on_an_arduino_uno_if_its_period_is_long_enough(ra
     if rate == "1 kHz":
         assert any("too slow" in line for line in lines)
         return
-    times = np.array([int(line.partition(",")[0]) for line in lines if re.fullmatch(r"\d+(,-?\d+){4}", line)])
+    times = np.array([int(line.partition(",")[0]) for line in lines if re.fullmatch(r"\d+,[\d.]+(,-?\d+){3}", line)])
     assert len(times) > 390
     assert np.all(np.abs(np.diff(times) - 4000) < 500)
     assert not any("late" in line or "stopped" in line for line in lines)

@@ -110,6 +110,7 @@ def _values(design: LawDesign) -> dict[str, str]:
     unit = (
         calibration.calibration.unit if calibration is not None else task.sensor_part.unit if task.sensor_part else ""
     )
+    is_in_counts = output_unit(unit)[0] == "counts"
     return {
         "sensor": sensor,
         "part": re.sub(r"[^A-Z0-9]", "", part) if part else sensor.upper().replace(" ", "_"),
@@ -118,7 +119,8 @@ def _values(design: LawDesign) -> dict[str, str]:
         "sensor_period_us": str(round(1e6 / chain.rate)),
         "latency": repr(float(chain.latency)),
         "measures_distance": str(int(chain.measures_distance)),
-        "is_in_counts": str(int(output_unit(unit)[0] == "counts")),
+        "is_in_counts": str(int(is_in_counts)),
+        "reading_digits": "0" if is_in_counts or chain.measures_distance else "5",
         "reading_header": "distance_mm" if chain.measures_distance else "reading",
     }
 

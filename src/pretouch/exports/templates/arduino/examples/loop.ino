@@ -19,9 +19,14 @@
 #define REFERENCE PRETOUCH_LOG_ONLY  // _LOG_ONLY, _STEP_DIRECTION, _SERVO, _SERIAL or _CAN
 #endif
 
-#define BAUD 115200UL  // of the log; replay reads its lines
-#define READING_DIGITS 0  // decimals of a reading in the log
-#define LOG_WAITS 0    // 1: wait until there is room for a line. Needed if your board always reports room for 0 bytes
+// For PRETOUCH_ANALOG_PIN: the pin, and what one count of its converter is in the unit of the calibration
+#define ANALOG_PIN A0
+// #define READING_PER_COUNT 1  // 1 for counts of this converter, 3.3f / 4095 for V of 12 bits over 3.3 V
+
+// The log, whose lines pretouch replay reads
+#define BAUD 115200UL
+#define READING_DIGITS $reading_digits  // decimals of a reading
+#define LOG_WAITS 0       // 1: wait until there is room for a line. Needed if your board always reports room for 0 bytes
 
 // For PRETOUCH_STEP_DIRECTION: negative steps per meter if positive steps lead away from the object
 #define STEP_PIN 2

@@ -25,11 +25,11 @@ class PretouchLoop {
  public:
   pretouch_sample sample;  // set contact_force and reference_position, _velocity and _acceleration here if you have them
   pretouch_output output;  // the reference of this period
-  uint32_t overruns = 0;  // periods that began too late; the law computed them without a reading
-  bool is_stopped = false;     // readings stopped: the reference holds
+  uint32_t overruns = 0;   // periods that began too late; the law computed them without a reading
+  bool is_stopped = false;  // readings stopped: the reference holds
   bool has_used_reading = false;  // whether the law used a reading in this period
-  float used_value = 0;
-  uint32_t used_time = 0;  // [us]
+  float used_value = 0;           // that reading
+  uint32_t used_time = 0;         // and when it became available [us]
 
   PretouchLoop() { clear(); }
 

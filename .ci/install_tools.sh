@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Install the programs with which tests compile, run and prove exported laws. If this fails, those tests are skipped.
-# Downloads on a machine with gcc: cmake 21 MB, clang 59 MB, Arm toolchain 97 MB, QEMU 25 MB. Left out are octave (210 MB
+# Downloads on a machine with gcc: cmake 21 MB, clang 59 MB, Arm toolchain 97 MB, QEMU 25 MB, AVR
+# toolchain with simavr 22 MB. Left out are octave (210 MB
 # with 250 packages; one test needs it) and downloads from elsewhere; Debian 12 itself has no cbmc, other releases have.
 set -u
 missing() { ! command -v "$1" > /dev/null; }
@@ -10,6 +11,9 @@ missing clang && packages+=("clang")
 missing cbmc && packages+=("cbmc")
 missing arm-none-eabi-gcc && packages+=("gcc-arm-none-eabi libnewlib-arm-none-eabi")
 missing qemu-system-arm && packages+=("qemu-system-arm")
+missing avr-gcc && packages+=("gcc-avr avr-libc")
+missing simavr && packages+=("simavr")
+[ -d /usr/share/arduino/hardware/arduino/avr ] || packages+=("arduino-core-avr")
 [ ${#packages[@]} -eq 0 ] && exit 0
 if [ "$(id -u)" != 0 ] || ! command -v apt-get > /dev/null; then
     echo "Not installed, because this needs root and apt-get: ${packages[*]}. The tests that need them are skipped."

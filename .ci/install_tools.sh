@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Install the programs with which tests compile, run and prove exported laws. If this fails, those tests are skipped.
-# Downloads on a machine with gcc: cmake 21 MB, clang 59 MB, Arm toolchain 97 MB, QEMU 25 MB, AVR
-# toolchain with simavr 22 MB. Left out are octave (210 MB
-# with 250 packages; one test needs it) and downloads from elsewhere; Debian 12 itself has no cbmc, other releases have.
+# Downloads on a machine with gcc: cmake 21 MB, clang 59 MB, Arm toolchain 97 MB, QEMU 25 MB, AVR toolchain with
+# simavr 22 MB. Left out are octave (210 MB with 250 packages; one test needs it) and downloads from elsewhere; Debian 12
+# itself has no cbmc, other releases have.
 set -u
 missing() { ! command -v "$1" > /dev/null; }
 packages=()

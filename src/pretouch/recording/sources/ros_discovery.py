@@ -50,7 +50,9 @@ class Discovery(Value):
         """The configuration of the DDS library; None for its default.
 
         The node is also announced to this computer by unicast, because nodes with the range LOCALHOST do not listen to
-        multicast. They announce themselves to the first ports of this computer, so the node takes one of those.
+        multicast. They announce themselves to the first ports of this computer, so the node takes one of those. With
+        Fast DDS, such nodes are found in both cases; with Cyclone DDS 11, only if they are started later, or if the
+        range is LOCALHOST here too.
         """
         if self.reach == "SYSTEM_DEFAULT":
             return None

@@ -144,7 +144,7 @@ class TopicSource:
         if self._are_distances:
             return (
                 "messages of the type Range are distances in m. If these are other readings, give their unit, such as "
-                "--unit counts; if there are none without an object, use --no-empty-scene"
+                "--unit counts. If the sensor gives no distance without an object, use --no-empty-scene"
             )
         return "check the sensor and its node"
 

@@ -142,6 +142,8 @@ def test_the_runs_test_is_that_of_all_orders_of_signs():
         expected = sum(r <= count for r in runs) / len(runs)
         assert runs_p_value(np.array(order)) == pytest.approx(expected, rel=1e-12)
     assert runs_p_value(np.ones(5)) is None
+    rounded = np.array([1.0, 1e-16, -1e-16, 2.0, -1e-17, -1.0, -3.0])  # of a table through most of its readings
+    assert runs_p_value(rounded) == runs_p_value(rounded[[0, 3, 5, 6]])
 
 
 def test_the_profile_of_a_linear_problem_is_its_ellipse():

@@ -32,6 +32,7 @@ from .slope_uncertainty import with_choice_of_family
 
 # Singular values of the Jacobian with columns of norm 1: above 0.01 for sensible families, 1e-7 (the error of the
 # differences) if two parameters change the curve in the same way.
+_ROUNDING: Final = 1e-9  # of the largest residual, up to which a residual is only rounding
 _REDUNDANT: Final = 1e-5
 _INVOLVED: Final = 0.1  # smallest component of an involved parameter in the direction that does not change the curve
 
@@ -74,9 +75,10 @@ def runs_p_value(residuals: FloatArray) -> float | None:
 
     The test is exact and one-sided. The result is None if all residuals have one sign.
 
-    The p-value is the probability of at most as many runs of equal signs in a random order. Zeros are ignored.
+    The p-value is the probability of at most as many runs of equal signs in a random order. Zeros are ignored,
+    also those that are only rounding: a table passes through most of its readings.
     """
-    signs = np.sign(residuals[residuals != 0])
+    signs = np.sign(residuals[np.abs(residuals) > _ROUNDING * np.max(np.abs(residuals), initial=0.0)])
     plus, minus = int((signs > 0).sum()), int((signs < 0).sum())
     if not plus or not minus:
         return None

@@ -40,7 +40,7 @@ _NOTHING: Final = 1e-9  # m
 
 
 @dataclass(frozen=True, slots=True)
-class SimulatedEncounter:
+class RobotEncounterRun:
     """One run of a site, with all that its explanation needs.
 
     Args:
@@ -64,7 +64,7 @@ class SimulatedEncounter:
     trace: RobotTrace
 
 
-def causes_of(run: SimulatedEncounter) -> tuple[str, ...]:
+def causes_of(run: RobotEncounterRun) -> tuple[str, ...]:
     """Return the causes of a difference in contact speed, time and excursion, the largest first.
 
     Args:
@@ -88,7 +88,7 @@ def causes_of(run: SimulatedEncounter) -> tuple[str, ...]:
 
 
 def _parts(
-    run: SimulatedEncounter, detection: DetectedEncounter, course: PredictedCourse
+    run: RobotEncounterRun, detection: DetectedEncounter, course: PredictedCourse
 ) -> Iterator[tuple[str, float]]:
     """Yield the parts of the difference of the distance at the first of both contacts [m], with their words."""
     trace, contact, period = run.trace, run.contact, run.law.controller.period
@@ -124,7 +124,7 @@ def _parts(
         yield from _gap(run)
 
 
-def _motion_of_site(run: SimulatedEncounter, detection: DetectedEncounter, first: int, last: int) -> float:
+def _motion_of_site(run: RobotEncounterRun, detection: DetectedEncounter, first: int, last: int) -> float:
     """Return how far a site has moved along its axis between two rows, without the flight of its base [m]."""
     trace, data = run.trace, mujoco().MjData(run.model)
     start, axis = _place(run, data, first)
@@ -140,7 +140,7 @@ def _motion_of_site(run: SimulatedEncounter, detection: DetectedEncounter, first
     return moved - velocity * since - fall * since**2 / 2
 
 
-def _place(run: SimulatedEncounter, data: Data, row: int) -> tuple[FloatArray, FloatArray]:
+def _place(run: RobotEncounterRun, data: Data, row: int) -> tuple[FloatArray, FloatArray]:
     """Return position and axis of a site in the world frame in a row of the trace."""
     data.qpos[:] = run.trace.configuration[row]
     mujoco().mj_kinematics(run.model, data)
@@ -149,7 +149,7 @@ def _place(run: SimulatedEncounter, data: Data, row: int) -> tuple[FloatArray, F
     return np.array(data.site_xpos[index]), np.asarray(turn @ run.law.site.direction)
 
 
-def _reference(run: SimulatedEncounter, distances: FloatArray, last: int) -> float:
+def _reference(run: RobotEncounterRun, distances: FloatArray, last: int) -> float:
     """Return the reference [m] of a controller whose readings are those of a facing surface at these distances."""
     curve: Any = run.law.site.sensor
     controller, approach, period = run.law.running.begin(), run.law.approach, run.law.controller.period
@@ -163,7 +163,7 @@ def _reference(run: SimulatedEncounter, distances: FloatArray, last: int) -> flo
     return float(position)
 
 
-def _tracking_words(run: SimulatedEncounter) -> str:
+def _tracking_words(run: RobotEncounterRun) -> str:
     """Say why a site may not follow its reference."""
     contact, model = run.contact, run.model
     if contact.obstacle:
@@ -182,7 +182,7 @@ def _tracking_words(run: SimulatedEncounter) -> str:
     return "the site does not follow its reference" + next(words for holds, words in reasons if holds)
 
 
-def _reading_words(run: SimulatedEncounter) -> str:
+def _reading_words(run: RobotEncounterRun) -> str:
     """Say why readings may not be those of a facing surface on the axis."""
     if run.law.chain is not None:
         return "the sensor chain changes the readings, or the object is no facing surface"
@@ -191,7 +191,7 @@ def _reading_words(run: SimulatedEncounter) -> str:
     return "the axis meets an object that is no facing surface"
 
 
-def _object_words(run: SimulatedEncounter) -> str:
+def _object_words(run: RobotEncounterRun) -> str:
     """Say why an object may not move as at its detection."""
     before = [touch for touch in run.touches if touch.time < run.contact.time]
     if before:
@@ -199,7 +199,7 @@ def _object_words(run: SimulatedEncounter) -> str:
     return "the object moves otherwise than at its detection, or the axis meets another part of it"
 
 
-def _gap(run: SimulatedEncounter) -> Iterator[tuple[str, float]]:
+def _gap(run: RobotEncounterRun) -> Iterator[tuple[str, float]]:
     """Yield the distance on the axis at which the contact begins, and why it is not 0."""
     trace, model = run.trace, run.model
     row = min(int(np.searchsorted(trace.time, run.contact.time)), len(trace.time) - 1)
@@ -228,7 +228,7 @@ def _gap(run: SimulatedEncounter) -> Iterator[tuple[str, float]]:
             return
 
 
-def cause_of_force(run: SimulatedEncounter, force: float, stiffness: float) -> str:
+def cause_of_force(run: RobotEncounterRun, force: float, stiffness: float) -> str:
     """Return why the peak force differs by more than the contact speed does.
 
     Args:
@@ -278,7 +278,7 @@ def cause_of_force(run: SimulatedEncounter, force: float, stiffness: float) -> s
     return stiff
 
 
-def _impulse_of_drives(run: SimulatedEncounter, first: int, last: int) -> float:
+def _impulse_of_drives(run: RobotEncounterRun, first: int, last: int) -> float:
     """Return the impulse [N s] along the axis by which the torques have changed since the touch."""
     trace, data = run.trace, mujoco().MjData(run.model)
     data.qpos[:] = trace.configuration[first]

@@ -12,7 +12,7 @@ import numpy as np
 from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import caution
 
-from .causes import SimulatedEncounter, cause_of_force, causes_of
+from .causes import RobotEncounterRun, cause_of_force, causes_of
 from .dynamics import Drivetrain
 from .result import BodyContact, RobotTrace, SiteContact
 from .site_law import SiteLaw
@@ -71,7 +71,7 @@ def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteCon
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+class ComparedRuns:
     """The runs of a simulation with their predictions.
 
     Args:
@@ -97,7 +97,7 @@ class Comparison:
     trace_of: Callable[[int], RobotTrace]
 
 
-def report_deviations(runs: Comparison) -> Iterator[str]:
+def report_deviations(runs: ComparedRuns) -> Iterator[str]:
     """Yield warnings about encounters that deviate from their prediction, with the causes.
 
     There is one warning for each sensor site whose contact speed deviates by more than 5 %, or whose time from
@@ -122,7 +122,7 @@ def report_deviations(runs: Comparison) -> Iterator[str]:
         if not changes:
             continue
         run, contact, predicted = max(pairs, key=lambda pair: abs(_change(*_speeds(pair))))
-        encounter = SimulatedEncounter(
+        encounter = RobotEncounterRun(
             *(runs.model, runs.drivetrains[i], law, i, contact, predicted, runs.touches[run], runs.trace_of(run))
         )
         causes = causes_of(encounter) if set(changes) - {_FORCE} or runs.stiffness is None else ()
@@ -140,7 +140,7 @@ def report_deviations(runs: Comparison) -> Iterator[str]:
         )
 
 
-def _changes(runs: Comparison, pairs: Sequence[tuple[int, SiteContact, SiteContact]]) -> Iterator[tuple[str, float]]:
+def _changes(runs: ComparedRuns, pairs: Sequence[tuple[int, SiteContact, SiteContact]]) -> Iterator[tuple[str, float]]:
     """Yield the quantities that deviate by too much, with the relative change of their means."""
     if not pairs:
         return
@@ -161,7 +161,7 @@ def _changes(runs: Comparison, pairs: Sequence[tuple[int, SiteContact, SiteConta
             yield name, _change(simulated, expected)
 
 
-def _remedy(runs: Comparison, i: int, run: int) -> str:
+def _remedy(runs: ComparedRuns, i: int, run: int) -> str:
     """Say what to do about an object that a site has not detected before its contact, and why it was not detected."""
     trace = runs.trace_of(run)
     before = trace.distance[trace.time < runs.contacts[i][run].time, i]
@@ -187,7 +187,7 @@ def _percent(change: float) -> str:
     return f"{shown} % {'higher' if change > 0 else 'lower'}"
 
 
-def _report_unpredicted(runs: Comparison, i: int) -> Iterator[str]:
+def _report_unpredicted(runs: ComparedRuns, i: int) -> Iterator[str]:
     """Yield warnings about contacts of a site without a prediction, and about predicted ones that do not happen."""
     site, contacts, predictions = runs.laws[i].site.name, runs.contacts[i], runs.predictions[i]
     touched = [c for c in contacts if not math.isnan(c.time)]

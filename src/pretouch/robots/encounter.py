@@ -17,7 +17,7 @@ from pretouch.simulation.result import whole
 from .centering import Centering
 from .compiled_run import Runner, RunResult
 from .deviations import (
-    Comparison,
+    ComparedRuns,
     explain_deviations,
     report_deviations,
     report_problems,
@@ -114,7 +114,7 @@ def simulate_robot(
             *moved,
             *_warnings(
                 scene,
-                Comparison(
+                ComparedRuns(
                     model=scene.model,
                     drivetrains=scene.drivetrains,
                     laws=scene.laws,
@@ -141,7 +141,7 @@ def _at_surface(model: Model, data: Data, laws: Sequence[SiteLaw]) -> tuple[Mode
     return take_to_surface(model, still, [law.site for law in laws])
 
 
-def _warnings(scene: RunScene, comparison: Comparison) -> Iterator[str]:
+def _warnings(scene: RunScene, comparison: ComparedRuns) -> Iterator[str]:
     """Yield all warnings of a robot simulation, on postures, model and deviations from the prediction."""
     names = [law.site.name for law in scene.laws]
     explanations = list(explain_deviations(names, comparison.contacts))

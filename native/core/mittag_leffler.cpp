@@ -96,17 +96,17 @@ void on_line(double order, const double *z, int64_t n, double far, double accura
     const bool exact = accuracy < ROUGH;
     const double step = exact ? STEP : ROUGH_STEP, lowest = exact ? 1e-17 : 1e-6 * accuracy;
     const double delta = PI * (1 - order), half = sin(delta / 2), factor = step * sin(delta) / (PI * order);
-    double nearest = INFINITY, power[CHUNK];
+    double farthest = 0, power[CHUNK];
     for (int64_t i = 0; i < n; i++) {
         if (!(z[i] < far)) continue;
-        nearest = fmin(nearest, fmin(-z[i], LARGEST));
+        farthest = fmax(farthest, fmin(-z[i], LARGEST));
         power[i] = fmin(pow(-z[i], 1 / order), LARGEST);
         value[i] = 0;
         if (slope != nullptr) slope[i] = 0;
     }
-    if (nearest == INFINITY) return;
-    // below, e^v < lowest / x; above, the integrand is 0 for every argument
-    const double first = floor((log(lowest) - log(nearest)) / step), last = ceil(order * LARGEST_POWER / step);
+    if (farthest == 0) return;
+    // below, e^v < lowest / x for every argument -x; above, the integrand is 0
+    const double first = floor((log(lowest) - log(farthest)) / step), last = ceil(order * LARGEST_POWER / step);
     for (double k = first; k < last && factor > 0; k++) {
         const double v = step * (k + 0.5), grown = sinh(v / 2), root = exp(v / order);
         const double weight = factor / (4 * (grown * grown + half * half));

@@ -8,6 +8,8 @@ from pathlib import Path
 import mpmath
 import numpy as np
 
+from pretouch.sensors.mittag_leffler import mittag_leffler
+
 SOURCE = Path(__file__).parents[2] / "native/core/mittag_leffler.cpp"
 NODES = 18
 
@@ -25,3 +27,13 @@ def test_nodes_and_weights_are_those_of_the_parabola() -> None:
             weight = 2 * mu * step / mpmath.pi * mpmath.exp(s) * node / s
             exact = (mpmath.log(s).real, mpmath.log(s).imag, weight.real, weight.imag)
             assert all(value == float(number) for value, number in zip(row, exact, strict=True))
+
+
+def test_a_value_does_not_depend_on_the_other_arguments() -> None:
+    """The integral along the line starts below the farthest argument, also if others are near."""
+    far = -(10.0 ** np.arange(1, 200, 7))
+    for order in (0.7, 0.95):
+        alone = [mittag_leffler(np.array([order]), np.array([[z]])) for z in far]
+        together = mittag_leffler(np.array([order]), np.concatenate([[-1.0, -2.0], far])[None, :])
+        for k, values in enumerate(together):
+            np.testing.assert_allclose(values[0, 2:], [each[k][0, 0] for each in alone], rtol=1e-12)

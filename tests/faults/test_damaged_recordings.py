@@ -374,7 +374,7 @@ def test_without_the_libraries_a_sentence_names_the_extra(recorded, tmp_path, mo
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("", "has no rows"),
+        ("", "is empty"),
         ("a,b\n1,2\n", "time"),
         ("time [s]\n1\n", "header"),
         ("time [mm],a\n1,2\n", "time"),

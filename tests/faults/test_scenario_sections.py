@@ -169,7 +169,7 @@ def test_the_reference_gives_every_unit_and_default(section):
         field = next(v.keys[key] for v in variants(section).values() if key in v.keys)
         if isinstance(field.read, Quantity):
             assert unit == (field.read.unit or "number"), key
-        elif key != "no_object":
+        elif key != "no_object" and (section, key) != ("robot", "offset"):  # numbers with a unit, or words, or a list
             assert unit in {"text", "list", "table", "whole number", "number", "true or false"}, key
         if field.default is REQUIRED:
             assert default == "required", key

@@ -110,6 +110,8 @@ def farthest_surface(model: Model, data: Data, index: int, axis: FloatArray) -> 
 
 def move_site(model: Model, index: int, shift: Any) -> None:
     """Move a site in a model by a vector in the frame of the site [m]."""
+    if not np.any(shift):
+        return
     turned = np.zeros(3)
     mujoco().mju_rotVecQuat(turned, np.asarray(shift, dtype=np.float64), model.site_quat[index])
     model.site_pos[index] += turned

@@ -37,7 +37,7 @@ _quiet: Final[list[bool]] = []
 
 def mujoco() -> Any:
     """Import MuJoCo without its log file, or raise an error that says how to install it."""
-    if "mujoco" not in sys.modules or not _quiet:  # a simulation asks at every step
+    if sys.modules.get("mujoco") is None or not _quiet:  # a simulation asks at every step
         library = require("mujoco", extra="mujoco")
         if not hasattr(library, "MjLogConfig"):
             return library

@@ -291,6 +291,8 @@ def gap_below(model: Model, data: Data, degrees: IntArray) -> tuple[str, float]:
             distance = float(mujoco().mj_geomDistance(model, data, int(own), int(other), _NEAR, None))
             if distance < min(nearest, _NEAR):
                 nearest, pair = distance, (int(own), int(other))
+    if not math.isfinite(nearest):
+        return "", nearest
     names, bodies = names_of(model, "body"), np.asarray(model.geom_bodyid)
     labels = [names[body] or f"number {body}" for body in bodies[list(pair)]]
     return f"{labels[0]} above {labels[1]}", nearest

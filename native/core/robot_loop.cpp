@@ -730,7 +730,11 @@ struct LogMessage {           // the start of mjLogMessage
 void on_message(const void *message) {
     const LogMessage &log = *static_cast<const LogMessage *>(message);
     if (log.level != LOG_ERROR || !escape) return;
-    strncpy(escape->message, log.subject, sizeof(pretouch_robot_run::message) - 1);
+    const size_t most = sizeof(pretouch_robot_run::message) - 1;
+    const void *const end = memchr(log.subject, 0, most);
+    const size_t length = end ? static_cast<size_t>(static_cast<const char *>(end) - log.subject) : most;
+    memcpy(escape->message, log.subject, length);
+    escape->message[length] = 0;
     longjmp(escape->place, 1);
 }
 

@@ -20,6 +20,7 @@ from .number_forms import in_decimal, is_hexadecimal, with_exponent
 from .unit_words import dimension, unit_in_words
 
 _FIRST: Final = 50  # cells that are tried first
+_SMALL: Final = 100.0  # counts below which all with three decimals are rarely means
 _SPREAD: Final = re.compile(r"(.*?\S)\s*(?:±|\+/-|\+-)\s*[\d.,]+(.*)")
 _WITH_UNIT: Final = re.compile(
     r"([-+\N{MINUS SIGN}]?[\d.,' \u00a0\u202f\N{RIGHT SINGLE QUOTATION MARK}]*\d\.?)\s*([^\d\s.,].*|\")"
@@ -59,9 +60,17 @@ def plain_columns(
     """
     titles, changed, notes, comma = list(header), list(columns), [], False
     floats = [_floats(cells) for cells in columns]
+    others = [cells for cells, numbers in zip(columns, floats, strict=True) if numbers is None]
+    has_commas = delimiter != "," and any(map(_has_certain_comma, others))
     for i, cells in enumerate(columns):
         if floats[i] is not None:
-            _refuse_two_readings(file, cells, lines, ".", delimiter)
+            if has_commas and _has_thousands(cells):
+                changed[i] = tuple(cell.replace(".", "") for cell in cells)
+                floats[i] = _floats(changed[i])
+                notes.append(f"The points in the column {titles[i]!r} separate thousands, because commas mark decimals.")
+                continue
+            is_counted = split_title(titles[i])[1] == "counts"
+            _refuse_two_readings(file, cells, lines, ".", delimiter, is_counted=is_counted)
             continue
         distinct = {cell: cell for cell in set(cells)}
         if all(map(_is_plain, distinct)):
@@ -120,6 +129,17 @@ def _has_decimal_comma(cells: Sequence[str]) -> bool:
     return any(_ONE_COMMA.fullmatch(cell) for cell in set(cells))
 
 
+def _has_certain_comma(cells: Sequence[str]) -> bool:
+    """Return True if a comma certainly marks decimals, as in `0,5`, and not thousands, as it may in `1,234`."""
+    return any(_ONE_COMMA.fullmatch(cell) and not _AMBIGUOUS.fullmatch(cell) for cell in set(cells))
+
+
+def _has_thousands(cells: Sequence[str]) -> bool:
+    """Return True if every number with a point has three digits behind it, so that it may separate thousands."""
+    marked = {cell for cell in cells if "." in cell}
+    return bool(marked) and all(_AMBIGUOUS.fullmatch(cell.replace(".", ",")) for cell in marked)
+
+
 def _without_spreads(forms: dict[str, str]) -> dict[str, str]:
     return {cell: "".join(m.groups()) if (m := _SPREAD.fullmatch(form)) else form for cell, form in forms.items()}
 
@@ -170,28 +190,38 @@ def _without_groups(forms: dict[str, str]) -> dict[str, str]:
     return found
 
 
-def _refuse_two_readings(file: str, cells: Sequence[str], lines: Sequence[int], mark: str, delimiter: str) -> None:
-    """Raise an error if the mark in `1,234` may separate thousands or decimals, and no other cell tells which."""
-    if mark == "." and not _is_mixed(cells[:_FIRST]):  # a quick look at the first cells is enough
+def _refuse_two_readings(
+    file: str, cells: Sequence[str], lines: Sequence[int], mark: str, delimiter: str, *, is_counted: bool = False
+) -> None:
+    """Raise an error if the mark in `1,234` may separate thousands or decimals, and no other cell tells which.
+
+    If the cells are counts of a converter, all of them may have a mark: counts such as 9.600 are rarely means.
+    """
+    if mark == "." and not _is_mixed(cells) and not (is_counted and _are_small_counts(cells)):
         return
     distinct = set(cells)
     marked = [cell for cell in distinct if mark in cell]
     unclear = [cell for cell in marked if _AMBIGUOUS.fullmatch(cell.replace(mark, ","))]
     whole = [cell for cell in distinct if re.fullmatch(r"[-+]?\d+", cell)]
-    enough = len(whole) > 1 and len(unclear) > 1 if mark == "." else bool(whole) or delimiter == ","
+    enough = is_counted or (len(whole) > 1 and len(unclear) > 1 if mark == "." else bool(whole) or delimiter == ",")
     if not unclear or len(unclear) < len(marked) or not enough:
         return
     cell = min(unclear, key=cells.index)
     line = lines[cells.index(cell)]
-    other = f", or {whole[0]}.000 instead of {whole[0]}" if mark == "." else ", and with a decimal point"
+    thousands, decimals = cell.replace(mark, ""), cell.replace(mark, ".")
     raise CalibrationDataError(
-        f"{file}, line {line}: {quoted(cell)} may be the number {cell.replace(mark, '')} or {cell.replace(mark, '.')}. "
-        f"Write the numbers without a separator of thousands{other}",
+        f"{file}, line {line}: {quoted(cell)} may be the number {thousands} or {decimals}. If it is {thousands}, write the "
+        f"numbers without a separator of thousands; if it is {decimals}, write {decimals}0, with a fourth decimal, in "
+        "each row",
         problem=f"{file}, line {line}: found numbers that can be read in two ways",
     )
 
 
 def _is_mixed(cells: Sequence[str]) -> bool:
     """Return True if all numbers with a decimal point have three decimals, and others have no point."""
-    marked = [cell for cell in cells if "." in cell]
-    return bool(marked) and len(marked) < len(cells) and all(_AMBIGUOUS.fullmatch(c.replace(".", ",")) for c in marked)
+    return 0 < sum("." in cell for cell in cells) < len(cells) and _has_thousands(cells)
+
+
+def _are_small_counts(cells: Sequence[str]) -> bool:
+    """Return True if all numbers have three decimals and are below 100, as counts of 16 bits in thousands are."""
+    return all("." in cell for cell in cells) and _has_thousands(cells) and max(map(float, cells)) < _SMALL

@@ -67,7 +67,9 @@ def plain_columns(
             if has_commas and _has_thousands(cells):
                 changed[i] = tuple(cell.replace(".", "") for cell in cells)
                 floats[i] = _floats(changed[i])
-                notes.append(f"The points in the column {titles[i]!r} separate thousands, because commas mark decimals.")
+                notes.append(
+                    f"The points in the column {titles[i]!r} separate thousands, because commas mark decimals."
+                )
                 continue
             is_counted = split_title(titles[i])[1] == "counts"
             _refuse_two_readings(file, cells, lines, ".", delimiter, is_counted=is_counted)

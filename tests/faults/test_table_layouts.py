@@ -3,13 +3,14 @@
 import math
 import re
 import shlex
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fuzz.mutated_tables import finds
 from pretouch._core.errors import CalibrationDataError, InvalidInputError, SourceError
-from pretouch.calibration import read_calibrations
+from pretouch.calibration import read_calibration, read_calibrations
 from pretouch.recording import read_recording
 from pretouch.recording.sources.lines import LineFormat, LineParser
 from table_kinds import KINDS, MORE_KINDS, RECORDINGS, TIMES, Kind, Readings, readings
@@ -484,3 +485,41 @@ def test_an_assumed_unit_of_distances_is_said() -> None:
         parser = LineParser("a sensor", LineFormat(column="2", distance_column="1", **options), from_middle=False)
         parser.feed(lines)
         assert any("mm was assumed" in note for note in parser.notes) == is_said
+
+
+DISTANCES = (0, 3, 7, 12, 18, 26, 36, 52)
+COUNTS = (9600, 7360, 5396, 3879, 2798, 1976, 1442, 1045)
+
+
+def grouped(value: int) -> str:
+    return f"{value // 1000}.{value % 1000:03d}" if value >= 1000 else str(value)
+
+
+def test_counts_with_three_decimals_may_be_thousands(tmp_path: Path) -> None:
+    """Also if all of them have a point; a fourth decimal makes them decimals."""
+    rows = [f"{distance};{grouped(value)}" for distance, value in zip(DISTANCES, COUNTS, strict=True)]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(["Abstand (mm);ADC (counts)", *rows]) + "\n")
+    with pytest.raises(CalibrationDataError, match=r"9600 or 9\.600"):
+        read_calibration(path)
+    path.write_text("\n".join(["Abstand (mm);ADC (counts)", *(row + "0" for row in rows)]) + "\n")
+    assert read_calibration(path).outputs.max() == 9.6
+
+
+def test_points_next_to_decimal_commas_separate_thousands(tmp_path: Path) -> None:
+    counts = (*COUNTS, 749)
+    rows = [f"{d / 10:.1f}".replace(".", ",") + f";{grouped(v)}" for d, v in zip((*DISTANCES, 80), counts, strict=True)]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(["Abstand (cm);ADC", *rows]) + "\n")
+    data = read_calibration(path)
+    assert sorted(data.outputs) == sorted(counts)
+    assert sorted(data.distances) == pytest.approx([d / 1000 for d in (*DISTANCES, 80)])
+
+
+def test_thousands_that_come_late_in_a_recording_are_found(tmp_path: Path) -> None:
+    readings = [608] * 200 + [988, 1023, 1082, 2417, 1100]
+    rows = [f"{5000 + 10 * i};{grouped(value)}" for i, value in enumerate(readings)]
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join(["Zeit (ms);ADC", *rows]) + "\n")
+    with pytest.raises(InvalidInputError, match=r"1023 or 1\.023"):
+        read_recording(path)

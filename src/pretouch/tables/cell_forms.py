@@ -195,9 +195,12 @@ def _without_groups(forms: dict[str, str]) -> dict[str, str]:
 def _refuse_two_readings(
     file: str, cells: Sequence[str], lines: Sequence[int], mark: str, delimiter: str, *, is_counted: bool = False
 ) -> None:
-    """Raise an error if the mark in `1,234` may separate thousands or decimals, and no other cell tells which.
+    """Check that the mark in `1,234` cannot both separate thousands and mark decimals, unless other cells tell which.
 
     If the cells are counts of a converter, all of them may have a mark: counts such as 9.600 are rarely means.
+
+    Raises:
+        CalibrationDataError: the numbers can be read in two ways.
     """
     if mark == "." and not _is_mixed(cells) and not (is_counted and _are_small_counts(cells)):
         return
@@ -212,9 +215,9 @@ def _refuse_two_readings(
     line = lines[cells.index(cell)]
     thousands, decimals = cell.replace(mark, ""), cell.replace(mark, ".")
     raise CalibrationDataError(
-        f"{file}, line {line}: {quoted(cell)} may be the number {thousands} or {decimals}. If it is {thousands}, write the "
-        f"numbers without a separator of thousands; if it is {decimals}, write {decimals}0, with a fourth decimal, in "
-        "each row",
+        f"{file}, line {line}: {quoted(cell)} may be the number {thousands} or {decimals}. If it is {thousands}, write "
+        f"the numbers without a separator of thousands; if it is {decimals}, write {decimals}0, with a fourth decimal, "
+        "in each row",
         problem=f"{file}, line {line}: found numbers that can be read in two ways",
     )
 

@@ -155,7 +155,8 @@ def test_a_code_below_all_outputs_is_no_offset() -> None:
     flags = np.ones(len(readings), bool)
     noise = noise_of(readings, flags, there, ~flags, 0.0, approaches=~flags, codes=(code.value,))
     assert noise.offset is None
-    assert noise.noise is None
+    assert noise.noise == pytest.approx(6, rel=0.2)  # measured with an object
+    assert noise.relative_noise == pytest.approx(0.01, rel=0.1)
 
 
 def test_an_output_that_is_limited_without_an_object_has_the_noise_of_an_object() -> None:
@@ -168,3 +169,22 @@ def test_an_output_that_is_limited_without_an_object_has_the_noise_of_an_object(
     assert (noise.offset, noise.limited) == (0.0, True)
     assert noise.noise == pytest.approx(6.0, rel=0.2)
     assert noise.relative_noise == pytest.approx(0.01, rel=0.2)
+
+
+def test_a_code_for_no_object_shows_no_offset() -> None:
+    """All other readings are those of an object; the farthest of them were taken as readings without one."""
+    rng = np.random.default_rng(4)
+    time = np.arange(2000) * 10_000_000
+    distance = 5e-3 + 0.4 * np.abs(np.sin(np.arange(2000) / 160))
+    counts = np.round(150 + 9000 * (0.03 / (distance + 0.03)) ** 3 + 6 * rng.standard_normal(2000))
+    values = np.where(distance < 0.15, counts, -1.0)
+    named = {"source": "b", "topic": "/adc", "message_type": "", "kind": "reading"}
+    result = replay(low_floor(), Recording(stamps=time, values=values, **named))
+    assert result.recording.no_object[0].value == -1
+    assert result.noise.offset is None
+    assert result.noise.drift is None
+    assert result.noise.noise == pytest.approx(6, rel=0.4)
+    page = page_of(result)
+    assert not any(warning.startswith("PT608") for warning in page.warnings)
+    assert any("the offset is not measured" in text for text in page.findings)
+    assert "not measured; from the scenario" in next(line for line in result.chain.splitlines() if "offset" in line)

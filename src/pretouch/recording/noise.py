@@ -86,7 +86,8 @@ def noise_of(
     Returns:
         The estimates.
     """
-    finite = np.isfinite(readings) & ~np.isin(readings, codes)
+    coded = np.isin(readings, codes)
+    finite = np.isfinite(readings) & ~coded
     resolution = _resolution(readings[finite])
     quiet = finite & ~detecting & ~near
     for _ in range(_ROUNDS):  # an object whose signal is below the floor is there, too
@@ -105,9 +106,11 @@ def noise_of(
         wander = _spread(values - center, resolution)
     relative = None if noise is None else _relative(readings, finite & detecting, regular, offset, noise)
     # an output that is limited without an object has noise only with an object
-    both = _both_noises(readings, finite & detecting, regular, offset) if is_frozen(values) else None
+    both = _both_noises(readings, finite & detecting, regular, offset) if is_frozen(values) or coded.any() else None
     noise, relative = both or (noise, relative)
     largest = float(readings[finite].max()) if finite.any() else None
+    if coded.any():  # all other readings are those of an object, so they show no offset
+        center = wander = time = None
     return Noise(
         offset=center,
         noise=noise,

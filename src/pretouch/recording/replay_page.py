@@ -122,10 +122,12 @@ def _findings(replay: Replay) -> Iterator[str]:
     if replay.recording.no_object:
         yield f"Taken as no object: {'; '.join(map(_describe_no_object, replay.recording.no_object))}."
     if replay.noise.limited and replay.recording.kind == "reading":
-        yield (
-            f"Without an object, the readings stay at exactly {replay.noise.offset:.6g}: the noise was measured while "
-            "an object was there."
+        idle = (
+            "the readings have only the values above: the offset is not measured, and the noise"
+            if replay.noise.offset is None
+            else f"the readings stay at exactly {replay.noise.offset:.6g}: the noise"
         )
+        yield f"Without an object, {idle} was measured while an object was there."
     if replay.latency is not None and replay.latency.value is None:
         yield f"The latency cannot be determined: {replay.latency.reason}."
     elif replay.latency is not None and replay.latency.value is not None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from test_recordings import low_floor, page_of
 
-from pretouch.recording import Recording, replay
+from pretouch._core.errors import InvalidInputError
+from pretouch.recording import Recording, read_recording, replay
 from pretouch.recording.no_object import classify_distances, frozen_values, idle_codes
 from pretouch.recording.noise import noise_of, spread_of_course
 
@@ -188,3 +191,16 @@ def test_a_code_for_no_object_shows_no_offset() -> None:
     assert not any(warning.startswith("PT608") for warning in page.warnings)
     assert any("the offset is not measured" in text for text in page.findings)
     assert "not measured; from the scenario" in next(line for line in result.chain.splitlines() if "offset" in line)
+
+
+@pytest.mark.parametrize("idle", [-1, 0])
+def test_a_range_without_a_unit_is_refused_also_if_its_idle_value_is_small(idle: int, tmp_path: Path) -> None:
+    """It was read as counts, and no object was detected."""
+    distance = 5 + 400 * np.abs(np.sin(np.arange(1000) / 160))
+    rows = [f"{10 * i},{round(value) if value < 150 else idle}" for i, value in enumerate(distance)]
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join(["time_ms,range", *rows]) + "\n")
+    with pytest.raises(InvalidInputError, match="no unit"):
+        read_recording(path)
+    assert read_recording(path, "range [counts]").kind == "reading"
+    assert read_recording(path, "range [mm]").kind == "distance"

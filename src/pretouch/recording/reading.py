@@ -24,7 +24,7 @@ from .columns import RecordedColumn, is_table, read_columns
 from .containers import read_contents
 from .decoding import Decoded, decode
 from .messages import Contents, Messages, refuse_unknown, split_name
-from .no_object import are_like_distances, has_codes_of_parts
+from .no_object import are_like_distances, has_codes_of_parts, idle_codes
 from .recording import UNBOUNDED, Clock, Kind, Recording
 
 _WITH_UNIT: Final = re.compile(r"(.*\S)\s+\[\s*([^\[\]=]*?)\s*\]")
@@ -224,7 +224,8 @@ def _from_table(file: Path, name: str, unit: str | None) -> Recording:
 def _refuse_unstated(file: Path, topic: str, column: RecordedColumn) -> None:
     """Raise an error if a column with the name of a distance has no unit, but values like those of distances."""
     in_millimeters = has_codes_of_parts(column.values * 1e-3)
-    if not in_millimeters and not are_like_distances(column.values):
+    # a lowest value to which the readings jump means that there is no object, for distances more often than for outputs
+    if not in_millimeters and not are_like_distances(column.values) and not idle_codes(column.values):
         return
     wanted = f"{topic} [{'mm' if in_millimeters else 'UNIT'}]"
     place = "" if in_millimeters else ", with their unit in place of UNIT, such as mm"

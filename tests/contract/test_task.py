@@ -139,6 +139,7 @@ def test_options_are_checked_when_they_are_made(make: Callable[[], Any], fields:
 @pytest.mark.slow
 def test_each_verb_reads_its_own_confidence() -> None:
     sure = TASK.replace(
+        damping_ratio=None,
         robust=pt.designs.RobustOptions(samples=16, validation=16, confidence=0.6),
         verify=replace(TASK.verify, confidence=0.8),
     )

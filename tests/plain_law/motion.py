@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from typing import Any
 
 
@@ -44,7 +45,9 @@ def limit_motion(
     """
     n = limits
     step = n.acceleration * n.period
-    low, high = max(-n.speed, velocity - step), min(n.speed, velocity + step)
+    # so much smaller that the acceleration is within its limit also after rounding
+    change = max(step - 2 * sys.float_info.epsilon * (abs(velocity) + step), 0.0)
+    low, high = max(-n.speed, velocity - change), min(n.speed, velocity + change)
     moved, drifted = wanted_position - position, velocity * n.period
     # a stiff admittance can leave the limits and be back within a period: then the position tells
     steady = abs(moved) <= n.speed * n.period and abs(moved - drifted) <= step * n.period / 2

@@ -58,10 +58,15 @@ def ranging(path: Path) -> pt.Task:
 
 
 @pytest.fixture(scope="module")
-def libraries(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[pt.Task, Path]]:
-    """Exports of the examples as libraries. Tests change copies only."""
+def compiler() -> None:
+    """What `board` calls."""
     if shutil.which("gcc") is None or shutil.which("g++") is None:
-        pytest.skip("gcc is not installed")
+        pytest.skip("gcc or g++ is not installed")
+
+
+@pytest.fixture(scope="module")
+def libraries(compiler: None, tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[pt.Task, Path]]:
+    """Exports of the examples as libraries. Tests change copies only."""
     root = tmp_path_factory.mktemp("libraries")
     tasks = {"damper": DESIGNS["damper"](), "drag": DESIGNS["drag"](), "ranging": ranging(root / "ranging.toml")}
     for name, task in tasks.items():
@@ -214,6 +219,7 @@ def test_the_time_of_the_board_may_restart(can_board: Path, libraries: dict[str,
     assert wrapped.counted("late periods") == 0
 
 
+@pytest.mark.usefixtures("compiler")
 @pytest.mark.parametrize("rate", ["1 kHz", "250 Hz"], ids=["fast", "slow"])
 def test_every_reading_counts_if_the_law_is_as_fast_as_the_sensor(rate: str, tmp_path: Path) -> None:
     """A reading that arrives while the next period is due already does not replace the one that this period takes."""
@@ -366,6 +372,7 @@ def test_every_sensor_and_output_compiles_or_is_refused(
         assert (done.returncode == 0) != (too_slow or no_distance), done.stderr
 
 
+@pytest.mark.usefixtures("compiler")
 def test_an_analog_sensor_needs_the_unit_of_its_counts(tmp_path: Path) -> None:
     """Without a part or a calibration, nobody knows whether the readings of the file are counts."""
     text = (ROOT / "examples/loop.toml").read_text().replace('part = "VCNL4010"', 'rate = "250 Hz"')

@@ -17,7 +17,7 @@ mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 pytest.importorskip("rosbags", reason="needs the extra 'ros'")
 
 import recorded  # noqa: E402
-from pretouch.recording import distances_from_joints  # noqa: E402
+from pretouch.recording.joint_states import distances_from_joints  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 WALL = 0.55  # m, in the world frame

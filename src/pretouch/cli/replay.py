@@ -136,7 +136,7 @@ def _recordings(path: Path, topic: str, others: list[str], clock: str | None) ->
 
 def _distances(path: Path, joints: str, model: Path, site: str, *, axis: str, clock: str) -> Recording:
     """Compute distances from recorded joint states, a robot model and the clock of the sensor recording."""
-    from pretouch.recording import distances_from_joints  # noqa: PLC0415 - MuJoCo, only when needed
+    from pretouch.recording.joint_states import distances_from_joints  # noqa: PLC0415 - MuJoCo, only when needed
     from pretouch.robots import SensorSite, load_model  # noqa: PLC0415
 
     print_progress(f"{path}: distances from {joints}")

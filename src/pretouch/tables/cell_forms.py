@@ -224,7 +224,7 @@ def _refuse_two_readings(
 
 def _is_mixed(cells: Sequence[str]) -> bool:
     """Return True if all numbers with a decimal point have three decimals, and others have no point."""
-    return 0 < sum("." in cell for cell in cells) < len(cells) and _has_thousands(cells)
+    return 0 < "".join(cells).count(".") < len(cells) and _has_thousands(cells)
 
 
 def _are_small_counts(cells: Sequence[str]) -> bool:

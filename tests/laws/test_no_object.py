@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -191,6 +192,42 @@ def test_a_code_for_no_object_shows_no_offset() -> None:
     assert not any(warning.startswith("PT608") for warning in page.warnings)
     assert any("the offset is not measured" in text for text in page.findings)
     assert "not measured; from the scenario" in next(line for line in result.chain.splitlines() if "offset" in line)
+
+
+def test_a_code_is_shown_in_the_unit_of_the_recording(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    distance = 5 + 400 * np.abs(np.sin(np.arange(2000) / 160)) + rng.standard_normal(2000)
+    rows = [f"{10 * i},{round(d) if d < 150 else -1}" for i, d in enumerate(distance)]
+    (tmp_path / "log.csv").write_text("time [ms],range [mm]\n" + "\n".join(rows) + "\n")
+    recording = read_recording(tmp_path / "log.csv")
+    assert (recording.kind, recording.unit) == ("distance", "mm")
+    assert recording.value_in_words(-1e-3) == "-1 mm"
+    result = replay(low_floor(), recording)
+    assert result.recording.no_object[0].value == -1e-3
+    assert any(" of -1 mm, because no distance is negative" in text for text in page_of(result).findings)
+
+
+def test_the_offset_of_a_recording_is_set_in_the_sensor_chain() -> None:
+    """If only the controller had it, a verification would simulate the sensor with the old offset."""
+    readings, _ = outputs()
+    named = {"source": "b", "topic": "/adc", "message_type": "", "kind": "reading"}
+    stamps = np.arange(len(readings)) * 4_000_000
+    result = replay(low_floor(), Recording(stamps=stamps, values=readings + 1030, **named))
+    (warning,) = (text for text in page_of(result).warnings if text.startswith("PT608"))
+    assert "copy the section [chain]" in warning
+    assert tomllib.loads(result.chain)["chain"]["offset"] == pytest.approx(1000, abs=5)
+
+
+def test_repeated_values_are_no_rate_of_the_sensor() -> None:
+    readings, _ = outputs()
+    values = np.repeat(readings[::4], 4)  # 62.5 Hz, published at 250 Hz
+    named = {"source": "b", "topic": "/adc", "message_type": "", "kind": "reading"}
+    result = replay(low_floor(), Recording(stamps=np.arange(len(values)) * 4_000_000, values=values, **named))
+    assert result.timing.value_rate == pytest.approx(62.5)
+    assert "62.5 Hz of new values" in result.headline
+    assert tomllib.loads(result.chain)["chain"]["rate"] == "62.5 Hz"
+    slower = [text for text in page_of(result).warnings if text.startswith("PT606")]
+    assert (len(slower), "62.5 Hz instead of" in "".join(slower)) == (1, True)
 
 
 @pytest.mark.parametrize("idle", [-1, 0])

@@ -59,7 +59,11 @@ def test_without_two_times_there_is_no_rate(count: int) -> None:
 def test_values_that_are_only_repeated_show_the_true_rate() -> None:
     rng = np.random.default_rng(2)
     values = np.repeat(rng.standard_normal(200), 16)
-    assert timing_of(np.arange(len(values)) * 1e-3, values).held == 16
+    timing = timing_of(np.arange(len(values)) * 1e-3, values)
+    assert (timing.held, timing.value_rate) == (16, pytest.approx(1000 / 16))
+    third = np.repeat(rng.standard_normal(200), rng.permutation(np.repeat([3, 4], [140, 60])))  # 3.3 times
+    timing = timing_of(np.arange(len(third)) * 1e-2, third)
+    assert (timing.held, timing.value_rate) == (3, pytest.approx(100 / 3.3, rel=0.02))
     assert timing_of(np.arange(200) * 1e-3, rng.standard_normal(200)).held == 1
     assert timing_of(np.arange(200) * 1e-3, np.round(rng.standard_normal(200))).held == 1  # coarse, but not repeated
 

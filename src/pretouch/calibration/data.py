@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -104,6 +105,21 @@ class Calibration(Value):
     def distinct_distances(self) -> FloatArray:
         """The different distances [m] at which readings were taken, in increasing order."""
         return np.unique(self.distances)
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """The labels of this curve by label column.
+
+        Examples:
+            >>> Calibration(distances=[0.0], outputs=[2.0], label="day=30, sensor=1").labels
+            {'day': '30', 'sensor': '1'}
+        """
+        columns = () if self.source is None else self.source.label_columns
+        pattern = ", ".join(f"{re.escape(column)}=(.*)" for column in columns)  # a label may contain a comma
+        match = re.fullmatch(pattern, self.label, re.DOTALL) if columns else None
+        if match is not None:
+            return dict(zip(columns, match.groups(), strict=True))
+        return dict(part.partition("=")[::2] for part in self.label.split(", ") if part)
 
     def __repr__(self) -> str:
         readings = f"{len(self.outputs)} readings at {len(self.distinct_distances)} distances"

@@ -126,7 +126,7 @@ def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
     distance_column = _distance_column(table, distance_index, options.distance)
     output_column, notes = _output_column(table, output_indices, options.output)
     labels, more_notes = _labels(table, distance_index, output_indices)
-    notes += _understood(table, options, distance_column, output_column)
+    notes += _understood(table, options, distance_column, output_column, output_indices)
     if len(output_indices) > 1:
         listed = join_first([table.header[i] for i in output_indices], _SHOWN)
         what = "as the outputs of several sensors, with a curve for each" if are_sensors else "as repeats"
@@ -437,7 +437,13 @@ def _output_column(table: TextTable, outputs: Sequence[int], option: ColumnOptio
     return Column(index=outputs[0], title=title, unit=symbol, factor=factor), notes
 
 
-def _understood(table: TextTable, options: ColumnOptions, distance_column: Column, output_column: Column) -> list[str]:
+def _understood(
+    table: TextTable,
+    options: ColumnOptions,
+    distance_column: Column,
+    output_column: Column,
+    outputs: Sequence[int],
+) -> list[str]:
     """Return a sentence on the columns, units and signs of a table that are not written as pretouch writes them."""
     parts, is_assumed = [], table.decimal_mark == ","
     for what, column, option in (
@@ -450,7 +456,9 @@ def _understood(table: TextTable, options: ColumnOptions, distance_column: Colum
         )
         is_assumed |= not written
         known = unit_in_words(unit) if unit else None
-        parts.append(f"{what} from {quoted(column.title)}{f' [{known}]' if known else ''}")
+        titles = [column.title] if what == "distance" else [table.header[i] for i in outputs]
+        listed = join_first([quoted(title) for title in titles], _SHOWN)
+        parts.append(f"{what} from {listed}{f' [{known}]' if known else ''}")
     if not is_assumed:
         return []
     signs = (
@@ -483,6 +491,8 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
             reason = "it counts the rows"
         elif is_named(title, "statistic"):
             reason = "it describes averaged readings"
+        elif is_named(title, "remark") and _is_on_few(table, i, distance):
+            reason = "it has remarks on single readings. If they tell curves apart, name it with --labels"
         elif (is_named(title, "time") or dimension(split_title(title)[1]) == TIME) and _drifts(table, i, distance):
             reason = "it is a time"
         elif _is_measured(table, i) and _drifts(table, i, distance):
@@ -494,6 +504,11 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
         else:
             labels.append(i)
     return tuple(labels), notes
+
+
+def _is_on_few(table: TextTable, index: int, distance: int) -> bool:
+    """Return True if some texts of a column are at too few distances for a curve."""
+    return any(len(distances) < _FEW for distances in _distances_by_cell(table, index, distance).values())
 
 
 def _wobbles(table: TextTable, index: int) -> bool:
@@ -517,11 +532,16 @@ def _is_measured(table: TextTable, index: int) -> bool:
 
 def _drifts(table: TextTable, index: int, distance: int) -> bool:
     """Return True if a column cannot be a label. Most values of such a column occur at too few distances."""
-    distances_of: dict[str, set[str]] = {}
-    for cell, distance_cell in zip(table.columns[index], table.columns[distance], strict=True):
-        distances_of.setdefault(cell, set()).add(distance_cell)
+    distances_of = _distances_by_cell(table, index, distance)
     few = sum(len(distances) < _FEW for distances in distances_of.values())
     return len(distances_of) > 1 and 2 * few > len(distances_of)
+
+
+def _distances_by_cell(table: TextTable, index: int, distance: int) -> dict[str, set[str]]:
+    distances: dict[str, set[str]] = {}
+    for cell, distance_cell in zip(table.columns[index], table.columns[distance], strict=True):
+        distances.setdefault(cell, set()).add(distance_cell)
+    return distances
 
 
 _BRACKETS = re.compile(r"([^\[\]()]*)[\[(]\s*([^\[\]()]*)\s*[\])]")

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import re
 import shlex
-from typing import Annotated, TypeAlias
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
-from pretouch._core.errors import InvalidInputError
+from pretouch._core.errors import InvalidInputError, PretouchError
 
 from .terminal import option
+
+if TYPE_CHECKING:
+    from pretouch.calibration import Calibration
+    from pretouch.config.sensor import FitRequest
 
 Select: TypeAlias = Annotated[list[str] | None, option("COLUMN=VALUE", "Use only curves with this label; repeatable.")]
 Columns: TypeAlias = Annotated[
@@ -51,11 +57,25 @@ def read_labels(text: str | None) -> tuple[str, ...] | None:
 def read_selection(texts: list[str] | None) -> dict[str, str]:
     """Parse the option --select for calibration curves. Curves are selected by their labels, such as `day=30`."""
     for text in texts or ():
-        if not re.fullmatch(r"[^=]+=.+", text):
+        if not re.fullmatch(r"[^=]+=.*", text):
             raise InvalidInputError(f"--select: found {text!r}, expected COLUMN=VALUE, for example day=30")
     return {key.strip(): value.strip() for key, value in (text.split("=", 1) for text in texts or ())}
 
 
-def selection_of(label: str) -> str:
+def selection_of(curve: Calibration) -> str:
     """Return the options --select for a labeled calibration curve."""
-    return " ".join(f"--select {shlex.quote(part)}" for part in label.split(", "))
+    return " ".join(f"--select {shlex.quote(f'{column}={label}')}" for column, label in curve.labels.items())
+
+
+def fullest(curves: Sequence[Calibration]) -> Calibration:
+    """Return the curve with readings at most distances, as an example of a curve that can be used."""
+    return max(curves, key=lambda curve: len(curve.distinct_distances))
+
+
+def without_labels(request: FitRequest) -> str:
+    """Return advice to ignore the labels of a file, if its rows are one curve then; otherwise an empty text."""
+    try:
+        is_one = not request.select and len(replace(request, labels=()).read()) == 1
+    except PretouchError:
+        is_one = False
+    return ". If all rows are of one sensor and one surface, use --labels none instead" if is_one else ""

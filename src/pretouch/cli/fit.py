@@ -14,7 +14,17 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import as_json
 from pretouch._core.units import read_quantity
 
-from .columns import Columns, Labels, Select, read_columns, read_labels, read_selection, selection_of
+from .columns import (
+    Columns,
+    Labels,
+    Select,
+    fullest,
+    read_columns,
+    read_labels,
+    read_selection,
+    selection_of,
+    without_labels,
+)
 from .terminal import Presentation, end, option, print_progress, print_text, verb
 
 if TYPE_CHECKING:
@@ -109,14 +119,16 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
     if shown.output is not None:
         raise InvalidInputError(
             f"--output: a report covers only one curve, but the file {request.path.name} contains {len(curves)} "
-            f"curves. Choose a curve with --select, for example {selection_of(curves[0].label)}"
+            f"curves. Choose a curve with --select, for example {selection_of(fullest(curves))}"
+            f"{without_labels(request)}"
         )
     width = max(len(curve.label) for curve in curves)
-    usable, objects, doubtful = 0, [], ""
+    usable, objects, shown_curve = 0, [], None
     for number, curve in enumerate(curves, start=1):
         report = request.rank(curve)
         usable += report.best is not None
-        doubtful = doubtful or ("" if report.verdict == "usable" else curve.label)
+        if shown_curve is None and report.best is not None and report.verdict != "usable":
+            shown_curve = curve
         if shown.json:
             print_progress(f"{number} of {len(curves)} curves fitted")
             objects.append({"label": curve.label, **report.to_dict()})
@@ -129,7 +141,7 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
     else:
         print_text(
             f"\n{usable} of {len(curves)} calibration curves are usable. To get the report and figures of a curve, "
-            f"choose it with --select, such as {selection_of(doubtful or curves[0].label)}"
+            f"choose it with --select, such as {selection_of(shown_curve or fullest(curves))}"
         )
     end(good=usable > 0)
 

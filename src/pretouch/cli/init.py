@@ -19,7 +19,17 @@ from pretouch._core.files import as_json, refuse_input, write_text
 from pretouch._core.units import format_quantity, missing_unit, read_quantity
 from pretouch._core.warning_codes import split_code
 
-from .columns import Columns, Labels, Select, read_columns, read_labels, read_selection, selection_of
+from .columns import (
+    Columns,
+    Labels,
+    Select,
+    fullest,
+    read_columns,
+    read_labels,
+    read_selection,
+    selection_of,
+    without_labels,
+)
 from .terminal import conclude, option, print_text
 from .verbs import refuse_existing
 
@@ -425,7 +435,7 @@ def _usable(request: FitRequest | None, part: SensorPart | None) -> tuple[float,
     if len(curves) > 1:
         raise InvalidInputError(
             f"{request.path}: found {len(curves)} calibration curves, expected one; choose a curve with "
-            f"--select, for example {selection_of(curves[0].label)}"
+            f"--select, for example {selection_of(fullest(curves))}{without_labels(request)}"
         )
     report = request.rank(curves[0])
     if report.best is None:

@@ -209,7 +209,9 @@ def reservations_about(task: Task, answer: Any) -> Reservations | None:
         return None
     from pretouch.uncertainty import reservations_apply, reservations_of  # noqa: PLC0415 - the compiled kernels, only when needed
 
-    return reservations_of(task.calibration, answer) if reservations_apply(answer) else None
+    if not reservations_apply(answer):
+        return None
+    return reservations_of(task.calibration, answer, subtracted=task.subtracted_offset)
 
 
 def verb(run: Callable[..., None]) -> Callable[..., None]:
@@ -343,6 +345,7 @@ class Presentation:
         from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
         origin: dict[str, Any] = {} if task is None else {"calibration": task.calibration, "source": task.source}
+        origin |= {} if task is None else {"subtracted_offset": task.subtracted_offset}
         print_progress(f"{target}: drawing the report")
         overwrite = self.force or is_own_unchanged(target)
         try:

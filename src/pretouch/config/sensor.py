@@ -234,14 +234,15 @@ class FitRequest:
             if error.problem or not self._is_calibration():
                 raise
             raise CalibrationDataError(str(error), problem=str(error)) from None
-        selected = {f"{key}={value}" for key, value in self.select.items()}
-        matches = tuple(curve for curve in curves if selected <= set(curve.label.split(", ")))
+        selected = {key: str(value) for key, value in self.select.items()}
+        matches = tuple(curve for curve in curves if selected.items() <= curve.labels.items())
         if not matches:
             labels = "; ".join(curve.label for curve in curves[:8] if curve.label)
             labels = labels or "none, because the file contains one curve"
             labels += f" and {len(curves) - 8} more" if len(curves) > 8 else ""
+            wanted = sorted(f"{key}={value}" for key, value in selected.items())
             message = (
-                f"select: the file has no curve with the labels {', '.join(sorted(selected))}; labels available "
+                f"select: the file has no curve with the labels {', '.join(wanted)}; labels available "
                 f"in {self.path.name}: {labels}"
             )
             raise CalibrationDataError.without_content(message)  # labels of a valid calibration may be quoted
@@ -282,7 +283,7 @@ class FitRequest:
         if self.models and report.best is not None:
             yield f"model = {_in_toml(report.best.model)}"
         if self.select:
-            yield f"select = {_as_toml(calibration.label)}"
+            yield f"select = {_as_toml(calibration.labels)}"
         if self.columns:
             yield f"columns = {{ {', '.join(f'{key} = {_in_toml(value)}' for key, value in self.columns.items())} }}"
         if self.labels is not None:
@@ -332,13 +333,12 @@ def _in_toml(value: str | float | OutputValue | Path | None) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def _as_toml(label: str) -> str:
+def _as_toml(labels: Mapping[str, str]) -> str:
     """Return the labels of a calibration curve as a TOML table."""
-    pairs = (part.partition("=")[::2] for part in label.split(", "))
     texts = (
         f"{key if re.fullmatch(r'[A-Za-z0-9_-]+', key) else json.dumps(key, ensure_ascii=False)} = "
         f"{value if re.fullmatch(r'0|[1-9][0-9]{0,17}', value) else json.dumps(value, ensure_ascii=False)}"
-        for key, value in pairs
+        for key, value in labels.items()
     )
     return f"{{ {', '.join(texts)} }}"
 
@@ -360,7 +360,7 @@ def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
     if len(curves) > 1:
         raise InvalidInputError(
             f"select: the file {request.path.name} contains {len(curves)} curves, but exactly one is needed; "
-            f"choose a curve by its labels, for example {_as_toml(curves[0].label)}"
+            f"choose a curve by its labels, for example {_as_toml(curves[0].labels)}"
         )
     report = request.rank(curves[0])
     if report.best is None:

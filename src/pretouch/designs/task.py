@@ -255,6 +255,12 @@ class Task(ExplainsNames, Described, Value):
         plant = values.get("plant.position", self.scenario.plant.position)
         return {**values, name: np.minimum(values[name], plant + self.farthest_start)}
 
+    @property
+    def subtracted_offset(self) -> float | None:
+        """The offset that the controller of the loop subtracts from each reading; None without such a controller."""
+        conditioning = getattr(getattr(self.loop, "law", None), "conditioning", None)
+        return cast("float | None", getattr(conditioning, "offset", None))
+
     def start_warnings(self, gain: float | None) -> tuple[str, ...]:
         """Return a warning if the controller of the loop detects the object elsewhere than the encounter starts.
 

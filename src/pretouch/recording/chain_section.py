@@ -44,7 +44,7 @@ def chain_section(
         The text.
     """
     rows: list[tuple[str, str, str]] = []
-    rate = timing.rate / timing.held
+    rate = timing.value_rate
     repeated = f"without gaps; each value is published {timing.held} times"
     exposure = min(declared.exposure, 1 / rate)
     rows += [

@@ -197,12 +197,13 @@ def _in_unit(values: FloatArray, unit: str | None) -> _Read:
     """Convert readings with a unit of length to distances [m]."""
     if not unit:
         return _Read("reading", values, "")
+    known = unit_in_words(unit) or unit
     try:
-        parsed = parse_unit(unit_in_words(unit) or unit)
+        parsed = parse_unit(known)
     except UnitError as error:
         raise InvalidInputError(f"--topic: {error}") from None
     if parsed.exponents == _LENGTH:
-        return _Read("distance", values * parsed.factor, "")
+        return _Read("distance", values * parsed.factor, known)
     base, factor = output_unit(unit)
     if factor != 1.0:
         return _Read("reading", values * factor, base, (f"The readings are converted from {unit} to {base}.",))

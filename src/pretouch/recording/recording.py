@@ -12,7 +12,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
-from pretouch._core.units import format_quantity
+from pretouch._core.units import format_quantity, parse_unit
 from pretouch._core.values import Value
 
 from .clocks import Transport
@@ -48,7 +48,7 @@ class Recording(Value):
         bounds: smallest and largest distance that the sensor can measure, according to its messages [m].
         no_object: values that were taken as "no object" by a replay: a distance without an object is then infinite.
         notes: remarks on the file, such as that it is truncated.
-        unit: unit of readings that are no distances, V or counts, if the file or the user states it.
+        unit: unit that the file or the user states: V or counts; for distances, that of the file, such as mm.
         read: how a table was understood: which time column, its unit and rate.
 
     Examples:
@@ -104,6 +104,17 @@ class Recording(Value):
         is_header = self.clock == "header"
         received, stamps = (self.stamps + taken, self.stamps) if is_header else (self.stamps, self.stamps - taken)
         return Transport(self.topic, received, stamps)
+
+    def value_in_words(self, value: float) -> str:
+        """Return one value of the readings with the unit in which it was recorded.
+
+        Args:
+            value: the value; a distance in m.
+        """
+        if self.kind == "reading":
+            return f"{value:.6g} {self.unit}".rstrip()
+        unit = self.unit or "m"
+        return f"{value / parse_unit(unit).factor:.6g} {unit}"
 
     def part(self, kept: slice | IntArray) -> Recording:
         """Return the recording with only the selected readings.

@@ -16,7 +16,7 @@ from pretouch.control import Status
 from pretouch.control.components import format_output
 
 from .no_object import ASSUMED, NoObject
-from .recording import CLOCKS
+from .recording import CLOCKS, Recording
 
 if TYPE_CHECKING:
     from .result import Replay
@@ -89,6 +89,8 @@ def _key_figures(replay: Replay) -> Iterator[tuple[str, Cell]]:
         declared = f"{format_quantity(chain.rate, 'Hz', 4)}, jitter {format_quantity(chain.jitter, 's', 2)}"
         jitter = format_quantity(timing.jitter, "s", 2)
         yield f"rate without gaps; scenario {declared}", f"{format_quantity(timing.rate, 'Hz', 4)}, jitter {jitter}"
+        if timing.held > 1:
+            yield "rate of new values", f"about {format_quantity(timing.value_rate, 'Hz', 3)}"
     if replay.recording.kind == "distance":
         if replay.distance_noise is not None:
             declared = format_quantity(chain.distance_noise, "m", 3)
@@ -120,7 +122,7 @@ def _findings(replay: Replay) -> Iterator[str]:
             "--truth or --contacts."
         )
     if replay.recording.no_object:
-        yield f"Taken as no object: {'; '.join(map(_describe_no_object, replay.recording.no_object))}."
+        yield f"Taken as no object: {'; '.join(_describe_no_object(replay.recording, idle) for idle in replay.recording.no_object)}."
     if replay.noise.limited and replay.recording.kind == "reading":
         idle = (
             "the readings have only the values above: the offset is not measured, and the noise"
@@ -134,7 +136,7 @@ def _findings(replay: Replay) -> Iterator[str]:
         yield from _basis_of_lag(replay, replay.latency.value)
 
 
-def _describe_no_object(idle: NoObject) -> str:
+def _describe_no_object(recording: Recording, idle: NoObject) -> str:
     """Say which readings were taken as "no object", and why."""
     count = f"{idle.count:,} {'readings' if idle.count > 1 else 'reading'}"
     match idle.reason:
@@ -143,10 +145,11 @@ def _describe_no_object(idle: NoObject) -> str:
         case "range":
             return f"{count} at or beyond max_range ({format_quantity(idle.value, 'm', 4)})"
         case "part":
-            return f"{count} of {1e3 * idle.value:.0f} mm, by which a sensor part reports this"
+            return f"{count} of {recording.value_in_words(idle.value)}, by which a sensor part reports this"
         case "negative":
-            return f"{count} of {idle.value:.6g} m, because no distance is negative"
-    return f"{count} of exactly {idle.value:.6g}, because this value repeats, and the readings jump to it and back"
+            return f"{count} of {recording.value_in_words(idle.value)}, because no distance is negative"
+    value = recording.value_in_words(idle.value)
+    return f"{count} of exactly {value}, because this value repeats, and the readings jump to it and back"
 
 
 def _basis_of_lag(replay: Replay, lag: float) -> Iterator[str]:
@@ -172,7 +175,8 @@ def _warnings(replay: Replay) -> Iterator[str]:
         if each.is_large and replay.recording.clock == "header"
     )
     if replay.counts["detected without an object"]:
-        values = ", ".join(f"{idle.value:.6g} m" for idle in replay.recording.no_object if idle.reason in ASSUMED)
+        assumed = [idle.value for idle in replay.recording.no_object if idle.reason in ASSUMED]
+        values = ", ".join(map(replay.recording.value_in_words, assumed))
         yield caution(
             "PT610",
             f"The readings of {values} were taken as no object, but the exported ROS 2 controller takes them as a "
@@ -187,11 +191,12 @@ def _warnings(replay: Replay) -> Iterator[str]:
             "of the readings, unless an object was near all the time. A detection that never ends shows nothing about "
             "contacts.",
         )
-    if timing.rate > 0 and timing.mean_rate / timing.held < _SLOWER * chain.rate:
+    if timing.rate > 0 and timing.mean_rate * timing.value_rate / timing.rate < _SLOWER * chain.rate:
         yield caution(
             "PT606",
-            "The sensor is slower than the scenario says, so the verification does not hold for it: copy the section "
-            "[chain] of this recording into the scenario file, and run pretouch verify." + _lost_between(replay),
+            f"The sensor is slower than the scenario says{_new_values(replay)}, so the verification does not hold for "
+            "it: copy the section [chain] of this recording into the scenario file, and run pretouch verify."
+            + _lost_between(replay),
         )
     lag = None if replay.latency is None else replay.latency.low
     if lag is not None and lag > chain.latency + 1 / chain.rate:
@@ -238,7 +243,9 @@ def _warnings(replay: Replay) -> Iterator[str]:
             yield caution(
                 "PT608",
                 f"Without an object, the median reading is {noise.offset:.5g}, but the controller subtracts the offset "
-                f"{replay.controller.conditioning.offset:.5g}: set offset in [controller] to the median.",
+                f"{replay.controller.conditioning.offset:.5g}: copy the section [chain] of this recording into the "
+                "scenario file, and remove offset from [controller] if it has one. The controller then subtracts this "
+                "median.",
             )
 
 
@@ -271,6 +278,15 @@ def _drift_warnings(replay: Replay) -> Iterator[str]:
             f"{low:+.2g} to {high:+.2g} %), so a calibration from it mixes different curves: let the sensor warm up, "
             "and record again.",
         )
+
+
+def _new_values(replay: Replay) -> str:
+    """Return the rate of a sensor whose values are repeated, in words; empty for others."""
+    timing = replay.timing
+    if timing.held == 1:
+        return ""
+    declared = format_quantity(replay.loop.chain.rate, "Hz", 4)
+    return f" ({format_quantity(timing.value_rate, 'Hz', 3)} instead of {declared}, because each value is repeated)"
 
 
 def _lost_between(replay: Replay) -> str:
@@ -400,10 +416,12 @@ def _sensor_rows(replay: Replay) -> Iterator[Row]:
     yield "times", CLOCKS[replay.recording.clock], ""
     for sentence in replay.recording.read:
         yield "table", sentence, ""
-    yield "property", "recording", "scenario"
+    yield "property", "this recording", "[chain] of the scenario"
     yield "readings", f"{timing.count:,}", ""
     yield "rate without gaps", Measured(timing.rate, "Hz"), Measured(chain.rate, "Hz")
     yield "mean rate", Measured(timing.mean_rate, "Hz"), ""
+    if timing.held > 1:
+        yield "rate of new values", Measured(timing.value_rate, "Hz"), Measured(chain.rate, "Hz")
     yield "jitter", Measured(timing.jitter, "s"), Measured(chain.jitter, "s")
     yield "gaps", f"{timing.gaps:,}", ""
     yield "longest interval", Measured(timing.longest_gap, "s"), f"at {timing.longest_gap_at:.5g} s"
@@ -421,6 +439,7 @@ def _sensor_rows(replay: Replay) -> Iterator[Row]:
         )
         for label, measured, declared in rows:
             yield label, Measured(measured), Measured(declared if math.isfinite(declared) else None)
+        yield "offset that the controller subtracts", "", Measured(replay.controller.conditioning.offset)
         share = "-" if noise.relative_noise is None else f"{100 * noise.relative_noise:.3g} %"
         yield "noise relative to \u03be", share, f"{100 * chain.relative_noise:.3g} %"
     flags = int(np.bitwise_or.reduce(replay.steps.status))

@@ -253,6 +253,13 @@ def _describe_rates(replay: Replay) -> Iterator[str]:
     if timing.gaps:
         several = f"{timing.gaps:,} gaps of up to" if timing.gaps > 1 else "one gap of"
         gaps = f", with {several} {format_quantity(timing.longest_gap, 's', 3)}"
+    if timing.held > 1:
+        yield (
+            f"The sensor delivers about {format_quantity(timing.value_rate, 'Hz', 3)} of new values, because each "
+            f"value occurs {timing.held} times in a row at a rate of {format_quantity(timing.mean_rate, 'Hz', 4)}"
+            f"{gaps}. The scenario says {format_quantity(declared, 'Hz', 4)}."
+        )
+        return
     if not gaps and abs(timing.mean_rate / declared - 1) < _SAME_RATE:
         yield f"The sensor read at {format_quantity(timing.mean_rate, 'Hz', 4)}, as the scenario says."
         return
@@ -260,8 +267,3 @@ def _describe_rates(replay: Replay) -> Iterator[str]:
         f"The sensor rate is {format_quantity(declared, 'Hz', 4)} in the scenario and "
         f"{format_quantity(timing.mean_rate, 'Hz', 4)} in the recording{gaps}."
     )
-    if timing.held > 1:
-        yield (
-            f"Each value occurs {timing.held} times in a row, so the sensor delivers new values at a rate of only "
-            f"about {format_quantity(timing.rate / timing.held, 'Hz', 3)}."
-        )

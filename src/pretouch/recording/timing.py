@@ -38,7 +38,8 @@ class Timing(Value):
         dropout: share of missing readings in gaps of up to five periods.
         repeated_stamps: number of readings with the time of the previous one.
         late: number of readings whose time is before that of an earlier one.
-        held: number of times that a value is repeated on its topic until it changes; 1 if it is not.
+        held: number of times that a value is repeated on its topic until it changes, rounded; 1 if it is not.
+        value_rate: new values per second while none is missing [Hz]; the rate if no value is repeated.
     """
 
     count: int
@@ -53,6 +54,7 @@ class Timing(Value):
     repeated_stamps: int
     late: int
     held: int
+    value_rate: float
 
 
 def timing_of(time: FloatArray, values: FloatArray) -> Timing:
@@ -71,7 +73,7 @@ def timing_of(time: FloatArray, values: FloatArray) -> Timing:
     positive = steps[steps > 0]
     duration = float(ordered[-1] - ordered[0]) if len(time) else 0.0
     if not len(positive):
-        nothing = dict.fromkeys(("rate", "mean_rate", "jitter", "longest_gap", "longest_gap_at"), np.nan)
+        nothing = dict.fromkeys(("rate", "mean_rate", "value_rate", "jitter", "longest_gap", "longest_gap_at"), np.nan)
         repeated = len(steps)
         return Timing(
             count=len(time),
@@ -88,6 +90,7 @@ def timing_of(time: FloatArray, values: FloatArray) -> Timing:
     gaps = steps > _GAP * period
     missing = np.round(steps[gaps & (steps < _DROPPED * period)] / period) - 1
     longest = int(steps.argmax())
+    repeats = _repeats(values)
     return Timing(
         count=len(time),
         duration=duration,
@@ -100,7 +103,8 @@ def timing_of(time: FloatArray, values: FloatArray) -> Timing:
         dropout=float(missing.sum() / (missing.sum() + len(time))),
         repeated_stamps=int((steps == 0).sum()),
         late=late,
-        held=_held(values),
+        held=round(repeats),
+        value_rate=1 / period / repeats,
     )
 
 
@@ -111,16 +115,16 @@ def _jitter(intervals: FloatArray) -> float:
     return jitter if jitter >= _RESOLUTION else 0.0
 
 
-def _held(values: FloatArray) -> int:
-    """Return how many times a sensor repeats each value. The result is 1 if this number is not constant."""
+def _repeats(values: FloatArray) -> float:
+    """Return how many times a sensor repeats each value on average. The result is 1 if this number is not constant."""
     finite = values[np.isfinite(values)]
     changes = np.flatnonzero(np.diff(finite) != 0)
     runs = np.diff(changes)
     if len(runs) < _FEWEST_RUNS:
-        return 1
+        return 1.0
     usual = float(np.median(runs))
-    alike = runs[np.abs(runs - usual) <= 1].sum() / runs.sum()
-    return round(float(runs.mean())) if usual >= 2 and alike >= _REPEATED else 1
+    alike = runs[np.abs(runs - usual) <= 1]
+    return float(alike.mean()) if usual >= 2 and alike.sum() >= _REPEATED * runs.sum() else 1.0
 
 
 def stretches(time: FloatArray) -> list[slice]:

@@ -58,6 +58,7 @@ def write_report(
     path: str | os.PathLike[str],
     *,
     calibration: CalibrationReport | None = None,
+    subtracted_offset: float | None = None,
     source: object = None,
     overwrite: bool = False,
     warn: Callable[[str], object] = warnings.warn,
@@ -70,6 +71,8 @@ def write_report(
         result: the result of a verb, with any status; or a task, scenario, contact or motion.
         path: path of the page.
         calibration: the calibration to which the sensor curve was fitted, if there is one.
+        subtracted_offset: the offset that the controller subtracts [unit of the outputs]; by default, that of the
+            calibration.
         source: the scenario file: an object or a mapping with `name` or `path`, `text` and `sha256`.
         overwrite: whether an existing file may be replaced; input files are never replaced.
         warn: receives each of these warnings; by default it is a Python warning.
@@ -78,7 +81,9 @@ def write_report(
         The path. A file that cannot be written raises an OutputError, for example because the disk is full.
     """
     refuse_input(path, getattr(source, "inputs", ()))
-    html = report_html(result, calibration=calibration, source=source, warn=warn)
+    html = report_html(
+        result, calibration=calibration, subtracted_offset=subtracted_offset, source=source, warn=warn
+    )
     return write_text(path, html, overwrite=overwrite)
 
 
@@ -87,6 +92,7 @@ def report_html(
     result: Any,
     *,
     calibration: CalibrationReport | None = None,
+    subtracted_offset: float | None = None,
     source: object = None,
     warn: Callable[[str], object] = warnings.warn,
 ) -> str:
@@ -95,6 +101,8 @@ def report_html(
     Args:
         result: the result of a verb, with any status; or a task, scenario, contact or motion.
         calibration: the calibration to which the sensor curve was fitted, if there is one.
+        subtracted_offset: the offset that the controller subtracts [unit of the outputs]; by default, that of the
+            calibration.
         source: the scenario file, see `write_report`.
         warn: receives a warning for each figure that cannot be drawn, see `write_report`.
 
@@ -115,7 +123,7 @@ def report_html(
     if calibration is not None:
         page = drawing.guarded(
             "The section on the sensor calibration cannot be made",
-            lambda: _with_calibration(page, calibration, result),
+            lambda: _with_calibration(page, calibration, result, subtracted_offset),
             page,
         )
     if file is not None or not page.source:  # the page of a calibration has its own provenance
@@ -239,13 +247,13 @@ def _draw(picture: Picture) -> str:
     return drawn
 
 
-def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:
+def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any, subtracted: float | None) -> Page:
     """Add a section about the sensor calibration to a report page."""
     from pretouch.calibration.page import fitted_blocks  # noqa: PLC0415 - only where there is one
     from pretouch.uncertainty import reservations_apply, reservations_of  # noqa: PLC0415
 
     applies = calibration.best is not None and reservations_apply(answer)
-    reservations = reservations_of(calibration, answer) if applies else None
+    reservations = reservations_of(calibration, answer, subtracted=subtracted) if applies else None
     blocks = fitted_blocks(calibration, () if reservations is None else reservations.lines)
     section = PageSection(title=f"Sensor calibration: {calibration.calibration.name}", blocks=blocks)
     opening = (reservations.headline,) if reservations is not None and reservations.headline else ()

@@ -258,7 +258,9 @@ def reservations_at(task: Task, gain: float | None) -> Reservations | None:
     """Return the warnings about the calibration of a scenario for one gain; None without a calibration."""
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415
 
-    return None if task.calibration is None else reservations_of(task.calibration, task.replace(gain=gain))
+    if task.calibration is None:
+        return None
+    return reservations_of(task.calibration, task.replace(gain=gain), subtracted=task.subtracted_offset)
 
 
 def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | None = None) -> dict[str, Any]:

@@ -191,7 +191,12 @@ def _compute(verb: str, file: Path, gain: float | None, folder: Path, sender: Co
     notes: list[str] = []
     try:
         write_report(
-            answer, folder / "report.html", calibration=task.calibration, source=task.source, warn=notes.append
+            answer,
+            folder / "report.html",
+            calibration=task.calibration,
+            subtracted_offset=task.subtracted_offset,
+            source=task.source,
+            warn=notes.append,
         )
     except Exception as error:
         notes.append(caution("PT423", f"The report was not written. The reason is: {type(error).__name__}: {error}"))

@@ -67,6 +67,11 @@ _NAMES: dict[str, set[str] | re.Pattern[str]] = {
         r"|(?:unix|utc|gps|local|system|device|pc|mcu|server|log|logged|receive|received|recorded) (?:time|time ?stamp)"
         r"|serial date|(?:datum|date)[ /]+(?:zeit|time|uhrzeit))"
     ),
+    "remark": re.compile(
+        r"(?:user |my )?(?:remarks?|comments?|notes?|annotations?|observations?|description|info|bemerkung(?:en)?"
+        r"|kommentare?|anmerkung(?:en)?|notiz(?:en)?|remarque|commentaire|observaci[oó]n(?:es)?|comentarios?|commento"
+        r"|opmerking(?:en)?|uwagi|备注|備考|примечание)"
+    ),
     "statistic": re.compile(
         r"(?:.* )?(?:std|stdev|std dev|stddev|standard deviation|sd|sigma|sem|standard error|variance|var|uncertainty"
         r"|error|err|rmse|vpp|pk pk|peak to peak|ptp)"
@@ -179,7 +184,7 @@ def is_named(title: str, kind: str) -> bool:
 
     A `setting` is a property of the sensor or its surroundings, such as `gain` or `temperature`. A `setting or output`,
     such as a photocurrent, may be the output if no other column is. A `count` numbers the rows, such as `trial`, `#` or
-    an empty header. A `repeat` has the number of a repeat, such as `trial 3`, `run2 [V]` or `3`. A `statistic` tells
+    an empty header. A `remark` has texts on single readings. A `repeat` has the number of a repeat, such as `trial 3`, `run2 [V]` or `3`. A `statistic` tells
     how averaged readings scatter, such as `std`.
     """
     name = _plain(split_title(title)[0])

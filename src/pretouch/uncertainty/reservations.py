@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
@@ -26,6 +27,7 @@ _EFFECTS: Final = {1: "impulse of the virtual force", 2: "effect of the drag, ln
 _PLACES: Final = 2001
 _ROUNDING: Final = 1e-9  # smaller shares of the impulse are rounding errors
 _NO_DISTANCE: Final = 1e-9  # [m], far below any calibration, far above the rounding of l_min - recess
+_SAME_OFFSET: Final = 1e-9  # relative, far above rounding
 _HARDER: Final = 1.001  # times the speed without mitigation, beyond rounding
 
 
@@ -55,6 +57,8 @@ class Reservations(Value):
         speed_without_force: the speed at contact if no virtual force acts nearer than any reading [m/s], as with a
             sensor whose output does not change there; None in the same cases.
         speed_without_mitigation: the speed at contact without any virtual force [m/s]; None in the same cases.
+        subtracted: the offset that the controller subtracts [unit of the outputs]; None if it is that of the
+            calibration.
         witness: the check of the gain on the readings; None if there is no gain, or no contact.
     """
 
@@ -70,6 +74,7 @@ class Reservations(Value):
     speed: float | None = None
     speed_without_force: float | None = None
     speed_without_mitigation: float | None = None
+    subtracted: float | None = None
     witness: WitnessCheck | None = None
 
     @property
@@ -239,7 +244,7 @@ class Reservations(Value):
             lines.append(self.witness.text)
         lines += [f"left out: {text}" for text in self.report.left_out]
         if self.report.offset is not None:
-            lines.append(_offset_in_words(self.report.offset, self.report.calibration.unit))
+            lines.append(_offset_in_words(self.report.offset, self.report.calibration.unit, self._other_offset))
         return tuple(lines)
 
     def to_dict(self) -> dict[str, Any]:
@@ -266,6 +271,7 @@ class Reservations(Value):
             "left_out": list(self.report.left_out),
             "output_unit": self.report.calibration.unit,
             "offset": None if offset is None else {name: plain(getattr(offset, name)) for name in offset_names},
+            "subtracted_offset": plain(self.subtracted if offset is None or self._other_offset else offset.value),
         }
 
     def _contact_speed(self) -> dict[str, Any] | None:
@@ -293,7 +299,21 @@ class Reservations(Value):
         if offset is None:
             return text
         level = f"{offset.value:.{offset.digits()}g} {unit}".rstrip()
+        if self._other_offset:
+            other = f"{self._other_offset} {unit}".rstrip()
+            return (
+                f"{text}, with an offset of {level}; the controller and exported laws subtract {other}, the offset of "
+                "the scenario"
+            )
         return f"{text}; the controller and exported laws subtract the offset {level}"
+
+    @property
+    def _other_offset(self) -> str:
+        """The offset that the controller subtracts as text; empty if it is that of the calibration."""
+        offset, subtracted = self.report.offset, self.subtracted
+        if offset is None or subtracted is None or math.isclose(subtracted, offset.value, rel_tol=_SAME_OFFSET):
+            return ""
+        return f"{subtracted:.6g}"
 
     def with_spread(self, answer: str) -> str:
         """Return the first sentences of a result, followed by the range of contact speeds that the readings allow."""
@@ -351,12 +371,13 @@ def reservations_apply(answer: Any) -> bool:
     return isinstance(answer, PredictedEncounter)
 
 
-def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
+def reservations_of(report: CalibrationReport, answer: Any, *, subtracted: float | None = None) -> Reservations:
     """Find the calibration warnings that apply to a result.
 
     Args:
         report: the report of the fit that the sensor comes from.
         answer: a result of any verb, or a task: any value with `scenario`, `sensor` and, optionally, `gain`.
+        subtracted: the offset that the controller subtracts [unit of the outputs]; by default, that of the calibration.
 
     Returns:
         The reservations.
@@ -398,6 +419,7 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
         share_beyond=(farthest - begin) / change if change > 0 else 0.0,
         degree=degree,
         recedes=bool(np.any(np.asarray(scenario.relative_velocity) > 0)),
+        subtracted=subtracted,
     )
     gain: Any = getattr(answer, "gain", None)
     if gain is not None and report.curves is not None and report.offset is not None and not scenario.obstacle.course:
@@ -471,7 +493,13 @@ def recess_advice(nearest: float, present: float) -> str:
     return f"{mounting} (positions count from the new surface)"
 
 
-def _offset_in_words(offset: OffsetEstimate, unit: str) -> str:
+def _offset_in_words(offset: OffsetEstimate, unit: str, other: str) -> str:
+    if other:
+        return (
+            f"the controller and exported laws subtract {f'{other} {unit}'.rstrip()} from each reading, the offset of "
+            f"the scenario; the {offset.kind} offset of the calibration is {offset.in_words(unit)} (95 % interval: "
+            f"{offset.interval_in_words('')})"
+        )
     return (
         f"the controller and exported laws subtract the {offset.kind} offset from each reading: "
         f"{offset.in_words(unit)} (95 % interval: {offset.interval_in_words('')})"

@@ -81,9 +81,7 @@ def write_report(
         The path. A file that cannot be written raises an OutputError, for example because the disk is full.
     """
     refuse_input(path, getattr(source, "inputs", ()))
-    html = report_html(
-        result, calibration=calibration, subtracted_offset=subtracted_offset, source=source, warn=warn
-    )
+    html = report_html(result, calibration=calibration, subtracted_offset=subtracted_offset, source=source, warn=warn)
     return write_text(path, html, overwrite=overwrite)
 
 

@@ -122,7 +122,8 @@ def _findings(replay: Replay) -> Iterator[str]:
             "--truth or --contacts."
         )
     if replay.recording.no_object:
-        yield f"Taken as no object: {'; '.join(_describe_no_object(replay.recording, idle) for idle in replay.recording.no_object)}."
+        codes = [_describe_no_object(replay.recording, idle) for idle in replay.recording.no_object]
+        yield f"Taken as no object: {'; '.join(codes)}."
     if replay.noise.limited and replay.recording.kind == "reading":
         idle = (
             "the readings have only the values above: the offset is not measured, and the noise"

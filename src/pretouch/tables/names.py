@@ -184,8 +184,8 @@ def is_named(title: str, kind: str) -> bool:
 
     A `setting` is a property of the sensor or its surroundings, such as `gain` or `temperature`. A `setting or output`,
     such as a photocurrent, may be the output if no other column is. A `count` numbers the rows, such as `trial`, `#` or
-    an empty header. A `remark` has texts on single readings. A `repeat` has the number of a repeat, such as `trial 3`, `run2 [V]` or `3`. A `statistic` tells
-    how averaged readings scatter, such as `std`.
+    an empty header. A `remark` has texts on single readings. A `repeat` has the number of a repeat, such as `trial 3`,
+    `run2 [V]` or `3`. A `statistic` tells how averaged readings scatter, such as `std`.
     """
     name = _plain(split_title(title)[0])
     name = _OF_CHANNEL.sub("", name) or name

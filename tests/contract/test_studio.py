@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -112,6 +113,103 @@ def test_a_malformed_request_is_a_message(studio, body):
     status, _, content = studio.ask("POST", "/api/describe", body)
     assert status == 422
     assert json.loads(content)["message"]
+
+
+HUGE = 10**400
+"""An integer that no float can hold."""
+
+
+@pytest.mark.parametrize(
+    ("request_", "body"),
+    [
+        ("describe", b'{"text": ' + b"[" * 100_000 + b"]" * 100_000 + b"}"),
+        ("simulate", {"gain": HUGE}),
+        ("simulate", {"seed": HUGE}),
+        ("simulate", {"seed": -HUGE}),
+        ("fit", {"name": "sensor.csv", "window": [0.01, HUGE]}),
+        ("fit", {"name": "sensor.csv", "window": [0.01]}),
+        ("change", {"changes": {"sensor.model": {"a": [1]}}}),
+        ("change", {"text": "[[sensor]]\n", "changes": {"sensor.model": "x"}}),
+        ("change", {"text": "no TOML", "changes": {}}),
+        ("change", {"text": f"a = {'9' * 5000}", "changes": {}}),
+        ("describe", {"text": 'a = "\ud800"'}),
+        ("jobs", {"verb": "verify", "text": "no TOML"}),
+    ],
+)
+def test_what_the_page_never_sends_is_a_message(studio, scenario, request_, body):
+    status, _, content = studio.ask(
+        "POST", f"/api/{request_}", body if isinstance(body, bytes) else {"text": scenario, **body}
+    )
+    assert status == 422
+    assert json.loads(content)["message"]
+
+
+def test_a_distribution_that_is_none_stays_as_it_is():
+    text = 'uncertainty = 3\n[obstacle]\nposition = "1 mm"\n'
+    assert change_text(text, {"obstacle.position": "2 mm"}) == text.replace("1 mm", "2 mm")
+
+
+@pytest.mark.parametrize("length", [250, 5000])
+def test_an_upload_with_a_name_that_no_disk_allows_is_a_message(studio, length):
+    content = (EXAMPLES / "sensor.csv").read_bytes()
+    status, _, answer = studio.ask("POST", "/api/calibration", content, **{"X-Name": f"{'a' * length}.csv"})
+    assert status == 422
+    assert f"{length + 4} characters" in json.loads(answer)["message"]
+
+
+# ---- what it leaves behind ----
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """A folder for all temporary files of the servers of one test."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    return folder
+
+
+def test_descriptions_and_refused_computations_leave_no_files(tmp_path, temporary, scenario):
+    file = tmp_path / "own.toml"
+    file.write_text(scenario, encoding="utf-8")
+    with running_studio(file) as server:
+        for text in (scenario, scenario.replace("42.2 mm", "42.3 mm"), "no TOML"):
+            for request in ("describe", "reservations", "simulate", "save"):
+                server.answer(request, {"text": text, "gain": -0.8})
+        server.answer("jobs", {"verb": "verify", "text": "no TOML"})
+        (folder,) = temporary.iterdir()
+        assert [path.name for path in folder.iterdir()] == ["in-use.lock"]
+    assert not list(temporary.iterdir())
+
+
+def test_a_killed_server_leaves_no_computation_and_the_next_one_removes_its_folder(temporary, scenario):
+    with running_studio() as server, running_studio() as other:
+        text = scenario.replace("runs = 500", "runs = 100000")
+        job = server.answer("jobs", {"verb": "verify", "text": text, "gain": -0.86})["job"]
+        while "running" not in server.answer(f"jobs/{job}", method="GET")["progress"]:
+            time.sleep(0.05)
+        children = Path(f"/proc/{server.process.pid}/task/{server.process.pid}/children")
+        computing = [int(pid) for pid in children.read_text().split()] if children.exists() else []
+        server.process.kill()
+        server.process.wait(30)
+        while any(is_running(pid) for pid in computing):  # this test hangs if the computation goes on
+            time.sleep(0.05)
+        assert len(list(temporary.iterdir())) == 2
+        with running_studio() as third:
+            assert len(list(temporary.iterdir())) == 2  # the third server's folder, and that of the other running one
+            assert other.answer("describe", {"text": scenario})["status"] == 200
+            if hasattr(signal, "SIGHUP"):  # as when its terminal is closed
+                third.process.send_signal(signal.SIGHUP)
+                third.process.wait(30)
+                assert len(list(temporary.iterdir())) == 1
+
+
+def is_running(pid: int) -> bool:
+    """Return whether a process runs; one that has ended may still wait for its parent to notice."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
 
 
 # ---- what is answered ----

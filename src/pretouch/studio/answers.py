@@ -52,9 +52,7 @@ def describe_scenario(files: OpenedFiles, text: str) -> dict[str, Any]:
         Python can compute; `notes`, sentences on parts of the scenario that the page ignores; `sections`, whether three
         optional sections exist.
     """
-    from pretouch.config import load_scenario  # noqa: PLC0415 - only when a file is read
-
-    task = load_scenario(files.write_scenario(text))
+    task = files.load(text)
     document = tomllib.loads(text)
     fields = dict(texts_of(document))
     fixed, notes = _fixed(task, document)
@@ -216,11 +214,10 @@ def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:
     Raises:
         InvalidInputError: the scenario has no uncertain inputs.
     """
-    from pretouch.config import load_scenario  # noqa: PLC0415
     from pretouch.uncertainty import sample_inputs  # noqa: PLC0415
     from pretouch.uncertainty.ensemble import make_ensemble  # noqa: PLC0415
 
-    task = load_scenario(files.write_scenario(text))
+    task = files.load(text)
     if not task.uncertainty:
         raise InvalidInputError(
             "uncertainty: the scenario has no uncertain inputs; add a section [uncertainty] with, for example, "
@@ -248,9 +245,7 @@ def describe_reservations(files: OpenedFiles, text: str, gain: float) -> dict[st
         `headline`, a warning that precedes the result, and `spread`, the range of speeds that follows it, both in the
         words of `pretouch design`; each is None if there is no reason for it.
     """
-    from pretouch.config import load_scenario  # noqa: PLC0415
-
-    found = reservations_at(load_scenario(files.write_scenario(text)), gain)
+    found = reservations_at(files.load(text), gain)
     return {name: None if found is None else getattr(found, name) for name in ("headline", "spread")}
 
 
@@ -274,10 +269,9 @@ def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | 
     """
     from dataclasses import replace  # noqa: PLC0415
 
-    from pretouch.config import load_scenario  # noqa: PLC0415
     from pretouch.verification import simulate  # noqa: PLC0415
 
-    task = load_scenario(files.write_scenario(text))
+    task = files.load(text)
     if task.loop is None:
         raise InvalidInputError(
             "loop: the scenario does not describe the sampled loop; add the sections [chain] and [controller], such as "

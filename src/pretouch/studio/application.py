@@ -69,7 +69,7 @@ class Application:
 
     def __init__(self, files: OpenedFiles, token: str, port: int) -> None:
         self.files, self.token = files, token
-        self.jobs = Jobs(files.folder)
+        self.jobs = Jobs(files)
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
         self._answers: dict[str, Callable[[_Asked], dict[str, Any]]] = {
             "describe": lambda a: describe_scenario(files, a.text),
@@ -80,7 +80,7 @@ class Application:
             "fit": lambda a: fit_readings(files, a.of("name", str), a.window),
             "cloud": lambda a: sample_cloud(files, a.text, a.of("gain", float)),
             "simulate": lambda a: simulate_run(files, a.text, a.gain, a.seed),
-            "jobs": lambda a: {"job": self.jobs.start(a.of("verb", str), files.write_scenario(a.text), a.gain)},
+            "jobs": lambda a: {"job": self.jobs.start(a.of("verb", str), a.text, a.gain)},
         }
 
     def asgi(self) -> Any:
@@ -177,14 +177,9 @@ class Application:
             from urllib.parse import unquote  # noqa: PLC0415
 
             return read_readings(files, files.add_file(unquote(headers.get("x-name", "")), content))
-        try:
-            content_object = json.loads(content)
-            content_object = content_object if isinstance(content_object, dict) else {}
-        except ValueError:
-            raise InvalidInputError("request: the content is not JSON, expected a JSON object from the page") from None
         if name not in self._answers:
             raise InvalidInputError(**not_one_of("request", name, self._answers))
-        return self._answers[name](_Asked(content_object))
+        return self._answers[name](_Asked(_json_object(content)))
 
     async def _job(self, request: Any) -> Any:
         responses = require("starlette.responses", extra="studio")
@@ -210,6 +205,28 @@ class Application:
         return await self._guarded(request, request.headers.get("x-pretouch-token", ""), file)
 
 
+def _json_object(content: bytes) -> dict[str, Any]:
+    """Return the JSON object of a request; empty if the content is another JSON value."""
+    try:
+        value = json.loads(content)
+        json.dumps(value, ensure_ascii=False).encode()  # fails for half a surrogate pair, which no file can contain
+    except (ValueError, RecursionError) as error:
+        reason = "is nested too deep" if isinstance(error, RecursionError) else "is not JSON"
+        raise InvalidInputError(f"request: the content {reason}, expected a JSON object from the page") from None
+    return value if isinstance(value, dict) else {}
+
+
+def _number(name: str, value: Any) -> float:
+    """Return a number of a request as float."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        raise InvalidInputError(f"{name}: found {type(value).__name__}, expected a number")
+    try:
+        return float(value)
+    except OverflowError:
+        digits = len(str(abs(value)))
+        raise InvalidInputError(f"{name}: found an integer of {digits} digits, expected at most 308") from None
+
+
 class _Asked:
     """The arguments of a request, which are checked when they are read.
 
@@ -224,11 +241,11 @@ class _Asked:
         """Return an argument of the request after checking its type.
 
         Raises:
-            InvalidInputError: the type is wrong; an integer counts as float.
+            InvalidInputError: the type is wrong. An integer counts as float.
         """
         value = self._values.get(name)
-        if kind is float and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
+        if kind is float:
+            return _number(name, value)
         if not isinstance(value, kind):
             raise InvalidInputError(f"{name}: found {type(value).__name__}, expected {kind.__name__}")
         return value
@@ -271,9 +288,9 @@ class _Asked:
         if self._values.get("window") is None:
             return None
         ends = self.of("window", list)
-        if len(ends) != 2 or not all(isinstance(end, int | float) for end in ends):
-            raise InvalidInputError("window: expected two distances in meters")
-        return float(ends[0]), float(ends[1])
+        if len(ends) != 2:
+            raise InvalidInputError(f"window: found {len(ends)} values, expected two distances in meters")
+        return _number("window", ends[0]), _number("window", ends[1])
 
 
 async def _body(request: Any, most: int) -> bytes:

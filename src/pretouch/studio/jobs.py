@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError, PretouchError
-from pretouch._core.files import as_json
+from pretouch._core.files import as_json, remove_tree
 from pretouch._core.messages import not_one_of
 from pretouch._core.warning_codes import caution
+
+from .opened_files import OpenedFiles
 
 VERBS: Final = ("verify", "pareto", "sweep", "export")
 """The computations that a job can run."""
@@ -61,21 +63,21 @@ class Jobs:
     """All computations that the running studio has started.
 
     Args:
-        folder: a folder for the files of the jobs.
+        files: the opened files, which a scenario may name; their temporary folder contains the folders of the jobs.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, files: OpenedFiles) -> None:
+        self._files = files
         self._jobs: dict[str, Job] = {}
         self._lock = threading.Lock()
         self._context = multiprocessing.get_context("spawn")
 
-    def start(self, verb: str, file: Path, gain: float | None) -> str:
+    def start(self, verb: str, text: str, gain: float | None) -> str:
         """Start a computation, and return the identifier of its job.
 
         Args:
             verb: one of VERBS.
-            file: the scenario file.
+            text: the text of the scenario file (TOML).
             gain: the number of the law; None for the number in the file, or the designed number if the file has none.
 
         Returns:
@@ -93,8 +95,13 @@ class Jobs:
                     "finished, or cancel one"
                 )
             name = secrets.token_hex(8)
-            folder = self._folder / f"job-{name}"
+            folder = self._files.folder / f"job-{name}"
             folder.mkdir()
+            try:
+                file = self._files.write_scenario(text, folder / "scenario.toml")
+            except BaseException:
+                remove_tree(folder)
+                raise
             receiver, sender = self._context.Pipe(duplex=False)
             process = self._context.Process(target=_run, args=(verb, str(file), gain, str(folder), sender), daemon=True)
             process.start()
@@ -102,7 +109,7 @@ class Jobs:
             job = self._jobs[name] = Job(verb=verb, folder=folder, process=process, receiver=receiver)
             finished = [other for other in self._jobs if self._jobs[other].state != "running"]
             for other in finished[:-_KEPT]:
-                del self._jobs[other]
+                remove_tree(self._jobs.pop(other).folder)
         threading.Thread(target=self._listen, args=(job,), daemon=True).start()
         return name
 
@@ -155,6 +162,7 @@ def _run(verb: str, file: str, gain: float | None, folder: str, sender: Connecti
     from pretouch._core.progress import listening  # noqa: PLC0415 - in the new process
 
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    threading.Thread(target=_end_with_server, daemon=True).start()
     try:
         with listening(lambda text: sender.send(("progress", text))):
             sender.send(("progress", "reading the scenario"))
@@ -162,6 +170,14 @@ def _run(verb: str, file: str, gain: float | None, folder: str, sender: Connecti
         sender.send(("done", result))
     except PretouchError as error:
         sender.send(("failed", {"message": str(error)}))
+
+
+def _end_with_server() -> None:
+    """End this process when the server ends, also if the server was killed."""
+    server = multiprocessing.parent_process()
+    if server is not None:
+        server.join()
+        os._exit(1)
 
 
 def _compute(verb: str, file: Path, gain: float | None, folder: Path, sender: Connection) -> dict[str, Any]:

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import re
 import shutil
-import tempfile
 import tomllib
 from codecs import BOM_UTF8
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from threading import Lock
+from typing import TYPE_CHECKING, Any, Final
 
 from pretouch._core.errors import InvalidInputError, ScenarioFileError, UnitError, require
 from pretouch._core.files import temporary_path
 from pretouch._core.units import to_si
 from pretouch.motion.scenario import SCENARIO_INPUTS
 
+from .temporary_folder import TemporaryFolder
+
+if TYPE_CHECKING:
+    from pretouch.designs import Task
+
 _FILE_KEYS: Final = (("sensor", "calibration"), ("sensor", "no_object"), ("robot", "model"))
 """The keys of a scenario file whose values are names of other files."""
 
 _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_SHOWN: Final = 40  # largest number of characters of a name in a message
 _RANGES: Final = frozenset({"between", "uniform", "interval", "samples"})
 _EFFECTS: Final = frozenset({"ratio", "excursion", "acceleration", "contact_speed", "impact_force"})
 
@@ -38,11 +44,12 @@ class OpenedFiles:
     """
 
     def __init__(self, opened: Path | None = None) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="pretouch-studio-")
-        self.folder = Path(self._folder.name)
+        self._folder = TemporaryFolder()
+        self.folder = self._folder.path
         self.opened = opened
         self._files: dict[str, Path] = {}
         self._count = 0
+        self._lock = Lock()  # requests are answered in several threads
         if opened is not None:
             self._allow_files(self.text, opened.parent.resolve())
 
@@ -53,7 +60,7 @@ class OpenedFiles:
 
     def close(self) -> None:
         """Remove the temporary files."""
-        self._folder.cleanup()
+        self._folder.close()
 
     def _allow_files(self, text: str, folder: Path) -> None:
         """Allow access to the files named in the user's scenario."""
@@ -65,10 +72,24 @@ class OpenedFiles:
             self._files[name] = folder / name
 
     def add_file(self, name: str, content: bytes) -> str:
-        """Store an uploaded file, and return its name for scenarios."""
-        plain = re.sub(r"[^\w.-]", "_", Path(name.replace("\\", "/")).name).lstrip(".") or "calibration.csv"
+        """Store an uploaded file.
+
+        Returns:
+            The name of the file for scenarios.
+
+        Raises:
+            InvalidInputError: the system allows no file with this name, or has no space for it.
+        """
+        plain = re.sub(r"[^\w.-]", "_", name.replace("\\", "/").rpartition("/")[2]).lstrip(".") or "calibration.csv"
         path = self.folder / f"upload-{plain}"
-        path.write_bytes(content)
+        try:
+            path.write_bytes(content)
+        except OSError as error:
+            shown = plain if len(plain) <= _SHOWN else f"{plain[:_SHOWN]}..."
+            raise InvalidInputError(
+                f"upload: the file {shown} could not be stored ({error.strerror or error}). Its name has {len(plain)} "
+                "characters; choose one of at most 100 characters, and check that the disk has free space"
+            ) from None
         self._files[plain] = path
         return plain
 
@@ -87,28 +108,42 @@ class OpenedFiles:
             )
         return self._files[name]
 
-    def write_scenario(self, text: str) -> Path:
+    def write_scenario(self, text: str, path: Path) -> Path:
         """Write a scenario to a temporary file.
 
         The full path of each opened file replaces its name.
 
+        Args:
+            text: the text of the scenario file (TOML).
+            path: the temporary file.
+
         Returns:
             The path of the temporary file.
-
-        Raises:
-            ScenarioFileError: the text is not TOML.
         """
-        tomlkit = require("tomlkit", extra="studio")
-        try:
-            document: Any = tomlkit.parse(text)
-        except (tomlkit.exceptions.TOMLKitError, RecursionError) as error:
-            raise ScenarioFileError(f"the scenario is not valid TOML: {error}") from None
+        document = _parse(text)
         for section, key, name in _names(document):
             document[section][key] = str(self.file(name))
-        self._count += 1
-        path = self.folder / f"scenario-{self._count}.toml"
-        path.write_text(tomlkit.dumps(document), encoding="utf-8")
+        path.write_text(_require_tomlkit().dumps(document), encoding="utf-8")
         return path
+
+    def load(self, text: str) -> Task:
+        """Read a scenario from its text.
+
+        Args:
+            text: the text of the scenario file (TOML).
+
+        Returns:
+            The task of the scenario.
+        """
+        from pretouch.config import load_scenario  # noqa: PLC0415 - only when a scenario is read
+
+        with self._lock:
+            self._count += 1
+            path = self.folder / f"scenario-{self._count}.toml"
+        try:
+            return load_scenario(self.write_scenario(text, path))
+        finally:
+            path.unlink(missing_ok=True)
 
     def save(self, text: str, known: str | None) -> dict[str, str]:
         """Write a text to the opened scenario file, unless the file has changed since the page read it.
@@ -130,7 +165,8 @@ class OpenedFiles:
             raise InvalidInputError(
                 "save: the studio was started without a file; download the scenario, or run: pretouch studio FILE"
             )
-        self.write_scenario(text)  # raises an error if the text is not TOML or names a file that was not opened
+        for _, _, name in _names(_parse(text)):
+            self.file(name)  # raises an error if the file has not been opened
         target = self.opened.resolve()  # of a link, the file
         before = target.read_bytes() if target.exists() else b""
         if known is not None and before and before.decode("utf-8-sig").replace("\r\n", "\n") != known:
@@ -147,6 +183,27 @@ class OpenedFiles:
         finally:
             partial.unlink(missing_ok=True)
         return {"saved": self.opened.name}
+
+
+def _require_tomlkit() -> Any:
+    return require("tomlkit", extra="studio")
+
+
+def _parse(text: str) -> Any:
+    """Return the TOML document of a text.
+
+    Raises:
+        ScenarioFileError: the text is not TOML.
+    """
+    tomlkit = _require_tomlkit()
+    try:
+        return tomlkit.parse(text)
+    except (
+        tomlkit.exceptions.TOMLKitError,
+        ValueError,
+        RecursionError,
+    ) as error:  # ValueError: an integer of 5,000 digits
+        raise ScenarioFileError(f"the scenario is not valid TOML: {error}") from None
 
 
 def _names(document: Any) -> Iterator[tuple[str, str, str]]:
@@ -181,11 +238,17 @@ def change_text(text: str, changes: dict[str, Any]) -> str:
 
     Returns:
         The changed file.
+
+    Raises:
+        InvalidInputError: a section is no table, or a value is neither a text nor a number nor a list of these.
     """
-    tomlkit = require("tomlkit", extra="studio")
-    document: Any = tomlkit.parse(text)
+    tomlkit, document = _require_tomlkit(), _parse(text)
     for name, value in changes.items():
         section, _, key = name.partition(".")
+        if not isinstance(document.get(section, {}), dict) or not _is_value(value):
+            raise InvalidInputError(
+                f"changes: {name} cannot be changed, expected a key of a table, and a text, a number or a list of these"
+            )
         if value is None:
             if section in document:
                 document[section].pop(key, None)
@@ -202,9 +265,23 @@ def change_text(text: str, changes: dict[str, Any]) -> str:
         before = document[section].get(key)
         document[section][key] = _like(before, value)
         if before is not None and name in SCENARIO_INPUTS:
-            _move_distribution(document.get("uncertainty", {}).get(section, {}).get(key), before, value, name)
+            _move_distribution(_table(document, "uncertainty", section, key), before, value, name)
     result: str = tomlkit.dumps(document)
     return result
+
+
+def _table(document: Any, *names: str) -> Any:
+    """Return a table in a document; an empty one if it is missing, or another value takes its place."""
+    for name in names:
+        document = document.get(name) if isinstance(document, dict) else None
+    return document if isinstance(document, dict) else {}
+
+
+def _is_value(value: Any) -> bool:
+    """Return whether the page may set this value: a text, a number, a list of these, or None to remove the key."""
+    if isinstance(value, list):
+        return all(isinstance(part, str | int | float) for part in value)
+    return value is None or isinstance(value, str | int | float)
 
 
 def _move_distribution(distribution: Any, before: Any, after: Any, name: str) -> None:
@@ -213,17 +290,19 @@ def _move_distribution(distribution: Any, before: Any, after: Any, name: str) ->
     read = partial(to_si, unit=unit, name=name, bare_text=True)
     try:
         change = read(str(after)) - read(str(before))
-        for kind, numbers in (distribution or {}).items():
-            located = numbers if kind in _RANGES else numbers[:1] if kind == "normal" else []
-            for i, number in enumerate(located):  # the second number of "normal" is a deviation
-                numbers[i] = f"{read(str(number)) + change:.6g} {unit}"
+        for kind, numbers in distribution.items():
+            if not isinstance(numbers, list) or not numbers:
+                continue
+            located = len(numbers) if kind in _RANGES else 1 if kind == "normal" else 0
+            for i in range(located):  # the second number of "normal" is a deviation
+                numbers[i] = f"{read(str(numbers[i])) + change:.6g} {unit}"
     except UnitError:  # reported when the scenario is read
         return
 
 
 def _like(before: Any, value: Any) -> Any:
     """Convert a value to a TOML item, and keep the old comment."""
-    tomlkit = require("tomlkit", extra="studio")
+    tomlkit = _require_tomlkit()
     if isinstance(value, list):
         item = tomlkit.array()
         item.extend(_like(None, part) for part in value)

@@ -43,16 +43,18 @@ def serve_studio(
 
         read_document(file)  # raises an error if the file is missing or not TOML
     listener = _listener(port)
+    for name in ("SIGTERM", "SIGHUP"):  # so that a terminated server, or that of a closed terminal, ends its jobs
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), lambda *_: sys.exit(0))
     application = Application(OpenedFiles(file), secrets.token_urlsafe(24), listener.getsockname()[1])
-    address = f"http://127.0.0.1:{listener.getsockname()[1]}/?token={application.token}"
-    announce(address)
-    if open_browser:
-        webbrowser.open(address)
-    settings = uvicorn.Config(
-        application.asgi(), log_level="error", access_log=False, server_header=False, timeout_graceful_shutdown=1
-    )
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # so that a terminated server also removes its files
     try:
+        address = f"http://127.0.0.1:{listener.getsockname()[1]}/?token={application.token}"
+        announce(address)
+        if open_browser:
+            webbrowser.open(address)
+        settings = uvicorn.Config(
+            application.asgi(), log_level="error", access_log=False, server_header=False, timeout_graceful_shutdown=1
+        )
         with contextlib.suppress(KeyboardInterrupt):
             uvicorn.Server(settings).run(sockets=[listener])
     finally:

@@ -149,10 +149,17 @@ class _DeferringFile(io.RawIOBase):
 
         If a write error has occurred, the first one is raised.
         """
-        if self._failure is None:
-            os.fsync(self._file.fileno())
-        else:
+        self._flush()
+        if self._failure is not None:
             raise self._failure
+
+    def _flush(self) -> None:
+        """Wait until all data are on the disk, unless the file is closed or has failed before."""
+        if self._failure is None and not self._file.closed:
+            try:
+                os.fsync(self._file.fileno())
+            except OSError as error:
+                self._failure = error
 
     def readable(self) -> bool:
         return True
@@ -203,6 +210,7 @@ class _DeferringFile(io.RawIOBase):
         return length
 
     def close(self) -> None:
+        self._flush()  # some versions of xarray close the file before `check` is called
         self._file.close()
         super().close()
 

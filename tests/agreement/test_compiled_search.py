@@ -253,7 +253,40 @@ def test_a_family_may_have_its_optimum_at_a_bound() -> None:
     assert (found[0] >= -0.8).all()
 
 
-def test_encounters_that_differ_in_more_are_no_family() -> None:
+@pytest.mark.parametrize("limits", [(), (Constraint(name="excursion", limit=0.09),)], ids=["free", "limited"])
+@pytest.mark.parametrize("sensor", [FIRST, POWER], ids=lambda s: s.name)
+def test_a_grid_is_what_its_encounters_give_one_by_one(sensor: object, limits: tuple[Constraint, ...]) -> None:
+    """The excursion is limited by 0.09 m in a part of the grid only."""
+    rng = np.random.default_rng(3)
+    speeds, damping = 0.05 + 0.5 * rng.random((120, 1)), 10.0 + 10.0 * rng.random((1, 110))
+    grid = problem(letter(-speeds, damping=damping), sensor).changed(constraints=limits)
+    found = find_family(grid)
+    assert found is not None
+    assert found[2].mean() > 0.9
+    gains, objectives, certain = (row.reshape(grid.task.scenario.shape) for row in found)
+    for index in zip(*(rng.integers(0, n, 40) for n in gains.shape), strict=True):
+        alone = search_compiled(grid.at(index))
+        assert alone is not None
+        if certain[index]:
+            # at a limit, grids use 1 - 1e-8 of it
+            assert gains[index] == pytest.approx(alone[0][0], rel=1e-7 if limits else 5e-9)
+            assert objectives[index] == pytest.approx(alone[1][0], rel=1e-7 if limits else 1e-9)
+
+
+def test_encounters_without_an_axis_of_their_own_are_no_family() -> None:
     x = np.random.default_rng(4).random(600)
     assert find_family(problem(letter(-0.05 - x, damping=10.0 + x))) is None
     assert find_family(problem(letter(-0.05 - x[:100]))) is None, "too few"
+    assert find_family(problem(letter(-0.05 - x[:30, None], damping=10.0 + x[:30]))) is None, "too few along each axis"
+
+
+def test_a_short_axis_of_a_grid_is_not_interpolated() -> None:
+    x = np.random.default_rng(4).random(500)
+    every = problem(letter(-0.05 - x, damping=np.array([[10.0], [20.0]])))
+    found = find_family(every)
+    assert found is not None
+    assert found[2].all()
+    for k, damping in enumerate((10.0, 20.0)):
+        alone = find_family(problem(letter(-0.05 - x, damping=damping)))
+        assert alone is not None
+        assert np.array_equal(found[0].reshape(2, -1)[k], alone[0])

@@ -33,9 +33,9 @@ _CHUNK: Final = {
     (False, False, True): 1 << 20,
     (False, True, True): 1 << 17,
     (True, False, False): 1 << 17,
-    (True, True, False): 1 << 15,
-    (True, False, True): 1 << 14,
-    (True, True, True): 1 << 12,
+    (True, True, False): 1 << 16,
+    (True, False, True): 1 << 16,
+    (True, True, True): 1 << 16,
 }
 _CHUNK_OF_SCANS: Final = 16  # designs that no compiled search solves take up to 50 ms each
 _CHUNK_OF_INTEGRATION: Final = 1 << 11  # contacts under custom laws or with a course take 0.5 ms each

@@ -1,22 +1,24 @@
-"""Interpolate optimal gains over one input that varies between encounters.
+"""Interpolate optimal gains over inputs that vary between encounters.
 
-The optimum depends smoothly on the input, unless another minimum becomes the lowest, a bound is reached, or contact is
-lost. So gain and objective are designed at Chebyshev nodes and interpolated. The interval of the input is halved until
-the last coefficients vanish. Encounters for which that fails are designed individually. Each interpolated gain is
-tested: its encounter is solved and must have the interpolated objective, which reveals errors of gain and objective.
+The encounters form a grid, such as all combinations of speeds and positions. The optimum depends smoothly on the
+inputs, unless another minimum becomes the lowest, a bound or a limit is reached, or contact is lost. So gain and
+objective are designed at Chebyshev nodes of each input and interpolated. The interval of an input is halved until the
+last coefficients vanish. Encounters for which that fails are designed individually. Each interpolated gain is tested:
+its encounter is solved and must have the interpolated objective, which reveals errors of gain and objective.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from pretouch._core.fields import declared
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
-from pretouch._core.numbers import BoolArray, FloatArray, chebyshev_basis
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray, chebyshev_basis
 from pretouch.motion import Scenario
 from pretouch.motion.scenario import scenario_with
 
@@ -24,10 +26,14 @@ from ..problem import GainProblem
 from .compiled import OPTIMAL, search_compiled, supported_terms
 from .landscape import HELD
 
-_NODES: Final = 20
-_LEAST: Final = 20 * _NODES  # smallest number of encounters for interpolation
-_FEW: Final = 2 * _NODES  # smallest number of encounters on an interval; fewer are designed individually
-_PROBES: Final = 3  # encounters of an interval that are also designed individually, as a test
+Span: TypeAlias = tuple[tuple[float, float], ...]
+"""The interval of the coordinate along each axis of a grid."""
+
+_NODES: Final = 20  # of each input
+_LEAST: Final = 2 * _NODES  # smallest number of values of an input for interpolation
+_PER_NODE: Final = 20  # smallest number of encounters per node of a grid
+_FEW: Final = 2  # the same of a part of a grid; smaller parts are designed individually
+_PROBES: Final = 2  # encounters per input, and one more, that are also designed individually, as a test
 _GAIN: Final = 1e-9  # largest last coefficients and largest error at the probes, relative to the gain
 _VALUE: Final = 1e-10  # the same relative to the objective; also the largest error of the test of every encounter
 _ROUNDED: Final = 1e-14  # largest relative rounding error of an interpolated gain
@@ -43,49 +49,36 @@ _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, PO
 def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
     """Interpolate the optimal gains of many similar encounters.
 
-    The encounters differ in one input. The result is None if they differ in more than one input, are few, or the
-    compiled search does not support them.
+    They differ in one input, or in several of which each varies along an axis of its own. Along other axes, such as
+    short ones and those of several inputs, each index is interpolated on its own.
 
     Returns:
-        The gains [N s], the objectives, and whether each interpolation is accurate.
+        The gains [N s], the objectives, and whether each interpolation is accurate. None if the encounters form no grid
+        that is large enough, or if the compiled search does not support them.
     """
-    varied = list(_varied_inputs(problem.task.scenario))
-    if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or supported_terms(problem) is None:
+    scenario = problem.task.scenario
+    shape, varied = scenario.shape, dict(_varied_inputs(scenario))
+    if len(varied) == 1:  # an array of any shape is one axis
+        varied, shape = {name: np.reshape(value, -1) for name, value in varied.items()}, (math.prod(shape),)
+    varied = {name: np.reshape(v, (1,) * (len(shape) - v.ndim) + v.shape) for name, v in varied.items()}
+    coordinates = _coordinates(varied, shape)
+    if not coordinates or supported_terms(problem) is None:
         return None
     within = [replace(c, limit=c.limit * _WITHIN) for c in problem.task.limits]
-    family = _family(problem.changed(constraints=within) if within else problem, *varied[0])
-    out = np.full((2, family.place.size), np.nan)
-    _cover(family, float(family.place.min()), float(family.place.max()), None, out)
-    gain, value = out
+    limited = problem.changed(constraints=within) if within else problem
+    others = {name: v for name, v in varied.items() if name not in {c.name for c in coordinates.values()}}
+    out = np.full((2, *shape), np.nan)
+    for index in np.ndindex(*(1 if k in coordinates else n for k, n in enumerate(shape))):
+        fixed = {name: float(v[tuple(np.minimum(index, np.array(v.shape) - 1))]) for name, v in others.items()}
+        one = limited.changed(scenario=scenario_with(scenario, fixed)) if fixed else limited
+        place: Any = (slice(None), *(slice(None) if k in coordinates else i for k, i in enumerate(index)))
+        _Family(one, tuple(coordinates.values())).cover(out[place])
+    gain, value = out.reshape(2, -1)
     complete = bool(np.isfinite(gain).all())
     tested = np.clip(gain if complete else np.where(np.isnan(gain), problem.axis.high, gain), *problem.axis.ends)
     for end in problem.axis.ends:  # an interpolated bound is rounded; the answer is the bound itself
         tested = np.where(np.abs(tested - end) <= _ROUNDED * abs(end), end, tested)
     return tested, value, _is_confirmed(problem, tested, value)
-
-
-def _cover(family: _Family, low: float, high: float, which: Any, out: FloatArray) -> None:
-    """Interpolate optimal gains over an interval of one input. Halve the interval if the error is too large."""
-    place = family.place if which is None else family.place[which]
-    if len(place) < _FEW or not low < high:
-        return
-    coefficients = family.interpolate(low, high, place)
-    if coefficients is not None:
-        if which is None:
-            _evaluate(place, low, high, coefficients, out)
-        else:
-            out[:, which] = _evaluate(place, low, high, coefficients, np.empty((2, len(place))))
-        return
-    middle = 0.5 * (low + high)
-    every = np.arange(len(place)) if which is None else which
-    _cover(family, low, middle, every[place <= middle], out)
-    _cover(family, middle, high, every[place > middle], out)
-
-
-def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArray, out: FloatArray) -> FloatArray:
-    coefficients = np.ascontiguousarray(coefficients)
-    _interpolate(address(place), place.size, low, high, address(coefficients), coefficients.shape[1], address(out))
-    return out
 
 
 def _is_confirmed(problem: GainProblem, gain: FloatArray, value: FloatArray) -> BoolArray:
@@ -103,57 +96,134 @@ def _is_confirmed(problem: GainProblem, gain: FloatArray, value: FloatArray) -> 
 
 
 @dataclass(frozen=True, slots=True)
+class _Coordinate:
+    """The coordinate along one axis of a grid: an input of SCENARIO_INPUTS, or its logarithm."""
+
+    name: str
+    sign: float  # sign of the input if its logarithm is the coordinate, else 0
+    place: FloatArray  # coordinate of every index of the axis, shape (n,)
+
+    def value(self, place: FloatArray) -> FloatArray:
+        """Return the input."""
+        return self.sign * np.exp(place) if self.sign else place
+
+
+@dataclass(frozen=True, slots=True)
 class _Family:
-    """Encounters that differ in exactly one input."""
+    """Encounters that form a grid."""
 
     problem: GainProblem  # the problem of all encounters
-    name: str  # name of the input, one of SCENARIO_INPUTS
-    sign: float  # sign of the input if its logarithm is the coordinate, else 0
-    place: FloatArray  # coordinate of every encounter, shape (n,)
+    coordinates: tuple[_Coordinate, ...]
 
-    def at(self, place: FloatArray) -> GainProblem:
-        """Return the search problem for other values of one input.
+    def cover(self, out: FloatArray) -> None:
+        """Write gains and objectives to an array of shape (2, n, ...), where they can be interpolated."""
+        span = tuple((float(c.place.min()), float(c.place.max())) for c in self.coordinates)
+        self._cover(span, None, out)
 
-        The encounters differ in this input.
-        """
-        value = self.sign * np.exp(place) if self.sign else place
-        return self.problem.changed(scenario=scenario_with(self.problem.task.scenario, {self.name: value}))
+    def _cover(self, span: Span, which: tuple[IntArray, ...] | None, out: FloatArray) -> None:
+        """Interpolate a part of the grid, or its halves if the error is too large; `which` are its indices."""
+        indices = which or tuple(np.arange(len(c.place)) for c in self.coordinates)
+        members = [c.place[i] for c, i in zip(self.coordinates, indices, strict=True)]
+        enough = math.prod(map(len, members)) >= _FEW * _NODES ** len(members)
+        if not enough or not all(low < high for low, high in span):
+            return
+        coefficients, widest = self._interpolate(span, members)
+        if coefficients is not None:
+            if which is None:
+                _evaluate(members, span, coefficients, out)
+            else:
+                place: Any = (slice(None), *np.ix_(*which))
+                out[place] = _evaluate(members, span, coefficients)
+        elif widest is not None:
+            (low, high), place = span[widest], members[widest]
+            middle = 0.5 * (low + high)
+            for half, inside in (((low, middle), place <= middle), ((middle, high), place > middle)):
+                smaller = (*indices[:widest], indices[widest][inside], *indices[widest + 1 :])
+                self._cover((*span[:widest], half, *span[widest + 1 :]), smaller, out)
 
-    def interpolate(self, low: float, high: float, members: FloatArray) -> FloatArray | None:
-        """Fit polynomials to gain and objective over one input.
+    def _interpolate(self, span: Span, members: list[FloatArray]) -> tuple[FloatArray | None, int | None]:
+        """Fit polynomials to gain and objective.
 
         Returns:
-            Chebyshev coefficients, shape (2, nodes); None if the fit is inaccurate.
+            Chebyshev coefficients, shape (2, nodes, ...). If the fit is inaccurate, None and the axis to divide, or
+            None for none, because no encounter has an optimum.
         """
-        probes = members[np.linspace(0, len(members) - 1, _PROBES).astype(np.int64)]
-        nodes = 0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes
-        designs = search_compiled(self.at(np.concatenate([nodes, probes])))
-        if designs is None or (designs[2] != OPTIMAL).any():
-            return None
+        count, axes = _NODES ** len(span), range(1, len(span) + 1)
+        nodes = np.meshgrid(
+            *(0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes for low, high in span), indexing="ij"
+        )
+        probes = _probes(members)
+        designs = search_compiled(self._at([np.append(n, p) for n, p in zip(nodes, probes, strict=True)]))
+        optimal = designs is not None and designs[2] == OPTIMAL
+        if designs is None or not np.any(optimal):
+            return None, None
+        if not np.all(optimal):
+            return None, int(np.argmax(list(map(len, members))))
         both = designs[:2]
-        coefficients = both[:, :_NODES] @ _BASIS.to_terms.T
         least = np.array([_GAIN, _VALUE]) * np.abs(both).min(axis=1)
-        between = _evaluate(probes, low, high, coefficients, np.empty((2, _PROBES)))
-        error = np.abs(between - both[:, _NODES:]).max(axis=1)
-        if (np.abs(coefficients[:, -2:]).sum(axis=1) > least).any() or (error > least).any():
-            return None
-        return np.asarray(coefficients)
+        coefficients = both[:, :count].reshape(2, *(_NODES,) * len(span))
+        for k in axes:
+            coefficients = np.moveaxis(np.tensordot(coefficients, _BASIS.to_terms, (k, 1)), -1, k)
+        each = [_evaluate([p[i : i + 1] for p in probes], span, coefficients) for i in range(len(probes[0]))]
+        between = np.reshape(each, (-1, 2)).T
+        error = np.abs(between - both[:, count:]).max(axis=1)
+        tails = np.array([np.abs(np.moveaxis(coefficients, k, 1)[:, -2:]).reshape(2, -1).sum(axis=1) for k in axes])
+        if (tails > least).any() or (error > least).any():
+            return None, int(np.argmax((tails / least).max(axis=1)))
+        return coefficients, None
+
+    def _at(self, places: list[FloatArray]) -> GainProblem:
+        """Return the search problem for other values of the inputs, one array for each."""
+        values = {c.name: c.value(place) for c, place in zip(self.coordinates, places, strict=True)}
+        return self.problem.changed(scenario=scenario_with(self.problem.task.scenario, values))
 
 
-def _family(problem: GainProblem, name: str, value: Any) -> _Family:
-    x = np.asarray(value, dtype=np.float64).reshape(-1)
+def _probes(members: list[FloatArray]) -> list[FloatArray]:
+    """Return the coordinates of some encounters, from one corner of a grid to the other along each axis."""
+    count = _PROBES * len(members) + 1
+    order = [np.arange(count) * (k + 1) % count if k else np.arange(count) for k in range(len(members))]
+    return [m[(i * (len(m) - 1)) // (count - 1)] for m, i in zip(members, order, strict=True)]
+
+
+def _evaluate(
+    members: list[FloatArray], span: Span, coefficients: FloatArray, out: FloatArray | None = None
+) -> FloatArray:
+    """Evaluate polynomials on a grid."""
+    out = np.empty((2, *map(len, members))) if out is None else out
+    for k, (place, (low, high)) in enumerate(zip(members[:-1], span[:-1], strict=True), start=1):
+        basis = np.polynomial.chebyshev.chebvander((2 * place - low - high) / (high - low), _NODES - 1)
+        coefficients = np.moveaxis(np.tensordot(coefficients, basis, (k, 1)), -1, k)
+    for index in np.ndindex(*out.shape[1:-1]):
+        row = np.ascontiguousarray(coefficients[(slice(None), *index)])
+        values = np.empty((2, out.shape[-1]))
+        _interpolate(address(members[-1]), members[-1].size, *span[-1], address(row), _NODES, address(values))
+        out[(slice(None), *index)] = values
+    return out
+
+
+def _coordinates(varied: Mapping[str, FloatArray], shape: tuple[int, ...]) -> dict[int, _Coordinate]:
+    """Choose the axes of a grid along which gains are interpolated: the longest that have an input of their own."""
+    along = {k: [name for name, v in varied.items() if v.shape[k] > 1] for k in range(len(shape))}
+    own = [k for k, names in along.items() if len(names) == 1 and varied[names[0]].size == shape[k] >= _LEAST]
+    own.sort(key=lambda k: -shape[k])
+    while own and math.prod(shape[k] for k in own) < _PER_NODE * _NODES ** len(own):
+        own.pop()
+    return {k: _coordinate(along[k][0], varied[along[k][0]].reshape(-1)) for k in sorted(own)}
+
+
+def _coordinate(name: str, x: FloatArray) -> _Coordinate:
     low, high = float(x.min()), float(x.max())
     near, far = sorted((abs(low), abs(high)))
     logarithmic = low * high > 0 and far > _LOGARITHMIC * near
     sign = float(np.sign(low)) if logarithmic else 0.0
-    return _Family(problem, name, sign, np.log(np.abs(x)) if logarithmic else x)
+    return _Coordinate(name, sign, np.log(np.abs(x)) if logarithmic else np.ascontiguousarray(x))
 
 
-def _varied_inputs(scenario: Scenario) -> Iterator[tuple[str, Any]]:
+def _varied_inputs(scenario: Scenario) -> Iterator[tuple[str, FloatArray]]:
     """Yield each encounter input that is an array. Each item has the name and the value of the input."""
     for part in ("admittance", "obstacle", "plant", "reference"):
         body: Any = getattr(scenario, part)
         for f in declared(body.__class__):
-            value = getattr(body, f.name)
-            if np.size(value) > 1:
-                yield f"{part}.{f.name}", value
+            value = np.asarray(getattr(body, f.name))
+            if value.size > 1:
+                yield f"{part}.{f.name}", value.astype(np.float64)

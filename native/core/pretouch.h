@@ -506,6 +506,32 @@ typedef struct {
 /* Continues a run until it needs Python or is over, and returns why. */
 PRETOUCH_API int64_t pretouch_run_robot(pretouch_robot_run *run);
 
+/* The dynamics of a robot in a posture, reduced to its driven joints (robot_dynamics.cpp), see PostureDynamics in
+ * robots/dynamics.py. mass, jacobian, constraints: of all nv degrees of freedom, shapes (nv, nv), (6, nv), (rows, nv).
+ * degrees: those of the base, then those of the joints. result: mass and Jacobian of these degrees, inertia, own and
+ * relative Jacobian, motion, forced, the columns of loose as rows, and coupling, one after the other. counts: numbers of
+ * columns of loose and of rows of coupling. Returns 0, -2 if a mass matrix is not positive definite, or -3 without
+ * memory. */
+PRETOUCH_API int64_t pretouch_robot_posture_reduce(const double *mass, const double *jacobian,
+                                                   const double *constraints, const int64_t *degrees, int64_t nv,
+                                                   int64_t base, int64_t joints, int64_t rows, double *result,
+                                                   int64_t *counts);
+
+/* Finds the motions with the least kinetic energy along some rows of a Jacobian, see least_energy in
+ * robots/dynamics.py. motions: shape (joints, motion_count). others: memory for joints^2 numbers, or null. Returns the
+ * number of other motions, -1 if there is no motion, or as above. */
+PRETOUCH_API int64_t pretouch_robot_least_energy(const double *rows, int64_t row_count, const int64_t *driven,
+                                                 int64_t motion_count, const double *inertia, int64_t joints,
+                                                 double *motions, double *others);
+
+/* Finds the motion of the joints along the first row, see AxisMotion in robots/dynamics.py. posture: the result of
+ * pretouch_robot_posture_reduce. couplings: number of the last rows that couple joints. locked: by joint. motion: the
+ * joint velocities, then moved mass, recoil share, conditioning, turning and sideways. Returns as
+ * pretouch_robot_least_energy. */
+PRETOUCH_API int64_t pretouch_robot_axis_motion(double *posture, int64_t base, int64_t joints, const double *axis,
+                                                const double *rows, int64_t row_count, int64_t couplings,
+                                                const uint8_t *locked, double *motion);
+
 /* The cubic Hermite polynomial over a step, with derivatives by s as slopes: returns its value at s, 0 to 1, and writes
  * its slope there. */
 PRETOUCH_API double pretouch_cubic(double start, double start_slope, double end, double end_slope, double s,

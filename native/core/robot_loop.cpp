@@ -208,60 +208,6 @@ void delay_reference(Run &run) {
 
 // ---- torques ----
 
-// Solves a symmetric positive definite system in place: matrix, of which the lower triangle is used, and right side.
-void solve(double *matrix, double *x, int64_t n) {
-    for (int64_t i = 0; i < n; i++) {
-        for (int64_t j = 0; j <= i; j++) {
-            const double sum = matrix[i * n + j] - dot(matrix + i * n, matrix + j * n, j);
-            matrix[i * n + j] = i == j ? sqrt(sum) : sum / matrix[j * n + j];
-        }
-    }
-    for (int64_t i = 0; i < n; i++) x[i] = (x[i] - dot(matrix + i * n, x, i)) / matrix[i * n + i];
-    for (int64_t i = n - 1; i >= 0; i--) {
-        for (int64_t j = i + 1; j < n; j++) x[i] -= matrix[j * n + i] * x[j];
-        x[i] /= matrix[i * n + i];
-    }
-}
-
-constexpr double DEPENDENT = 1e-8;  // of constraint rows of length 1, as in robots/dynamics.py
-constexpr int SWEEPS = 40;
-
-// Turns the columns of a matrix, shape (rows, columns), until they are orthogonal to each other, and applies the same
-// rotations to the identity (one-sided Jacobi method; J. Demmel, K. Veselic, 1992). The columns are then the left
-// singular vectors times the singular values, and those of `right` the right singular vectors.
-void orthogonalize(double *matrix, int64_t rows, int64_t columns, double *right) {
-    for (int64_t i = 0; i < columns * columns; i++) right[i] = i % (columns + 1) ? 0.0 : 1.0;
-    const auto turn = [columns](double *a, int64_t count, int64_t p, int64_t q, double c, double s) {
-        for (int64_t i = 0; i < count; i++) {
-            const double x = a[i * columns + p], y = a[i * columns + q];
-            a[i * columns + p] = c * x - s * y;
-            a[i * columns + q] = s * x + c * y;
-        }
-    };
-    for (int sweep = 0; sweep < SWEEPS; sweep++) {
-        bool done = true;
-        for (int64_t p = 0; p < columns; p++) {
-            for (int64_t q = p + 1; q < columns; q++) {
-                double alpha = 0.0, beta = 0.0, gamma = 0.0;
-                for (int64_t i = 0; i < rows; i++) {
-                    const double x = matrix[i * columns + p], y = matrix[i * columns + q];
-                    alpha += x * x;
-                    beta += y * y;
-                    gamma += x * y;
-                }
-                if (gamma == 0.0 || fabs(gamma) <= 1e-15 * sqrt(alpha * beta)) continue;
-                done = false;
-                const double zeta = (beta - alpha) / (2.0 * gamma);
-                const double t = copysign(1.0, zeta) / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
-                const double c = 1.0 / sqrt(1.0 + t * t);
-                turn(matrix, rows, p, q, c, c * t);
-                turn(right, columns, p, q, c, c * t);
-            }
-        }
-        if (done) return;
-    }
-}
-
 // How the active equality constraints move the base: the rows A of unit length, shape (count, nv), and the
 // singular value decomposition of their columns A_b of the base, U S V^T. `left` has the columns U S.
 struct Constraints {
@@ -380,7 +326,9 @@ bool set_wanted(Run &run) {
                 matrix[i * loose + k] = dot(vector, column, nv);
             }
         }
-        solve(matrix, y, loose);
+        if (!factor(matrix, loose)) return false;
+        solve_lower(matrix, y, loose);
+        solve_upper(matrix, y, loose);
         memset(column, 0, size);
         for (int64_t k = 0; k < loose; k++) {
             basis(k);

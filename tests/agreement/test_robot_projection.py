@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pretouch.robots import SensorSite, make_data, project_site
-from pretouch.robots.dynamics import drivetrain_of, posture_dynamics
+from pretouch.robots.dynamics import RobotReducer, drivetrain_of, least_energy, posture_dynamics
 from random_robots import random_robot
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
@@ -49,6 +49,74 @@ def test_the_reflected_mass_is_that_of_pinocchio() -> None:
         expected = 1 / (row @ np.linalg.solve(mass, row))
         worst = max(worst, abs(dynamics.reflected_mass / expected - 1))
     assert worst < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_motion_with_the_least_energy_is_that_of_the_pseudoinverse(seed: int) -> None:
+    """With dependent rows and a row of zeros, M^(-1/2) (A M^(-1/2))^+ e. Condition numbers below 1e5 leave 1e-10."""
+    rng = np.random.default_rng(seed)
+    joints, count = int(rng.integers(2, 12)), int(rng.integers(1, 7))
+    root = np.eye(joints) + np.tril(rng.normal(size=(joints, joints))) / 3
+    rows = rng.normal(size=(min(count, joints), joints)) * 10.0 ** rng.uniform(-2, 2, (min(count, joints), 1))
+    rows = np.vstack([rows, rows[-1] if len(rows) > 1 else 0 * rows[0], np.zeros(joints)])
+    target = np.zeros((len(rows), 1))
+    target[0] = 1.0
+    solution = least_energy(rows, (0,), root @ root.T)
+    assert solution is not None
+    whitened = np.linalg.inv(root).T
+    np.testing.assert_allclose(
+        solution[0], whitened @ np.linalg.pinv(rows @ whitened, rcond=1e-10) @ target, rtol=1e-8, atol=1e-9
+    )
+    others = solution[1]
+    assert others.shape == (joints, joints - np.linalg.matrix_rank(rows))
+    np.testing.assert_allclose(others.T @ root @ root.T @ others, np.eye(others.shape[1]), atol=1e-10)
+    np.testing.assert_allclose(rows @ others, 0.0, atol=1e-10 * np.abs(rows).max())
+
+
+def test_rows_in_conflict_have_no_motion() -> None:
+    assert least_energy(np.array([[1.0, 0.0], [2.0, 0.0]]), (0,), np.eye(2)) is None
+    assert least_energy(np.zeros((1, 2)), (0,), np.eye(2)) is None
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_reduction_follows_its_equations(seed: int) -> None:
+    """-G = P - B (B^T M_bb B)^-1 B^T (M_bb P + M_bq), with another number of constraints in the same memory.
+
+    Condition numbers below 1e4 leave 1e-10.
+    """
+    model = model_of(random_robot(seed + 3).text)
+    data = mujoco.MjData(model)
+    data.qpos[:] = random_robot(seed + 3).mujoco_configuration()
+    mujoco.mj_forward(model, data)
+    rng, nv = np.random.default_rng(seed), model.nv
+    order = rng.permutation(nv)
+    base, joints = order[: nv // 2], order[nv // 2 :]
+    reducer = RobotReducer(model, data, (base, joints))
+    mass = np.zeros((nv, nv))
+    mujoco.mj_fullM(model, data, mass)
+    mass = mass[np.ix_(order, order)]
+    m = len(base)
+    for count in (0, 1, m // 2 + 1, 0):
+        rows = rng.normal(size=(count, nv))
+        rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+        robot = reducer.reduce(rows)
+        rows = rows[:, order]
+        of_base, of_joints = rows[:, :m], rows[:, m:]
+        forced = -np.linalg.pinv(of_base, rcond=1e-8) @ of_joints if count and m else np.zeros((m, nv - m))
+        _, values, right = np.linalg.svd(of_base) if count and m else (None, np.zeros(0), np.eye(m))
+        free = right[int((values > 1e-8).sum()) :].T
+        inner = free.T @ mass[:m, :m] @ free
+        motion = forced - free @ np.linalg.solve(inner, free.T @ (mass[:m, :m] @ forced + mass[:m, m:]))
+        together = np.vstack([motion, np.eye(nv - m)])
+        scale = max(1.0, float(np.abs(motion).max(initial=0.0)))
+        np.testing.assert_allclose(robot.reduction.forced, forced, atol=1e-10 * scale)
+        np.testing.assert_allclose(robot.reduction.motion, motion, atol=1e-10 * scale)
+        np.testing.assert_allclose(
+            robot.inertia, together.T @ mass @ together, atol=1e-10 * scale**2 * np.abs(mass).max()
+        )
+        assert robot.reduction.loose.shape == free.shape
+        coupling = robot.reduction.coupling
+        assert len(coupling) == (np.linalg.norm(of_base @ forced + of_joints, axis=1) > 1e-8).sum()
 
 
 FLOATING = """

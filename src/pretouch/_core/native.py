@@ -32,7 +32,7 @@ DOUBLE: Final = ctypes.c_double
 VARIANTS: Final = ("base", "avx2", "avx512")
 """The kinds of processors for which kernels are compiled."""
 
-INTERFACE: Final = "fb87dacfb0cf0345"
+INTERFACE: Final = "f54239c7d91b8644"
 """Hash of the C headers for which this module was written; native/build.py reports when the headers have changed."""
 
 _SWITCH: Final = "PRETOUCH_VARIANT"

@@ -27,7 +27,7 @@ from pretouch.simulation.native_loop import PythonStep
 from pretouch.simulation.sensing import SensorRun
 
 from .centering import hand_law
-from .dynamics import actuator_moment, constraint_rows, free_acceleration, posture_dynamics, reduce_base
+from .dynamics import RobotReducer, actuator_moment, constraint_rows, free_acceleration, posture_dynamics
 from .engine import address_of, contact_list, count_address, engine
 from .model import mujoco, names_of
 from .reference import SPACING
@@ -473,21 +473,16 @@ class Runner:
     def _set_torques(self) -> None:
         """Compute torques in Python: of a custom tracking, a standing robot, or actuators that drive several joints."""
         scene, data, model = self._scene, self._data, self._scene.model
-        driven, base = scene.drivetrains[0].driven, scene.drivetrains[0].base
-        mass, load = np.zeros((model.nv, model.nv)), np.array(data.qfrc_bias - data.qfrc_passive)
-        mujoco().mj_fullM(model, data, mass)
-        inertia, force = mass[driven[:, None], driven], load[driven]
-        if len(base) or model.neq:
-            every = np.concatenate([base, driven])
-            own, rows = mass[every[:, None], every], constraint_rows(model, data, scene.drivetrains[0].footholds)
-            motion = reduce_base(own, rows[:, every], len(base)).motion
-            together = np.vstack([motion, np.eye(len(driven))])
-            inertia, force = together.T @ own @ together, together.T @ load[every]
+        drivetrain = scene.drivetrains[0]
+        driven, base = drivetrain.driven, drivetrain.base
+        load, rows = np.array(data.qfrc_bias - data.qfrc_passive), constraint_rows(model, data, drivetrain.footholds)
+        robot = RobotReducer(model, data, (base, driven)).reduce(rows)
+        force = load[driven] + robot.reduction.motion.T @ load[base]
         state = JointState(
             np.array(data.qpos)[self._joint_places],
             np.array(data.qvel)[driven],
             *(self._reference[0].copy(), self._reference[1].copy(), self._reference[2].copy()),
-            inertia,
+            robot.inertia,
             force,
             lambda: self._path.held(data),
         )

@@ -16,7 +16,16 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
-from .dynamics import AxisMotion, Drivetrain, PostureDynamics, Reduction, actuator_moment, constraint_rows, reduce_base
+from .dynamics import (
+    AxisMotion,
+    Drivetrain,
+    PostureDynamics,
+    Reduction,
+    RobotReducer,
+    actuator_moment,
+    constraint_rows,
+    free_motions,
+)
 from .model import Data, Model, joint_label, mujoco
 from .stance import forces_of
 
@@ -158,10 +167,9 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
         bias[i] = library.mju_muscleBias(length[i], *muscle, bias_of[i, :9])
     torque_limited = np.asarray(model.jnt_actfrclimited).astype(bool)[joints]
     torques = np.where(torque_limited[:, None], np.asarray(model.jnt_actfrcrange)[joints], (-math.inf, math.inf))
-    every, mass = np.concatenate([base, driven]), np.zeros((model.nv, model.nv))
-    library.mj_fullM(model, data, mass)
-    rows_held = constraint_rows(model, data, drivetrain.footholds)[:, every]
-    reduction = reduce_base(mass[np.ix_(every, every)], rows_held, len(base))
+    every = np.concatenate([base, driven])
+    robot = RobotReducer(model, data, (base, driven)).reduce(constraint_rows(model, data, drivetrain.footholds))
+    mass, reduction = robot.mass, robot.reduction
     tests, reactions, pushes = _reactions(model, data, drivetrain, reduction)
     following = np.vstack([reduction.forced, np.eye(len(driven))])
     return Drives(
@@ -177,8 +185,7 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
         joint_names=tuple(joint_label(model, int(joint)) for joint in joints),
         servo=affine_bias & supported & (bias_of[:, 1:3] != 0).any(axis=1),
         torques=torques,
-        load=tests.T
-        @ _weight(mass[np.ix_(every, every)], reduction, np.array(data.qfrc_bias - data.qfrc_passive)[every]),
+        load=tests.T @ _weight(mass, reduction, np.array(data.qfrc_bias - data.qfrc_passive)[every]),
         friction=tests.T @ (np.asarray(model.dof_damping)[every, None] * following),
         speeds=speeds,
         reactions=reactions,
@@ -254,7 +261,7 @@ def acceleration_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisM
     q'' along the axis plus any motion in the null space.
     """
     velocities = np.vstack([dynamics.reduction.motion, np.eye(len(motion.joints))]) @ np.column_stack(
-        [motion.joints, motion.free]
+        [motion.joints, free_motions(dynamics, motion)]
     )
     columns = drives.tests.T @ dynamics.mass @ velocities
     return _span(drives, columns, np.zeros((len(motion.joints), 0)), _friction_torques(drives, motion))
@@ -267,14 +274,14 @@ def _friction_torques(drives: Drives, motion: AxisMotion) -> FloatArray:
     return np.asarray(drives.tests.T @ (drives.dry_friction * signs))
 
 
-def speed_limits(drives: Drives, motion: AxisMotion) -> AxisLimits:
+def speed_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) -> AxisLimits:
     """Return the largest constant speeds of a sensor site along its axis.
 
     The speeds [m/s] are relative to the robot's base. The actuators overcome gravity and the damping of joints and
     actuators; torques that grow with the square of the speed are neglected. Without given joint speeds or damping that
     keeps the speed plausible, there is no limit.
     """
-    velocities = np.column_stack([motion.joints, motion.free])
+    velocities = np.column_stack([motion.joints, free_motions(dynamics, motion)])
     span = _span(drives, drives.friction @ velocities, velocities, _friction_torques(drives, motion))
     fast = [speed >= _FASTEST for speed in (span.ahead, span.back)]
     ahead, back = (math.inf if over else speed for over, speed in zip(fast, (span.ahead, span.back), strict=True))

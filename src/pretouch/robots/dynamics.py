@@ -26,23 +26,37 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import accumulate
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.native import INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import FloatArray, IntArray
 
 from .model import Data, Model, joint_label, mujoco, names_of, tree_of
 from .stance import Foothold, footholds_of, rows_of
 
-_FEASIBLE: Final = 1e-7  # residual of the motion along the axis, above which the joints cannot hold a direction
 _RANK: Final = 1e-10  # relative singular values below it are zero up to rounding
 _DEPENDENT: Final = 1e-8  # of constraint rows of length 1: rounding of loops that are closed up to it
 _HELD: Final = 1e-12  # share of the mobility of a site, below which the constraints hold it up to rounding
 _FALLING: Final = 0.01  # share of gravity by which the acceleration of a falling robot may differ from it
 _CLOSED: Final = 1e-10  # m or rad: error of a closed loop
 _CLOSING: Final = 20  # steps of Newton's method
+_BYTE: Final = np.dtype(np.uint8)
+_INDEX: Final = np.dtype(np.int64)
+_NOT_DEFINITE: Final = -2  # status of compiled functions
+
+_reduce: Final = kernel("robot_posture_reduce", *(POINTER,) * 4, *(INTEGER,) * 4, POINTER, POINTER, result=INTEGER)
+_least_energy: Final = kernel(
+    "robot_least_energy", POINTER, INTEGER, POINTER, INTEGER, POINTER, INTEGER, POINTER, POINTER, result=INTEGER
+)
+_axis_motion: Final = kernel(
+    *("robot_axis_motion", POINTER, INTEGER, INTEGER, POINTER, POINTER, INTEGER, INTEGER, POINTER, POINTER),
+    result=INTEGER,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +101,7 @@ class PostureDynamics:
         reduction: the base and its constraints.
         axis: direction toward objects in the world frame, shape (3,).
         position: position of the site in the world frame [m], shape (3,).
+        memory: the result of the compiled function, of which the arrays are parts.
     """
 
     mass: FloatArray
@@ -97,6 +112,7 @@ class PostureDynamics:
     reduction: Reduction
     axis: FloatArray
     position: FloatArray
+    memory: FloatArray
 
     @property
     def reflected_mass(self) -> float:
@@ -121,16 +137,6 @@ class PostureDynamics:
         unconstrained = float(whole @ np.linalg.solve(self.mass, whole))
         return 1 / mobility if mobility > _HELD * unconstrained else math.inf
 
-    @property
-    def lightest_mass(self) -> float:
-        """The smallest effective mass [kg] in any direction that the joints allow."""
-        jacobian, inertia = self.own[:3], self.inertia
-        if len(self.reduction.coupling):
-            free = null_space(self.reduction.coupling)
-            jacobian, inertia = jacobian @ free, free.T @ inertia @ free
-        mobility = jacobian @ np.linalg.solve(inertia, jacobian.T)
-        return float(1 / np.linalg.eigvalsh(mobility)[-1])
-
 
 @dataclass(frozen=True, slots=True)
 class AxisMotion:
@@ -139,7 +145,6 @@ class AxisMotion:
     Args:
         hold: what the joints hold meanwhile: pose, position or axis.
         joints: joint velocities per velocity of the site relative to the base, shape (n,).
-        free: basis of the joint motions that move nothing that is held, shape (n, k).
         moved_mass: effective mass of this motion for the drives [kg].
         recoil_share: share of the motion that the recoil of the base takes back, kappa.
         conditioning: sqrt(lightest mass / moved mass): 1 in the best direction, 0 at a singularity.
@@ -149,7 +154,6 @@ class AxisMotion:
 
     hold: str
     joints: FloatArray
-    free: FloatArray
     moved_mass: float
     recoil_share: float
     conditioning: float
@@ -206,10 +210,7 @@ def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
 
 def _couplings(model: Model, data: Data, base: IntArray, driven: IntArray, footholds: Sequence[Foothold]) -> FloatArray:
     """Return the rows of the constraints that couple driven joints, shape (r, n)."""
-    every, mass = np.concatenate([base, driven]), np.zeros((model.nv, model.nv))
-    mujoco().mj_fullM(model, data, mass)
-    rows = constraint_rows(model, data, footholds)[:, every]
-    return reduce_base(mass[np.ix_(every, every)], rows, len(base)).coupling
+    return RobotReducer(model, data, (base, driven)).reduce(constraint_rows(model, data, footholds)).reduction.coupling
 
 
 def _linked(model: Model, data: Data, tree: IntArray) -> IntArray:
@@ -295,43 +296,103 @@ class Reduction:
         loose: B, a basis of the base motions that no constraint holds, shape (m, k).
         coupling: C, rows that are 0 for all joint velocities that the constraints allow, and that actuators cause which
             drive several joints together, shape (r, n).
-        allowed: N, a basis of all velocities that the constraints allow, the base first, shape (m + n, l).
+        constraints: A, the rows of the constraints by base and joints, the base first, shape (k, m + n).
     """
 
     motion: FloatArray
     forced: FloatArray
     loose: FloatArray
     coupling: FloatArray
-    allowed: FloatArray
+    constraints: FloatArray
+
+    @property
+    def allowed(self) -> FloatArray:
+        """N, a basis of all velocities that the constraints allow, the base first, shape (m + n, l)."""
+        return null_space(self.constraints)
 
 
-def reduce_base(mass: FloatArray, constraints: FloatArray, count: int) -> Reduction:
-    """Return how the base of a robot moves with its driven joints.
+@dataclass(frozen=True, slots=True)
+class ReducedRobot:
+    """Mass matrix and Jacobians of a robot in a posture, reduced to the driven joints; see `PostureDynamics`."""
+
+    mass: FloatArray
+    full: FloatArray
+    inertia: FloatArray
+    own: FloatArray
+    relative: FloatArray
+    reduction: Reduction
+    memory: FloatArray
+
+
+class RobotReducer:
+    """Reduces the dynamics of a robot to its driven joints, in memory that the next posture uses again.
 
     Args:
-        mass: mass matrix of base and joints, the base first.
-        constraints: rows of the constraints, in the same order.
-        count: number of degrees of freedom of the base.
-
-    Returns:
-        The motion of the base.
+        model: the model.
+        data: its state, which may change between two postures.
+        degrees: the degrees of freedom of the base, and the driven ones.
+        site: index of the site to which the Jacobians belong; None for none, which makes them 0.
     """
-    if not len(constraints):
-        motion = np.asarray(-np.linalg.solve(mass[:count, :count], mass[:count, count:]), dtype=np.float64)
-        nothing = np.zeros((0, len(mass) - count))
-        return Reduction(motion, np.zeros_like(motion), np.eye(count), nothing, np.eye(len(mass)))
-    of_base, of_joints = constraints[:, :count], constraints[:, count:]
-    inverse = np.linalg.pinv(of_base, rcond=_DEPENDENT) if count else np.zeros((0, len(constraints)))
-    forced, loose = -inverse @ of_joints, null_space(of_base)
-    rest = np.linalg.solve(loose.T @ mass[:count, :count] @ loose, loose.T @ (mass[:count] @ _stack(forced)))
-    coupling = of_joints - of_base @ inverse @ of_joints
-    sizes = np.linalg.norm(coupling, axis=1)
-    return Reduction(forced - loose @ rest, forced, loose, coupling[sizes > _DEPENDENT], null_space(constraints))
+
+    __slots__ = (
+        *("_arguments", "_constraints", "_counts", "_data", "_every", "_jacobian", "_mass", "_memory"),
+        *("_model", "_parts", "_robot", "_site", "_sizes"),
+    )
+
+    def __init__(self, model: Model, data: Data, degrees: tuple[IntArray, IntArray], site: int | None = None) -> None:
+        self._model, self._data, self._site = model, data, site
+        self._every, self._sizes = np.concatenate(degrees), (len(degrees[0]), len(degrees[1]))
+        self._mass, self._jacobian = np.empty((model.nv, model.nv)), np.zeros((6, model.nv))
+        self._counts, self._constraints = np.zeros(2, dtype=np.int64), np.zeros((0, model.nv))
+        self._allocate()
+
+    def _allocate(self) -> None:
+        """Reserve memory for the present number of constraints."""
+        (m, n), k = self._sizes, len(self._constraints)
+        shapes = (m + n, m + n), (6, m + n), (n, n), (6, n), (6, n), (m, n), (m, n), (m, m), (k, n)
+        ends = list(accumulate(rows * columns for rows, columns in shapes))
+        memory: FloatArray = np.empty(ends[-1])
+        self._parts: list[FloatArray] = [
+            memory[end - a * b : end].reshape(a, b) for end, (a, b) in zip(ends, shapes, strict=True)
+        ]
+        self._memory = memory
+        self._robot: ReducedRobot | None = None
+        self._arguments = (
+            *(address(self._mass), address(self._jacobian), address(self._constraints), address(self._every, _INDEX)),
+            *(self._model.nv, m, n, k, address(memory), address(self._counts, _INDEX)),
+        )
+
+    def reduce(self, constraints: FloatArray) -> ReducedRobot:
+        """Reduce the dynamics of the present posture.
+
+        Args:
+            constraints: rows of the constraints by all degrees of freedom, shape (k, nv).
+
+        Returns:
+            The reduced dynamics. Its arrays change with the next call.
+        """
+        mujoco().mj_fullM(self._model, self._data, self._mass)
+        if self._site is not None:
+            mujoco().mj_jacSite(self._model, self._data, self._jacobian[:3], self._jacobian[3:], self._site)
+        if constraints.shape != self._constraints.shape:
+            self._constraints = np.array(constraints)
+            self._allocate()
+        self._constraints[:] = constraints
+        _check(_reduce(*self._arguments))
+        if self._robot is None or len(constraints):
+            whole, full, inertia, own, relative, motion, forced, loose, coupling = self._parts
+            free, coupled = self._counts.tolist()
+            reduction = Reduction(motion, forced, loose[:free].T, coupling[:coupled], constraints[:, self._every])
+            self._robot = ReducedRobot(whole, full, inertia, own, relative, reduction, self._memory)
+        return self._robot
 
 
-def _stack(motion: FloatArray) -> FloatArray:
-    """Return T, the velocities of base and joints per velocity of the joints."""
-    return np.vstack([motion, np.eye(motion.shape[1])])
+def _check(status: int) -> None:
+    """Raise the exception of a compiled function."""
+    if status == _NOT_DEFINITE:
+        raise np.linalg.LinAlgError("the mass matrix of the robot is not positive definite")
+    if status < _NOT_DEFINITE:
+        raise MemoryError
 
 
 def free_acceleration(model: Model, data: Data, drivetrain: Drivetrain) -> FloatArray:
@@ -427,29 +488,42 @@ def posture_dynamics(model: Model, data: Data, drivetrain: Drivetrain, direction
     Returns:
         The reduced dynamics.
     """
-    library = mujoco()
-    base, driven, site = drivetrain.base, drivetrain.driven, drivetrain.site
-    every = np.concatenate([base, driven])
-    mass, jacobian = np.zeros((model.nv, model.nv)), np.zeros((6, model.nv))
-    library.mj_fullM(model, data, mass)
-    library.mj_jacSite(model, data, jacobian[:3], jacobian[3:], site)
-    mass, jacobian, count = mass[np.ix_(every, every)], jacobian[:, every], len(base)
-    reduction = reduce_base(mass, constraint_rows(model, data, drivetrain.footholds)[:, every], count)
-    together = _stack(reduction.motion)
-    inertia = together.T @ mass @ together
+    reducer = RobotReducer(model, data, (drivetrain.base, drivetrain.driven), drivetrain.site)
+    axis = np.array(data.site_xmat[drivetrain.site]).reshape(3, 3) @ direction
+    return dynamics_along(model, data, drivetrain, axis, reducer)
+
+
+def dynamics_along(
+    model: Model, data: Data, drivetrain: Drivetrain, axis: FloatArray, reducer: RobotReducer
+) -> PostureDynamics:
+    """Compute the mass matrix and Jacobians of a robot in a posture, with memory that the next posture uses again.
+
+    Args:
+        model: the model.
+        data: its state after `update_posture` or `mj_forward`.
+        drivetrain: its degrees of freedom.
+        axis: axis of the sensor in the world frame.
+        reducer: the memory for these degrees of freedom.
+
+    Returns:
+        The reduced dynamics, whose arrays change with the next posture.
+    """
+    site, robot = drivetrain.site, reducer.reduce(constraint_rows(model, data, drivetrain.footholds))
+    reduction = robot.reduction
     if drivetrain.shared:  # what no actuator drives keeps its momentum, as a passive joint does
-        torques = np.vstack([actuator_moment(model, data)[np.ix_(drivetrain.rows, driven)], reduction.coupling])
-        undriven = null_space(torques).T @ inertia
+        moment = actuator_moment(model, data)[np.ix_(drivetrain.rows, drivetrain.driven)]
+        undriven = null_space(np.vstack([moment, reduction.coupling])).T @ robot.inertia
         reduction = replace(reduction, coupling=np.vstack([reduction.coupling, undriven]))
     return PostureDynamics(
-        mass=mass,
-        inertia=inertia,
-        own=jacobian @ _stack(reduction.forced),
-        relative=jacobian @ together,
-        full=jacobian,
+        mass=robot.mass,
+        inertia=robot.inertia,
+        own=robot.own,
+        relative=robot.relative,
+        full=robot.full,
         reduction=reduction,
-        axis=np.array(data.site_xmat[site]).reshape(3, 3) @ direction,
+        axis=axis,
         position=np.array(data.site_xpos[site]),
+        memory=robot.memory,
     )
 
 
@@ -468,35 +542,35 @@ def axis_motion(dynamics: PostureDynamics, hold: str, locked: Any = ()) -> AxisM
     Returns:
         The motion; None if the joints cannot move the site in this way.
     """
-    kept = np.delete(np.arange(len(dynamics.inertia)), np.asarray(locked, dtype=np.int64))
     for choice in ("pose", "position", "axis") if hold == "auto" else (hold,):
-        motion = _axis_motion(dynamics, choice, kept) if len(kept) else None
+        motion = _motion_along(dynamics, choice, locked)
         if motion is not None:
             return motion
     return None
 
 
-def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMotion | None:
+def _motion_along(dynamics: PostureDynamics, hold: str, locked: Any) -> AxisMotion | None:
     """Return the joint motion along the axis, with other directions fixed; None if that is impossible."""
-    inertia = dynamics.inertia[np.ix_(kept, kept)]
-    solution = least_energy(held_rows(dynamics, hold)[:, kept], (0,), inertia)
-    if solution is None:
+    (m, n), rows = dynamics.reduction.forced.shape, held_rows(dynamics, hold)
+    still, found = np.zeros(n, dtype=np.uint8), np.empty(n + 5)
+    if len(locked):
+        still[list(locked)] = 1
+    status = _axis_motion(
+        *(address(dynamics.memory), m, n, address(dynamics.axis)),
+        *(address(rows), len(rows), len(dynamics.reduction.coupling), address(still, _BYTE), address(found)),
+    )
+    _check(status)
+    if status < 0:
         return None
-    motion, others = solution
-    joints, free = np.zeros(len(dynamics.inertia)), np.zeros((len(dynamics.inertia), others.shape[1]))
-    joints[kept], free[kept] = motion[:, 0], others
-    moved = float(joints @ dynamics.inertia @ joints)
-    moves = dynamics.relative @ joints
-    shift, turn = (part - (part @ dynamics.axis) * dynamics.axis for part in (moves[:3], moves[3:]))
+    moved_mass, recoil_share, conditioning, turning, sideways = found[n:].tolist()
     return AxisMotion(
         hold=hold,
-        joints=joints,
-        free=free,
-        moved_mass=moved,
-        recoil_share=float(1 - dynamics.axis @ moves[:3]),
-        conditioning=float(np.sqrt(dynamics.lightest_mass / moved)),
-        turning=float(np.linalg.norm(turn)),  # without the turn about the axis, which changes nothing
-        sideways=float(np.linalg.norm(shift)),
+        joints=found[:n],
+        moved_mass=moved_mass,
+        recoil_share=recoil_share,
+        conditioning=conditioning,
+        turning=turning,  # without the turn about the axis, which changes nothing
+        sideways=sideways,
     )
 
 
@@ -505,14 +579,27 @@ def held_rows(dynamics: PostureDynamics, hold: str) -> FloatArray:
 
     The first row is that of the axis. The shape is (k, n).
     """
-    u = dynamics.axis
+    lines = _lines(*dynamics.axis.tolist(), hold)
+    return np.concatenate([lines @ dynamics.own, dynamics.reduction.coupling])
+
+
+@lru_cache(maxsize=64)
+def _lines(x: float, y: float, z: float, hold: str) -> FloatArray:
+    """Return the directions of the position and the orientation that move or are held, shape (k, 6)."""
+    u = np.array([x, y, z])
     lines = np.zeros(({"axis": 1, "position": 3, "pose": 6}[hold], 6))
     lines[0, :3] = u
     if hold != "axis":
         lines[1:3, :3] = _across(u)
     if hold == "pose":
         lines[3:, 3:] = np.eye(3)
-    return np.vstack([lines @ dynamics.own, dynamics.reduction.coupling])
+    return lines
+
+
+def free_motions(dynamics: PostureDynamics, motion: AxisMotion) -> FloatArray:
+    """Return a basis of the joint motions that move nothing that is held, shape (n, k)."""
+    solution = least_energy(held_rows(dynamics, motion.hold), (0,), dynamics.inertia)
+    return np.zeros((len(motion.joints), 0)) if solution is None else solution[1]
 
 
 def _across(u: FloatArray) -> FloatArray:
@@ -540,20 +627,11 @@ def least_energy(
     Returns:
         The motions, shape (n, m), and a basis of the motions that move no row; None if the rows are in conflict.
     """
-    inverse = np.linalg.inv(np.linalg.cholesky(inertia))
-    whitened = rows @ inverse.T
-    sizes = np.linalg.norm(whitened, axis=1)
-    useful = sizes > _RANK * sizes.max()
-    if not useful[list(driven)].all():
-        return None
-    scaled = whitened[useful] / sizes[useful, None]
-    left, values, right = np.linalg.svd(scaled, full_matrices=True)
-    rank = int((values > _RANK * values[0]).sum())
-    targets = np.zeros((len(rows), len(driven)))
-    targets[list(driven), range(len(driven))] = 1 / sizes[list(driven)]
-    part = left[:, :rank].T @ targets[useful]
-    missed = np.linalg.norm(left[:, :rank] @ part - targets[useful], axis=0)
-    if np.any(missed > _FEASIBLE * targets.max(axis=0)):
-        return None
-    motions = inverse.T @ (right[:rank].T @ (part / values[:rank, None]))
-    return motions, inverse.T @ right[rank:].T
+    count, moved = len(inertia), np.asarray(driven, dtype=np.int64)
+    rows, motions, others = np.ascontiguousarray(rows), np.empty((count, len(moved))), np.empty(count * count)
+    loose = _least_energy(
+        *(address(rows), len(rows), address(moved, _INDEX), len(moved)),
+        *(address(np.ascontiguousarray(inertia)), count, address(motions), address(others)),
+    )
+    _check(loose)
+    return None if loose < 0 else (motions, others[: count * loose].reshape(count, loose))

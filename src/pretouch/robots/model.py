@@ -183,7 +183,7 @@ def names_of(model: Model, kind: str) -> list[str]:
 
 def joint_label(model: Model, joint: int) -> str:
     """Return a joint's name, or its number if it is unnamed."""
-    return names_of(model, "joint")[joint] or f"number {joint}"
+    return _name(model, "JOINT", joint) or f"number {joint}"
 
 
 def is_scalar_joint(model: Model, joint: int) -> bool:

@@ -16,9 +16,10 @@ from .dynamics import (
     AxisMotion,
     Drivetrain,
     PostureDynamics,
+    RobotReducer,
     axis_motion,
     close_loops,
-    posture_dynamics,
+    dynamics_along,
     update_posture,
 )
 from .model import (
@@ -88,7 +89,8 @@ def excursion(
     scratch.qpos[:] = data.qpos
     places = np.asarray(model.jnt_qposadr)[drivetrain.joints]
     u = np.array(data.site_xmat[drivetrain.site]).reshape(3, 3) @ direction
-    path = _Path(model, scratch, drivetrain, places, u if ahead else -u, ranges, hold, followers)
+    reducer = RobotReducer(model, scratch, (drivetrain.base, drivetrain.driven), drivetrain.site)
+    path = _Path(model, scratch, drivetrain, reducer, places, u if ahead else -u, ranges, hold, followers)
     if model.neq:  # a loop at its dead center is as heavy in every direction
         start = path.moved_mass(np.array(data.qpos)[places])
         path = replace(path, heaviest=start / SINGULAR**2)
@@ -166,6 +168,7 @@ class _Path:
     model: Model
     data: Data
     drivetrain: Drivetrain
+    reducer: RobotReducer
     places: Any
     direction: FloatArray
     ranges: FloatArray
@@ -220,8 +223,7 @@ class _Path:
         self.data.qpos[self.places] = joints
         update_posture(self.model, self.data)
         close_loops(self.model, self.data, self.drivetrain)
-        turn = np.array(self.data.site_xmat[self.drivetrain.site]).reshape(3, 3)
-        return posture_dynamics(self.model, self.data, self.drivetrain, turn.T @ self.direction)
+        return dynamics_along(self.model, self.data, self.drivetrain, self.direction, self.reducer)
 
     def _motion(self, joints: FloatArray, locked: tuple[int, ...]) -> AxisMotion | None:
         """Return the joint motion along the path; None if none exists or the posture is singular."""

@@ -417,7 +417,11 @@ def _limits(
 
 def _spans(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) -> tuple[AxisLimits, AxisLimits, AxisLimits]:
     """Return the limits of acceleration, speed and force."""
-    return acceleration_limits(drives, dynamics, motion), speed_limits(drives, motion), force_limits(drives, dynamics)
+    return (
+        acceleration_limits(drives, dynamics, motion),
+        speed_limits(drives, dynamics, motion),
+        force_limits(drives, dynamics),
+    )
 
 
 def _weakness(model: Model, drives: Drives, drivetrain: Drivetrain, missing: FloatArray) -> Iterator[str]:

@@ -84,6 +84,47 @@ def _json_array(r: Readings) -> str:
     return "[\n" + _lines('{{"distance_mm": {d}, "prox": {c}}},\n', r).rstrip(",\n") + "\n]\n"
 
 
+def _stage(r: Readings, position: Callable[[float], float]) -> str:
+    return table("stage position [mm],adc", [f"{position(d):g}" for d in r.distances], r.counts)
+
+
+def _from_stage(text: str) -> str:
+    """Follow the remedy for positions of a stage, whose position at contact is 120, 20.5, -20.5 or -200 mm."""
+    rows = [row.split(",") for row in text.splitlines()[1:]]
+    first, last = float(rows[0][0]), float(rows[-1][0])
+    contact = next(p for p in (120, 20.5, -20.5, -200) if 0 <= abs(p - first) <= 80 and abs(p - first) % 2 == 0)
+    sign = 1 if last > first else -1
+    return "distance [mm],adc\n" + "".join(f"{sign * (float(x) - contact):g},{c}\n" for x, c in rows)
+
+
+def _thousandths(r: Readings) -> list[str]:
+    return [f"{1000 * d / 25.4:.1f}" for d in r.distances]
+
+
+def _fractions(r: Readings, mark: str) -> list[str]:
+    """Return the distances in 64ths of an inch, as on a ruler."""
+    texts = []
+    for d in r.distances:
+        whole, part = divmod(round(64 * d / 25.4), 64)
+        factor = next(f for f in (32, 16, 8, 4, 2, 1) if part % f == 0)
+        fraction = f"{part // factor}/{64 // factor}"
+        texts.append((f"{whole} {fraction}" if whole else fraction) if part else f"{whole}")
+    return [text + mark for text in texts]
+
+
+_MONTHS = {"Feb": 2, "Apr": 4, "Jun": 6, "Aug": 8}
+
+
+def _dates(r: Readings) -> list[str]:
+    """Return the distances [cm], of which a spreadsheet made dates if they may be a day and a month."""
+    names = {month: name for name, month in _MONTHS.items()}
+    texts = []
+    for d in r.distances:
+        whole, part = divmod(round(d), 10)
+        texts.append(f"{whole:02d}. {names[part]}" if whole and part else f"{d / 10:g}")
+    return texts
+
+
 KINDS = (
     Kind("inches in words", lambda r: table("inches,V", _inches(r), r.volts), "V", output=_volts, tolerance=1e-3),
     Kind("name and inches", lambda r: table("distance_inches,adc", _inches(r), r.counts), tolerance=1e-3),
@@ -518,6 +559,47 @@ MORE_KINDS = (
         output=_volts,
         refused="sign",
         remedy=lambda text: text.replace("\n-", "\n"),
+    ),
+    Kind("stage with a zero inside", lambda r: _stage(r, lambda d: 20.5 - d), refused="P minus", remedy=_from_stage),
+    Kind(
+        "stage that starts below zero", lambda r: _stage(r, lambda d: d - 20.5), refused="subtract", remedy=_from_stage
+    ),
+    Kind("stage below zero", lambda r: _stage(r, lambda d: -200 - d), refused="P minus", remedy=_from_stage),
+    Kind("text before the distance", lambda r: _lines("at {d} millimeters: {c}, {c}, {c}\n", r), per_distance=3),
+    Kind("a name before the distance", lambda r: _lines("distance {d} mm -> {c} {c}\n", r), per_distance=2),
+    Kind("an object at a distance", lambda r: _lines("wall at {d} mm = {c} counts\n", r)),
+    Kind(
+        "titles above labels with times",
+        lambda r: _lines("--- {d} mm ---\n00:01.020 -> prox={c}\n00:01.040 -> prox={c}\n", r),
+        per_distance=2,
+    ),
+    Kind(
+        "titles above labels with times of day",
+        lambda r: _lines("--- {d} mm ---\n" + 9 * "10:12:33.020 -> prox={c}\n", r),
+        per_distance=9,
+    ),
+    Kind("distances above labels", lambda r: _lines("{d} mm:\nprox={c}\nprox={c}\n", r), per_distance=2),
+    Kind("distances above labels, many", lambda r: _lines("at {d} mm\n" + 9 * "prox={c}\n", r), per_distance=9),
+    Kind("distances in comments above labels", lambda r: _lines("# {d} mm\nprox: {c}\nprox: {c}\n", r), per_distance=2),
+    Kind("a number before labels", lambda r: _lines("{d} L:{c} R:{c}\n", r), sensors=2, refused="columns"),
+    Kind("a distance before labels", lambda r: _lines("{d} mm L={c} R={c}\n", r), sensors=2),
+    Kind("mil", lambda r: table("distance [mil],adc", _thousandths(r), r.counts), tolerance=1e-3),
+    Kind("thou", lambda r: table("Distance (thou),adc", _thousandths(r), r.counts), tolerance=1e-3),
+    Kind("fractions of an inch", lambda r: table("distance,adc", _fractions(r, '"'), r.counts), tolerance=0.1),
+    Kind("fractions below a unit", lambda r: table("distance [in],adc", _fractions(r, ""), r.counts), tolerance=0.1),
+    Kind(
+        "thousands as k",
+        lambda r: table("distance [mm],adc", r.distances, [f"{c / 1000:.3f}k" for c in r.counts]),
+    ),
+    Kind(
+        "dates of a spreadsheet",
+        lambda r: commas(table("Abstand [cm];ADC", _dates(r), r.counts, mark=";")),
+        refused="found the date",
+        remedy=lambda text: re.sub(r"(?m)^0(\d). (Feb|Apr|Jun|Aug)", lambda m: f"{m[1]},{_MONTHS[m[2]]}", text),
+    ),
+    Kind(
+        "remarks on single readings",
+        lambda r: "distance [mm],adc,comment\n" + _lines("{d},{c},\n", r).replace(",\n", ",moved the lamp\n", 1),
     ),
     Kind("percent", lambda r: table("distance [mm],reflectance [%]", r.distances, r.volts), "%", output=_volts),
     Kind("mA loop", lambda r: table("distance [mm],current [mA]", r.distances, r.volts), "mA", output=_volts),

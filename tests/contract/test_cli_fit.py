@@ -109,8 +109,8 @@ def test_a_negative_distance_has_a_remedy(run):
     Path("below.csv").write_text("distance [mm],output [V]\n-4,3\n10,2\n20,1\n")
     code, _, err = run("fit", "below.csv")
     assert code == 2
-    assert "below.csv, line 2: found the distance -4, but distances must not be negative; change the sign" in err
-    assert "otherwise add the same length to every distance" in err
+    assert "below.csv, line 2: found the distance -4, but distances must not be negative; if these are" in err
+    assert "subtract P from each, where P is the position at contact; if the number means that no object" in err
 
 
 @pytest.mark.slow

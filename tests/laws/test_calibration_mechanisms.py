@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from made_sensors import FAMILIES, ideal_curve, make_sensor
-from pretouch.calibration import Calibration, fit
+from pretouch.calibration import Calibration, fit, read_calibration
 
 MODELS = ("inverse-power", "exponential-1", "exponential-2", "mittag-leffler")
 RELIABLE = 0.15  # relative error of g up to which a sensor is called usable
@@ -119,6 +119,30 @@ def test_an_output_that_falls_and_rises_as_a_v_is_named(turn, empty):
     named = float(text.partition("up to the distance ")[2].partition(" mm")[0]) / 1e3
     assert abs(named - turn) < 0.0051  # of neighbors as low, the first
     assert "rises again" in text
+
+
+def test_positions_that_count_toward_contact_and_inverted_outputs_are_told_apart():
+    """Following the first remedy gives the curve; an output toward contact is steepest there."""
+    falling = 60 + 3000 / (1 + PLACES / 0.03) ** 2
+    backward, inverted = refusal(falling[::-1].copy(), "counts"), refusal(3200 - falling, "counts")
+    for text, first, second in ((backward, "P minus", "minus the reading"), (inverted, "minus the reading", "P minus")):
+        assert text.startswith("PT113: The sensor output rises with the distance")
+        assert text.index(first) < text.index(second)
+    assert "most at its end" in backward
+    restored = fit(Calibration(distances=PLACES[-1] - PLACES, outputs=falling[::-1], unit="counts"), ("inverse-power",))
+    assert restored.verdict == "usable"
+    slope = restored.best.sensor.log_slope(0.02)
+    assert slope == pytest.approx(-2 / 0.05, rel=0.05)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3])
+def test_a_zero_that_is_far_from_the_readings_is_noted(tmp_path, shift):
+    """Positions of a stage are fitted as well as distances, but recess is then the position at contact."""
+    falling = 60 + 3000 / (1 + PLACES / 0.03) ** 2
+    rows = "".join(f"{1e3 * (d + shift):g},{v:.1f}\n" for d, v in zip(PLACES, falling, strict=True))
+    (tmp_path / "stage.csv").write_text("position [mm],prox [counts]\n" + rows)
+    notes = read_calibration(tmp_path / "stage.csv").source.notes
+    assert any("subtract P from each, where P is the position at contact" in note for note in notes) == (shift > 0)
 
 
 def test_a_peak_near_the_sensor_and_a_rise_far_away_leave_the_part_between():

@@ -47,6 +47,7 @@ _PLAIN: Final[dict[str, Unit]] = {
     "h": Unit(3600.0, (0, 0, 1, 0, 0)),
     "in": Unit(0.0254, (1, 0, 0, 0, 0)),
     "inch": Unit(0.0254, (1, 0, 0, 0, 0)),
+    "thou": Unit(2.54e-5, (1, 0, 0, 0, 0)),
     "ft": Unit(0.3048, (1, 0, 0, 0, 0)),
     "rad": Unit(1.0, _NONE),
     "deg": Unit(math.pi / 180, _NONE),

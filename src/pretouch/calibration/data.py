@@ -15,11 +15,8 @@ from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import MAGNITUDES, WORKABLE
 from pretouch._core.values import Value
 
-IF_NEGATIVE: Final = (
-    "change the sign of all distances if they count backward from contact; write inf if the number means that no "
-    "object was found; remove the reading if its distance is wrong; otherwise add the same length to every distance, "
-    "and give the distance of the contact surface on this new scale as recess in [sensor]"
-)
+_CLEAR: Final = 0.5  # rank correlation of position and output from which on the side of the contact is clear
+_OFTEN: Final = 0.2  # share of the readings, from which on one negative distance is no code for "no object"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +95,8 @@ class Calibration(Value):
             raise CalibrationDataError("distances: found none, expected at least one reading with an object in range")
         if self.distances.min() < 0:
             raise CalibrationDataError(
-                f"distances: found {self.distances.min():g} m, but distances must not be negative; {IF_NEGATIVE}"
+                f"distances: found {self.distances.min():g} m, but distances must not be negative; "
+                f"{if_negative(self.distances, self.outputs)}"
             )
 
     @property
@@ -133,6 +131,45 @@ class Calibration(Value):
         """
         parts = [self.source.file if self.source else "", self.label]
         return ", ".join(part for part in parts if part) or "calibration"
+
+
+def if_negative(distances: FloatArray, outputs: FloatArray) -> str:
+    """Return what to do with negative distances, such as positions of a stage whose zero is not at contact.
+
+    Args:
+        distances: all distances of a calibration [m]; infinite without an object.
+        outputs: the outputs; both may be empty if they are unknown.
+    """
+    code = "if the number means that no object was found, write inf instead; if it is wrong, remove the reading"
+    stage = f"if these are positions, such as those of a stage, {if_positions(distances, outputs)}"
+    negative = distances[distances < 0]
+    is_code = 0 < len(negative) < _OFTEN * len(distances) and len(set(negative)) == 1
+    return f"{code}; {stage}" if is_code else f"{stage}; {code}"
+
+
+def if_positions(distances: FloatArray, outputs: FloatArray) -> str:
+    """Return how positions of a stage become distances from contact.
+
+    The output is larger near contact, so it shows on which side of the positions the contact is.
+
+    Args:
+        distances: the positions [m]; infinite without an object.
+        outputs: the outputs; both may be empty if they are unknown.
+    """
+    near = np.isfinite(distances) & np.isfinite(outputs)
+    position, output = distances[near], outputs[near]
+    tendency = 0.0
+    if len(set(position)) > 1 and len(set(output)) > 1:
+        first, second = (np.unique(values, return_inverse=True)[1] for values in (position, output))
+        tendency = float(np.corrcoef(first, second)[0, 1])
+    minus, subtract = "replace each by P minus the position", "subtract P from each"
+    contact = ", where P is the position at contact"
+    if tendency > _CLEAR:
+        signs = " (change the sign of all if P is 0)" if position.max() <= 0 else ""
+        return f"{minus}{contact}{signs}, because the output rises with the position"
+    if tendency < -_CLEAR:
+        return f"{subtract}{contact}"
+    return f"{minus} if they count backward, or else {subtract}{contact}"
 
 
 def _column(values: ArrayLike, name: str, unit: str) -> FloatArray:

@@ -20,7 +20,7 @@ from pretouch.tables.column_options import find_label_columns, parse_column_opti
 from pretouch.tables.names import split_title
 from pretouch.tables.text_table import read_table
 
-from .data import IF_NEGATIVE, Calibration, Provenance
+from .data import Calibration, Provenance, if_negative, if_positions
 from .table_layout import Layout, long_layout, output_column, refuse_quantities_in_rows, wide_layout
 
 _FEW: Final = 5  # number of distances from which on a stray one is searched for
@@ -239,7 +239,7 @@ def _readings(table: TextTable, layout: Layout) -> _Readings:
     shape = (len(table.lines), len(layout.pairs))
     distances, outputs = np.empty(shape), np.empty(shape)
     bad = len(table.lines)
-    numbers: dict[int, FloatArray | int] = {}  # one distance column may belong to several output columns
+    numbers: dict[int, tuple[FloatArray, int]] = {}  # one distance column may belong to several output columns
     for k, (distance, output) in enumerate(layout.pairs):
         for column, read, target in ((distance, _distance, distances), (output, _output, outputs)):
             if isinstance(column, float):
@@ -247,24 +247,37 @@ def _readings(table: TextTable, layout: Layout) -> _Readings:
                 continue
             if column.index not in numbers:
                 numbers[column.index] = _numbers(table, column, read)
-            column_numbers = numbers[column.index]
-            if isinstance(column_numbers, int):
-                bad = min(bad, column_numbers)
-            else:
-                target[:, k] = column_numbers
+            target[:, k], stop = numbers[column.index]
+            bad = min(bad, stop)
     if bad < len(table.lines):
+        _refuse_negative(table, layout, distances[: bad + 1], outputs[: bad + 1])
         line, row = table.lines[bad], table.row(bad)
         for distance, output in layout.pairs:  # reading the invalid cell again raises its error
             if not isinstance(distance, float):
                 _distance(table, line, row[distance.index], distance)
             _output(table, line, row[output.index], output)
+    _refuse_negative(table, layout, distances, outputs)
     return _Readings(distances, outputs)
 
 
-def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> FloatArray | int:
-    """Read the numbers of a table column. If a cell is invalid, return the index of the first such row."""
+def _refuse_negative(table: TextTable, layout: Layout, distances: FloatArray, outputs: FloatArray) -> None:
+    """Raise an error if a distance is negative."""
+    if not (distances < 0).any():
+        return
+    row, pair = np.argwhere(distances < 0)[0].tolist()
+    place, column = f"{table.file}, line {table.lines[row]}", layout.pairs[pair][0]
+    cell = f"{distances[row, pair]:g} m" if isinstance(column, float) else table.columns[column.index][row]
+    raise CalibrationDataError(
+        f"{place}: found the distance {cell}, but distances must not be negative; "
+        f"{if_negative(distances.ravel(), outputs.ravel())}",
+        problem=f"{place}: found a negative distance, but a distance must be zero or positive",
+    )
+
+
+def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> tuple[FloatArray, int]:
+    """Read the numbers of a table column up to its first invalid cell; also return the index of its row."""
     cells = table.columns[column.index]
-    values = np.empty(len(cells))
+    values = np.full(len(cells), np.nan)
     cache: dict[str, float] = {}
     for i, cell in enumerate(cells):
         value = cache.get(cell)
@@ -272,22 +285,16 @@ def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> Fl
             try:
                 value = read(table, 0, cell, column)
             except CalibrationDataError:
-                return i
+                return values, i
             if len(cache) < _REMEMBERED:
                 cache[cell] = value
         values[i] = value
-    return values
+    return values, len(cells)
 
 
 def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
     """Read a distance from a table cell. The distance is infinite if no object was in range."""
-    value = math.inf if is_no_object(cell) else number(table, line, cell, column)
-    if value < 0:
-        raise CalibrationDataError(
-            f"{table.file}, line {line}: found the distance {cell}, but distances must not be negative; {IF_NEGATIVE}",
-            problem=f"{table.file}, line {line}: found a negative distance, but a distance must be zero or positive",
-        )
-    return value
+    return math.inf if is_no_object(cell) else number(table, line, cell, column)
 
 
 def _output(table: TextTable, line: int, cell: str, column: Column) -> float:
@@ -306,8 +313,15 @@ def _curve(
     _refuse_stray_distance(table, readings.distances[present & ~without_object])
     farthest = float(np.max(readings.distances[present & ~without_object], initial=0.0))
     doubt = f"The largest distance is {format_quantity(farthest, 'm')}: check the unit of the distances."
-    is_doubtful = (
-        np.unique(readings.distances[present & ~without_object]).size >= _FEW and not _NEAR <= farthest <= _FAR
+    places = np.unique(readings.distances[present & ~without_object])
+    is_doubtful = places.size >= _FEW and not _NEAR <= farthest <= _FAR
+    is_shifted = places.size >= _FEW and places[0] > places[-1] - places[0]
+    shift = (
+        f"The readings start at {format_quantity(float(places[0]), 'm')}, and end at {format_quantity(farthest, 'm')}. "
+        "If these are positions, such as those of a stage, and not distances from contact, "
+        f"{if_positions(readings.distances, readings.outputs)}."
+        if is_shifted
+        else ""
     )
     if not (present & ~without_object).any():
         raise CalibrationDataError(
@@ -339,6 +353,7 @@ def _curve(
                 *((missing,) if dropped else ()),
                 *layout.notes,
                 *((doubt,) if is_doubtful else ()),
+                *((shift,) if shift else ()),
             ),
         ),
     )

@@ -24,6 +24,7 @@ _FOLLOWS: Final = 0.5, 2.0  # change of the reported distance, over that of the 
 _CORNER: Final = 0.05  # share of the largest lag of the reported distance within which the corner lies
 _TIME: Final = parse_unit("s").exponents
 _SOUND: Final = 2 / 370, 2 / 310  # increase of an echo time per distance [s/m], for speeds of sound of 370 to 310 m/s
+_STEEPER: Final = 2.0  # times the rise in the nearer half, from which on an output rises most at its end
 _STRAIGHT: Final = 0.05  # share of the range of the outputs by which a straight line may miss them
 _FEWEST: Final = 5  # distances needed to see a straight line or an overflow
 _INTEGERS: Final = (8, 16, 32)  # bits
@@ -112,12 +113,27 @@ def rising_output(calibration: Calibration, curve: AveragedCurve, noise: Reading
     top = float(max([calibration.outputs.max(), *calibration.no_object]))
     step = 10.0 ** (math.floor(math.log10(float(np.ptp(calibration.outputs)))) - 1)
     highest = f"{(math.floor(top / step) + 1) * step:g} {calibration.unit}".rstrip()  # above all, since 0 means lost
+    backward = (
+        "if the distances are positions that count toward contact, such as those of a stage, replace each by P minus "
+        "the position, where P is the position at contact"
+    )
+    inverted = (
+        f"if the electronics invert the signal, replace each reading by {highest} minus the reading, in the file and "
+        "on the robot"
+    )
+    steep = _is_steepest_far(curve)
+    where, first, second = (", most at its end", backward, inverted) if steep else ("", inverted, backward)
     return caution(
         "PT113",
-        "The sensor output rises with the distance: if the electronics invert the signal, replace each reading by "
-        f"{highest} minus the reading, in the file and on the robot; if it is a decay time or a resistance, replace it "
-        f"by its inverse instead; if the sensor reports a distance, {_SCENARIO}",
+        f"The sensor output rises with the distance{where}: {first}; {second}; if it is a decay time or a resistance, "
+        f"replace it by its inverse instead; if the sensor reports a distance, {_SCENARIO}",
     )
+
+
+def _is_steepest_far(curve: AveragedCurve) -> bool:
+    """Return True if an output rises most at the largest distances, as an output does toward contact."""
+    rise = np.interp([0.0, 0.5, 1.0], (curve.distance - curve.distance[0]) / np.ptp(curve.distance), curve.steady)
+    return bool(rise[2] - rise[1] > _STEEPER * (rise[1] - rise[0]))
 
 
 def falls_and_rises(calibration: Calibration, curve: AveragedCurve, noise: ReadingNoise) -> str:

@@ -26,6 +26,7 @@ from pretouch.tables.cells import (
 )
 from pretouch.tables.column_options import ColumnOption, ColumnOptions, columns_hint
 from pretouch.tables.dialect import DELIMITERS
+from pretouch.tables.line_prefixes import TIME_OF_LINE
 from pretouch.tables.names import (
     DistanceMark,
     distance_mark,
@@ -39,7 +40,7 @@ from pretouch.tables.names import (
 )
 from pretouch.tables.unit_words import LENGTH, TIME, dimension, unit_in_words
 
-from .data import IF_NEGATIVE
+from .data import if_negative
 
 _SHOWN = 8  # columns that a message lists
 _SIDES = frozenset(
@@ -63,6 +64,8 @@ _SIDES = frozenset(
         "b",
         "c",
         "d",
+        "l",
+        "r",
     ]
 )
 _TRUE = frozenset(
@@ -206,10 +209,13 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int], 
         free = [i for i in [*readable, *range(len(table.header))] if i != distance_or_first]
         others = ("setting", "count", "time", "statistic")
         output_guess = next((i for i in free if not any(is_named(table.header[i], kind) for kind in others)), free[0])
+        unit = "" if is_length(split_title(table.header[distance_or_first])[1]) else " [UNIT]"
+        hint = f"distance={distance_or_first + 1}{unit}"
+        if not _sensors(table, distance_or_first):
+            hint += f",output={output_guess + 1}"
         raise CalibrationDataError(
             f"{table.place}: the table needs one column named distance and one column named output. It has the columns "
-            f"{columns}. Rename two columns, or select two columns with "
-            f"{columns_hint(f'distance={distance_or_first + 1},output={output_guess + 1}')}",
+            f"{columns}. Rename two columns, or select two columns with {columns_hint(hint)}",
             problem=f"{table.place}: the table has no columns that are named distance and output",
         )
     return distance, [output], False
@@ -309,6 +315,8 @@ def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int
         return option.index(table)
     units = [split_title(title)[1] for title in table.header]
     named = [i for i, title in enumerate(table.header) if is_named(title, "distance") and i != output]
+    if {"l", "r"} <= {split_title(title)[0].casefold() for title in table.header}:  # left and right, not a length
+        named = [i for i in named if split_title(table.header[i])[0].casefold() != "l"]
     lengths = [i for i, unit in enumerate(units) if is_length(unit) and i != output]
     matches = (
         [i for i in named if i in lengths]
@@ -493,7 +501,7 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
             reason = "it describes averaged readings"
         elif is_named(title, "remark") and _is_on_few(table, i, distance):
             reason = "it has remarks on single readings. If they tell curves apart, name it with --labels"
-        elif (is_named(title, "time") or dimension(split_title(title)[1]) == TIME) and _drifts(table, i, distance):
+        elif title == TIME_OF_LINE or (_is_time(title) and _drifts(table, i, distance)):
             reason = "it is a time"
         elif _is_measured(table, i) and _drifts(table, i, distance):
             reason = "it changes within the curve"
@@ -520,6 +528,10 @@ def _wobbles(table: TextTable, index: int) -> bool:
     low, high = float(np.nanmin(numbers)), float(np.nanmax(numbers))
     has_fractions = bool(np.any(numbers[np.isfinite(numbers)] % 1 != 0))
     return (has_fractions and low < 0 < high) or high - low < _SCATTER * abs(high + low) / 2
+
+
+def _is_time(title: str) -> bool:
+    return is_named(title, "time") or dimension(split_title(title)[1]) == TIME
 
 
 def _is_measured(table: TextTable, index: int) -> bool:
@@ -709,7 +721,8 @@ def _distance_of_header(table: TextTable, mark: DistanceMark, unit: str) -> floa
     value = float(Decimal(mark.number) * Decimal(repr(parse_unit(mark.unit or unit).factor)))
     message = f"{table.place}: found the distance {quoted(f'{mark.number} {mark.unit or unit}')}"
     if value < 0:
-        raise CalibrationDataError(f"{message}, which must not be negative; {IF_NEGATIVE}")
+        unknown = np.empty(0)
+        raise CalibrationDataError(f"{message}, which must not be negative; {if_negative(unknown, unknown)}")
     if not (math.isfinite(value) and has_workable_magnitude(value)):
         raise CalibrationDataError(f"{message}, expected a number {WORKABLE} (in m)")
     return value

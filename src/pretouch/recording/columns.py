@@ -12,6 +12,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.tables.cells import TextTable
+from pretouch.tables.date_cells import number_of_date
 from pretouch.tables.documents import DOCUMENTS
 from pretouch.tables.names import is_named, split_title
 from pretouch.tables.text_table import read_table
@@ -101,6 +102,9 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
             *notes,
             f"{lost:,} cells of the column {table.title(index)} are no numbers: missing readings.",
         )
+        dates = sum(number_of_date(cell) is not None for cell in table.columns[index])
+        if dates:
+            notes = (*notes, f"{dates:,} of these cells are dates, which a spreadsheet made of numbers such as 1.2.")
     return RecordedColumn(name, unit or "", times.stamps[usable], values[usable], bounds, read, notes)
 
 

@@ -16,7 +16,7 @@ from pretouch._core.units import parse_unit
 
 from .cells import is_missing, is_no_object, is_number, quoted
 from .names import split_title
-from .number_forms import in_decimal, is_hexadecimal, with_exponent
+from .number_forms import from_fraction, from_thousands, in_decimal, is_hexadecimal, with_exponent
 from .unit_words import dimension, unit_in_words
 
 _FIRST: Final = 50  # cells that are tried first
@@ -78,6 +78,7 @@ def plain_columns(
         if all(map(_is_plain, distinct)):
             continue
         forms = {cell: with_exponent(form) for cell, form in _without_spreads(distinct).items()}
+        forms, notes_on_forms = _without_fractions(forms, titles[i])
         forms, unit = _without_units(forms, split_title(titles[i])[1])
         forms = _without_groups(forms)
         if not all(_is_plain(form) for form in forms.values()):
@@ -91,6 +92,7 @@ def plain_columns(
             notes.append(f"The unit of the column {titles[i]!r} is in its cells.")
         if any("±" in cell or "+-" in cell or "+/-" in cell for cell in distinct):
             notes.append(f"The uncertainties in the column {titles[i]!r} are not used.")
+        notes += notes_on_forms
         changed[i] = tuple(forms[cell] for cell in cells)
         floats[i] = _floats(changed[i])
     others = [cells for cells, numbers in zip(changed, floats, strict=True) if numbers is None]
@@ -106,10 +108,10 @@ def plain_cell(cell: str) -> str:
     """Return the number in one cell without its uncertainty and its unit, and without separators of thousands.
 
     Examples:
-        >>> plain_cell("2.5 ± 0.1 mm"), plain_cell("1'250"), plain_cell("0x1F")
-        ('2.5', '1250', '31')
+        >>> plain_cell("2.5 ± 0.1 mm"), plain_cell("1'250"), plain_cell("0x1F"), plain_cell("9.6k")
+        ('2.5', '1250', '31', '9600')
     """
-    forms, _ = _without_units(_without_spreads({cell: cell.strip()}))
+    forms, _ = _without_units(_without_spreads({cell: from_thousands(cell) or cell.strip()}))
     return _without_groups(forms)[cell]
 
 
@@ -144,6 +146,21 @@ def _has_thousands(cells: Sequence[str]) -> bool:
 
 def _without_spreads(forms: dict[str, str]) -> dict[str, str]:
     return {cell: "".join(m.groups()) if (m := _SPREAD.fullmatch(form)) else form for cell, form in forms.items()}
+
+
+def _without_fractions(forms: dict[str, str], title: str) -> tuple[dict[str, str], list[str]]:
+    """Read numbers such as `1 1/4` and `9.60k`, if all cells of a column are such numbers or others.
+
+    Returns:
+        The cells, and a note on the first of these numbers.
+    """
+    for read in (from_fraction, from_thousands):
+        found = {cell: number for cell, form in forms.items() if (number := read(form)) is not None}
+        if found:
+            cell = min(found)
+            note = f"Numbers such as {quoted(cell)} in the column {title!r} are read as {found[cell]}."
+            return {**forms, **found}, [note]
+    return forms, []
 
 
 def _without_units(forms: dict[str, str], wanted: str | None = None) -> tuple[dict[str, str], str | None]:

@@ -14,6 +14,7 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import WORKABLE, has_workable_magnitude
 
+from .date_cells import number_of_date
 from .number_forms import UNSIGNED, WITH_COMMA, WITH_POINT
 from .unit_words import LENGTH, dimension, unit_in_words
 
@@ -211,6 +212,14 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
             if has_workable_magnitude(scaled):
                 return scaled
     place = f"{table.file}, line {line}"
+    original = number_of_date(cell)
+    if original is not None:
+        raise CalibrationDataError(
+            f"{place}: found the date {quoted(cell)} in column {table.title(column.index)}. A spreadsheet made it of a "
+            f"number, probably of {original}. Write the number instead of each such date, or import the original file "
+            "into the spreadsheet again, with this column as text",
+            problem=f"{place}: found a date instead of a number",
+        )
     if math.isfinite(value):
         unit = f" (unit: {column.unit})" if column.unit else ""
         expected = f"expected a number {WORKABLE}{unit}. Other numbers are too large or too small to fit a curve"

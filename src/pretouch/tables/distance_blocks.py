@@ -16,7 +16,7 @@ from .number_forms import WITHIN_LINE
 from .unit_words import LENGTH, dimension, unit_in_words
 
 _DISTANCE: Final = re.compile(
-    rf"\s*(?:[-*•]\s+|\d{{1,3}}[.)]\s+)?({WITHIN_LINE})\s*([^\s\d,;:=@|>→–—.-]+)"
+    rf"\s*(?:[-*•]\s+|\d{{1,3}}[.)]\s+)?(?:[^\W\d_][^\d:;,|>→]{{0,40}}?[\s=@(])?({WITHIN_LINE})\s*([^\s\d,;:=@|>→–—.-]+)"
     r"\s*(-+>|=+>|[:=@|;,→]|\.{2,}|[-–—](?=\s)|\s|$)\s*(.*)"
 )
 _READING: Final = re.compile(rf"({WITHIN_LINE})\s*([^\s\d,;:.+-][^\s\d,;]*)?(?:[\s;|]+|,\s*|$)")
@@ -37,6 +37,19 @@ def may_have_blocks(texts: Sequence[str]) -> bool:
         if cells is not None and len(cells) == 1 and is_named(next(iter(cells)), "distance"):
             return True
     return False
+
+
+def title_cells(text: str) -> dict[str, str] | None:
+    """Return the distance of a line that only states it, such as `--- 5 mm ---` or `at 5 mm:`, with its label.
+
+    Examples:
+        >>> title_cells("--- 5 mm ---"), title_cells("at 5 mm:"), title_cells("5 mm: 812")
+        ({'distance [mm]': '5'}, {'distance [mm]': '5'}, None)
+    """
+    match = _match(text)
+    if match is None or match[4].strip() or dimension(match[2]) != LENGTH:
+        return None
+    return {f"distance [{unit_in_words(match[2])}]": match[1]}
 
 
 def of_blocks(file: str, numbers: Sequence[int], texts: Sequence[str]) -> FormedLines | None:

@@ -16,7 +16,6 @@ Lines: TypeAlias = "list[tuple[int, str]]"
 
 SEARCHED: Final = 200
 """Number of lines in which the header is searched."""
-_REMARKS: Final = frozenset({"", "comment", "comments", "remark", "remarks", "note", "notes", "kommentar", "bemerkung"})
 _HEADER_WORD: Final = re.compile(
     rf'"[^"]*"|[-+]?\d+(?:[.,]\d*)?[ \t]*(?:[unµμmck]?m|in|inch)(?!\S)|no[ -]object|(?:{BRACKETED}|\S+)', re.IGNORECASE
 )
@@ -174,7 +173,7 @@ def header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str, 
 def without_remark(header: tuple[str, ...], width: int | None) -> tuple[str, ...]:
     """Remove the last header, if it announces remarks that no row has."""
     is_longer = width is not None and len(header) == width + 1
-    return header[:-1] if is_longer and header[-1].casefold() in _REMARKS else header
+    return header[:-1] if is_longer and (not header[-1] or is_named(header[-1], "remark")) else header
 
 
 def _phrases(line: str) -> list[str]:

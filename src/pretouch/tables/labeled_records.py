@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from pretouch._core.errors import CalibrationDataError
 
+from .distance_blocks import title_cells
 from .formed_lines import COLUMN, MOST, FormedLines
 from .labels import labeled_cells, rows_of
 from .line_prefixes import TIME_OF_LINE
@@ -47,7 +48,7 @@ def of_labels(file: str, numbers: Sequence[int], texts: Sequence[str]) -> Formed
     others = []
     for number, text in zip(numbers, texts, strict=True):
         stamp, _, rest = text.rpartition(COLUMN)
-        cells = labeled_cells(rest)
+        cells = labeled_cells(rest) or title_cells(rest)
         if cells is None:
             others.append(number)
         else:
@@ -57,8 +58,11 @@ def of_labels(file: str, numbers: Sequence[int], texts: Sequence[str]) -> Formed
     are_apart = len(kinds) > 1 and sum(map(len, kinds)) == len({label for kind in kinds for label in kind})
     records = _of_several_lines(file, lines, kinds) if are_apart else None
     if records is not None:
-        left_out = len(lines) - sum(len(record) for record in records)
-        notes.append(f"Each row is from {len(kinds)} lines.")
+        is_below = len(records) > kinds[lines[0].kind]  # several readings for each distance
+        left_out = 0 if is_below else len(lines) - sum(len(record) for record in records)
+        notes.append(
+            "Each distance belongs to the readings below it." if is_below else f"Each row is from {len(kinds)} lines."
+        )
         if left_out:
             lost.append(f"Lines of incomplete groups of {len(kinds)} lines, which are not read: {left_out:,}.")
     else:

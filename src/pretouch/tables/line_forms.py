@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from .cells import is_number, is_row
 from .dialect import cells_of, delimiter_of_row
-from .distance_blocks import may_have_blocks, of_blocks
+from .distance_blocks import may_have_blocks, of_blocks, title_cells
 from .formed_lines import COLUMN, LOOKED_AT, MOST, FormedLines, share
 from .frames import without_frames
 from .labeled_records import of_labels
@@ -39,19 +39,22 @@ def form_lines(file: str, numbers: Sequence[int], texts: list[str]) -> FormedLin
         if formed is not None:
             return formed
     numbers, texts, *_ = without_frames(numbers, texts)
-    first = texts[:LOOKED_AT]
+    given, plain = numbers, texts
+    titles = [text for text in texts[:LOOKED_AT] if title_cells(text)]
+    first = [text for text in texts[:LOOKED_AT] if text not in titles]
     notes: tuple[str, ...] = ()
     if share(without_stamp(text)[0] for text in first) >= MOST:
         numbers, texts = _with_times(numbers, texts)
         notes = ("The times in front of the lines are read as a column.",)
-        first = texts[:LOOKED_AT]
+        first = [text for text in texts[:LOOKED_AT] if text.rpartition(COLUMN)[2] not in titles]
     if share(labeled_cells(text.rpartition(COLUMN)[2]) for text in first) >= MOST:
         labeled = of_labels(file, numbers, texts)
         if labeled is not None:
             return labeled._replace(notes=(*notes, *labeled.notes))
-    blocks = of_blocks(file, numbers, texts) if may_have_blocks(first) else None
-    if blocks is not None:
-        return blocks
+    if titles or may_have_blocks(first):
+        blocks = of_blocks(file, given, [without_stamp(text)[1] for text in plain])
+        if blocks is not None:
+            return blocks
     return _with_stacked_header(numbers, texts) or FormedLines(numbers, texts, notes)
 
 
@@ -59,7 +62,8 @@ def _with_times(numbers: Sequence[int], texts: list[str]) -> tuple[Sequence[int]
     """Make the times in front of the lines a column; a line without one belongs to the header or has no time."""
     rows = []
     parts = [without_stamp(text) for text in texts]
-    several = next((rest for _, rest in parts if len(cells_of(rest, delimiter_of_row(rest))) > 1), "")
+    rests = (rest for stamp, rest in parts if stamp or not title_cells(rest))
+    several = next((rest for rest in rests if len(cells_of(rest, delimiter_of_row(rest))) > 1), "")
     mark = COLUMN if labeled_cells(several) or not several else delimiter_of_row(several)
     for stamp, rest in parts:
         is_reading = is_row(cells_of(rest, mark)) or is_number(rest.strip()) or labeled_cells(rest) is not None

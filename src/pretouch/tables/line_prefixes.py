@@ -8,7 +8,9 @@ from typing import Final
 TIME_OF_LINE: Final = "time of the line"
 """Header of the column with the times that a serial monitor or a log writes in front of each line."""
 _STAMP: Final = re.compile(
-    r"\s*(\[?)((?:\d{4}-\d\d-\d\d[T ])?\d{1,2}:\d\d:\d\d(?:[.,]\d{1,9})?)(\]?)\s*(->|>|)\s*(.*)", re.DOTALL
+    r"\s*(\[?)((?:\d{4}-\d\d-\d\d[T ])?\d{1,2}:\d\d:\d\d(?:[.,]\d{1,9})?|\d{1,3}:\d\d[.,]\d{1,9})"
+    r"(\]?)\s*(->|>|)\s*(.*)",
+    re.DOTALL,
 )
 _LEVEL: Final = r"(?:TRACE|DEBUG|INFO|NOTICE|WARN|WARNING|ERROR|FATAL|CRITICAL)"
 _OF_NODE: Final = re.compile(rf"\s*\[\s*{_LEVEL}\s*\]\s*\[(\d+\.\d+)\]\s*(?:\[[^\[\]]*\])?\s*:?\s*(.*)", re.DOTALL)

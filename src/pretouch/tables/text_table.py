@@ -20,12 +20,14 @@ from .cell_forms import plain_columns
 from .cells import TextTable, is_missing, is_no_object, is_number, is_row, quoted
 from .column_options import ColumnOptions
 from .dialect import BLANK, cells_of, delimiter_of_header, delimiter_of_row
-from .distance_blocks import of_blocks
+from .distance_blocks import of_blocks, title_cells
 from .documents import export_for, text_of_document
 from .formed_lines import FormedLines
 from .header_search import SEARCHED, ExpectedHeader, Lines, header_at, header_cells, without_remark
+from .labeled_records import of_labels
+from .labels import labeled_cells
 from .line_forms import form_lines
-from .names import is_length, is_unit
+from .names import is_length, is_named, is_unit
 
 _refusal = CalibrationDataError.without_content
 
@@ -37,6 +39,7 @@ _LONGEST_LINE = 200_000  # characters, enough for ten thousand columns
 _EMPTY = " \t\r\n,;"  # characters of a line without content
 _BREAK = re.compile(r"\r\n|\n|\r")
 _UNIT_TITLES = frozenset({"unit", "units", "einheit", "unité", "unidad", "unità", "eenheid", "единица", "单位", "単位"})
+_FEWEST_TITLES = 2  # comments with a distance, from which on they belong to the readings below them
 _START = 400  # characters in which a file says that it is a page
 _PAGES = ("<!doctype", "<html", "<?xml", "<table", "<head", "<body", "<div", "<svg")
 _FULL_WIDTH = {0xFF01 + i: 0x21 + i for i in range(94)} | {0x3000: 0x20, 0x3001: 0x2C}
@@ -140,11 +143,23 @@ def _refuse_no_table(file: str, text: str) -> None:
 
 def _blocks_below_comments(file: str, text: str, texts: list[str]) -> FormedLines | None:
     """Return the rows of a file whose lines are readings, below comments that say the distance, or None."""
-    if "#" not in text or not all(is_number(line.strip()) for line in texts[:SEARCHED]):
+    if "#" not in text or not all(is_number(line.strip()) or _is_labeled(line) for line in texts[:SEARCHED]):
         return None
     lines = [(i, line.strip().lstrip("#").strip()) for i, line in enumerate(_BREAK.split(text), start=1)]
     lines = [(i, line) for i, line in lines if line]
+    if not any(map(is_number, texts)):
+        readings, titles = set(texts), [i for i, line in lines if title_cells(line)]
+        if len(titles) < _FEWEST_TITLES:
+            return None
+        lines = [(i, line) for i, line in lines if line in readings or i in titles]
+        return of_labels(file, [i for i, _ in lines], [line for _, line in lines])
     return of_blocks(file, [i for i, _ in lines], [line for _, line in lines])
+
+
+def _is_labeled(line: str) -> bool:
+    """Return True if a line has readings with labels, but no distance."""
+    cells = labeled_cells(line)
+    return cells is not None and not any(is_named(label, "distance") for label in cells)
 
 
 def _split(rows: list[Any], delimiter: str, *, plain: bool, tight: bool) -> None:

@@ -20,6 +20,7 @@ _WORDS: Final[dict[str, str]] = {
         "mm": "mm millimeter millimeters millimetre millimetres мм",
         "um": "um µm μm micron microns micrometer micrometers micrometre micrometres mikrometer",
         "in": "in in. inch inches zoll \" ″ ''",
+        "thou": "thou mil mils thousandth thousandths",
         "ft": "ft ft. foot feet",
         "V": "v volt volts в",
         "mV": "mv millivolt millivolts мв",

@@ -99,6 +99,68 @@ def test_a_recording_is_read_with_its_times(tmp_path, name: str) -> None:
     assert any("clock was set" in note for note in recording.notes) == name.startswith("a clock")
 
 
+NO_TIMES = {
+    "a header": ("prox\n", "{v}\n", ""),
+    "no header": ("", "{v}\n", ""),
+    "two columns": ("prox,als\n", "{v},7\n", "prox"),
+    "two columns without a header": ("", "7;{v}\n", "column 2"),
+    "labels": ("", "prox: {v}, als: 7\n", "prox"),
+    "a number of the reading": ("sample,prox\n", "{i},{v}\n", "prox"),
+    "times that are too coarse": ("time [s],prox\n", "{s},{v}\n", "prox"),
+}
+
+
+@pytest.mark.parametrize("name", NO_TIMES)
+def test_a_recording_without_times_is_read_at_a_stated_rate(tmp_path, name: str) -> None:
+    head, row, topic = NO_TIMES[name]
+    path = tmp_path / "log.txt"
+    path.write_text(head + "".join(row.format(v=v, i=i, s=i // 200) for i, v in enumerate(VALUES)))
+    with pytest.raises((CalibrationDataError, InvalidInputError)) as error:
+        read_recording(path, topic)
+    assert "--rate" in str(error.value)
+    recording = read_recording(path, topic, rate=200.0)
+    assert recording.values.tolist() == VALUES
+    assert np.unique(np.diff(recording.stamps)).tolist() == [5_000_000]
+    assert recording.clock == "rate"
+    assert "stated rate: 200 Hz" in recording.read[0]
+
+
+def test_missing_numbers_of_readings_are_gaps_at_a_stated_rate(tmp_path) -> None:
+    (tmp_path / "log.csv").write_text("seq,prox\n" + "".join(f"{i},{i % 7}\n" for i in range(400) if i % 10))
+    recording = read_recording(tmp_path / "log.csv", rate=100.0)
+    assert np.unique(np.diff(recording.stamps)).tolist() == [10_000_000, 20_000_000]
+
+
+@pytest.mark.parametrize("rate", [0.0, -5.0, math.nan, math.inf])
+def test_a_rate_is_refused_that_is_none_or_that_the_times_show(tmp_path, rate: float) -> None:
+    (tmp_path / "log.csv").write_text("time [s],prox\n" + "".join(f"{i / 100},{i % 7}\n" for i in range(400)))
+    for stated in (rate, 50.0):
+        with pytest.raises((CalibrationDataError, InvalidInputError)) as error:
+            read_recording(tmp_path / "log.csv", rate=stated)
+        assert ("100 Hz" in str(error.value)) == (stated == 50.0)
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_a_log_without_a_header_gets_the_line_to_write_above_it(tmp_path, mark: str) -> None:
+    """Following the remedy with the true unit reads the log."""
+    rows = "".join(mark.join([f"{1000 * i}", f"{v}", f"{-i}", "0", "0"]) + "\n" for i, v in enumerate(VALUES))
+    (tmp_path / "log.csv").write_text(rows)
+    with pytest.raises(CalibrationDataError) as error:
+        read_recording(tmp_path / "log.csv")
+    line = re.search(r'write the line "([^"]*)" above it', str(error.value))[1]
+    (tmp_path / "log.csv").write_text(line.replace("UNIT", "us") + "\n" + rows)
+    recording = read_recording(tmp_path / "log.csv", "column 2")
+    assert recording.values.tolist() == VALUES
+    assert np.unique(np.diff(recording.stamps)).tolist() == [1_000_000]
+
+
+def test_a_number_before_labels_is_a_time_if_it_rises(tmp_path) -> None:
+    (tmp_path / "log.txt").write_text("".join(f"{4999 + 5 * i} L:{v} R:7\n" for i, v in enumerate(VALUES)))
+    recording = read_recording(tmp_path / "log.txt", "L")
+    assert recording.values.tolist() == VALUES
+    assert np.unique(np.diff(recording.stamps)).tolist() == [5_000_000]
+
+
 def test_the_range_of_echoed_messages_bounds_their_distances(tmp_path) -> None:
     rows = "".join(f"{1_700_000_000 + i},500000000,ir,1,0.1,0.02,4.0,{0.1 + i / 1000}\n" for i in range(150))
     (tmp_path / "echo.csv").write_text(rows)

@@ -56,6 +56,9 @@ def replay(
     clock: Annotated[
         str | None, option("header|receive", "Which times to use; by default the header stamps, if there are any.")
     ] = None,
+    rate: Annotated[
+        str | None, option("RATE", 'Readings per second of a table without times, such as "100 Hz".')
+    ] = None,
     start: Annotated[str | None, typer.Option("--from", metavar="TIME", help="Start of the replayed part.")] = None,
     end: Annotated[str | None, typer.Option("--to", metavar="TIME", help="End of the replayed part.")] = None,
     gain: LoopGain = None,
@@ -85,7 +88,7 @@ def replay(
     for path in filter(None, (chain, calibration, mcap)):
         refuse_existing(path, force=shown.force)
     task = load_loop(file, "reading the recording", gain, None)
-    sensor, *others = _recordings(recording, topic, [name for name in (reference, truth) if name], clock)
+    sensor, *others = _recordings(recording, topic, [name for name in (reference, truth) if name], clock, rate)
     named = dict(zip([key for key, name in (("reference", reference), ("truth", truth)) if name], others, strict=True))
     if joints is not None and model is not None and site is not None:
         named["reference"] = _distances(recording, joints, model, site, axis=axis, clock=sensor.clock)
@@ -127,11 +130,14 @@ def _refuse_incomplete(reference: str | None, joints: str | None, model: Path | 
         raise InvalidInputError("--joints, --model, --site: expected all three of them, or none")
 
 
-def _recordings(path: Path, topic: str, others: list[str], clock: str | None) -> tuple[Recording, ...]:
+def _recordings(
+    path: Path, topic: str, others: list[str], clock: str | None, rate: str | None
+) -> tuple[Recording, ...]:
     from pretouch.recording.reading import read_recordings  # noqa: PLC0415
 
     print_progress(f"{path}: reading")
-    return read_recordings(path, (topic, *others), clock=clock)
+    readings_per_second = None if rate is None else read_quantity(rate, "Hz", name="--rate")
+    return read_recordings(path, (topic, *others), clock=clock, rate=readings_per_second)
 
 
 def _distances(path: Path, joints: str, model: Path, site: str, *, axis: str, clock: str) -> Recording:

@@ -25,6 +25,7 @@ def chain_section(
     distance_noise: float | None,
     delay: tuple[float, str] | None,
     name: str,
+    is_rate_stated: bool = False,
 ) -> str:
     """Return the measured sensor properties as a section [chain].
 
@@ -39,19 +40,26 @@ def chain_section(
         distance_noise: standard deviation of a measured distance [m]; None if unknown.
         delay: the delay [s], and how it was measured; None if unknown.
         name: name of the recording and its topic, for a comment.
+        is_rate_stated: whether the user stated the rate, because the recording has no times.
 
     Returns:
         The text.
     """
     rows: list[tuple[str, str, str]] = []
     rate = timing.value_rate
-    repeated = f"without gaps; each value is published {timing.held} times"
+    whence = "as stated" if is_rate_stated else "without gaps"
+    repeated = f"{whence}; each value is published {timing.held} times"
+    jitter = declared.jitter if is_rate_stated else timing.jitter
     exposure = min(declared.exposure, 1 / rate)
     rows += [
-        ("rate", _quoted(rate, "Hz"), "without gaps" if timing.held == 1 else repeated),
+        ("rate", _quoted(rate, "Hz"), whence if timing.held == 1 else repeated),
         ("exposure", _quoted(exposure, "s"), "not measured; from the scenario"),
         ("delay", *_delay(declared, delay)),
-        ("jitter", _quoted(min(timing.jitter, 1 / rate / 4), "s"), "robust standard deviation"),
+        (
+            "jitter",
+            _quoted(min(jitter, 1 / rate / 4), "s"),
+            "not measured; from the scenario" if is_rate_stated else "robust standard deviation",
+        ),
         ("dropout", _number(timing.dropout), "readings missing in gaps of up to five periods"),
         *_level_rows(noise, declared, kind, distance_noise),
     ]

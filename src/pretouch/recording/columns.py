@@ -12,11 +12,12 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.tables.cells import TextTable
+from pretouch.tables.column_options import ColumnOption, ColumnOptions
 from pretouch.tables.date_cells import number_of_date
 from pretouch.tables.documents import DOCUMENTS
 from pretouch.tables.names import is_named, split_title
 from pretouch.tables.text_table import read_table
-from pretouch.tables.times import in_order, read_times, refuse_coarse
+from pretouch.tables.times import in_order, read_times, refuse_coarse, times_at_rate
 from pretouch.tables.unit_words import TIME, dimension
 
 from .mixed_sensors import is_identity, parse_choice, rows_of_one_sensor
@@ -58,13 +59,14 @@ def is_table(path: Path) -> bool:
     return path.suffix.lower() in _TABLES and not path.is_dir()
 
 
-def read_columns(path: Path, wanted: str) -> RecordedColumn:
+def read_columns(path: Path, wanted: str, rate: float | None = None) -> RecordedColumn:
     """Read the times and one other column of a table.
 
     Args:
         path: the file.
         wanted: header of the column, with or without its unit, or its number from 1; empty if there is only one besides
             the times. `value[sensor=left]` reads only the rows with `left` in the column `sensor`.
+        rate: readings per second [Hz] of a table without times; None if it has times.
 
     Returns:
         The column.
@@ -74,7 +76,8 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
     """
     if not path.exists():
         raise InvalidInputError(f"{path}: this file does not exist")
-    table = read_table(path, is_recording=True)
+    options = None if rate is None else ColumnOptions(output=ColumnOption(key="output", number=1))  # needs no header
+    table = read_table(path, options, is_recording=True)
     if not table.lines:
         raise InvalidInputError(
             f"{path}: the table has a header but no rows below the header; record again, or export all rows"
@@ -82,7 +85,7 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
     choice = parse_choice(wanted, table.header)
     table, chosen = rows_of_one_sensor(path, table, choice)
     table, turned = in_order(table)
-    times = read_times(table)
+    times = read_times(table) if rate is None else times_at_rate(table, rate)
     index = _index_of(path, table, choice.name, times.columns)
     values = table.numbers(index)
     name, unit = split_title(table.header[index])
@@ -95,7 +98,8 @@ def read_columns(path: Path, wanted: str) -> RecordedColumn:
     usable = np.flatnonzero(times.usable)
     if turned:
         usable = usable[np.argsort(times.stamps[usable], kind="stable")]
-    refuse_coarse(table, times, usable[~np.isnan(values[usable])])
+    if rate is None:
+        refuse_coarse(table, times, usable[~np.isnan(values[usable])])
     lost = int(np.isnan(values[usable]).sum())
     if lost:
         notes = (

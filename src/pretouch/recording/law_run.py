@@ -125,6 +125,7 @@ def replay(
             distance_noise=distance_noise,
             delay=_delay(used, latency, reference, loop.chain.exposure),
             name=name,
+            is_rate_stated=used.clock == "rate",
         )
     shift = 0.0 if latency is None else latency.value or 0.0
     drift = None if reference is None else _drift(used, readings, reference, shift, controller)

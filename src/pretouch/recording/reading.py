@@ -35,7 +35,9 @@ _LATEST: Final = 2**62 / 1e9  # s, in the year 2116
 
 
 @check_arguments
-def read_recording(path: str | os.PathLike[str], topic: str = "", *, clock: str | None = None) -> Recording:
+def read_recording(
+    path: str | os.PathLike[str], topic: str = "", *, clock: str | None = None, rate: float | None = None
+) -> Recording:
     """Read one topic or CSV column of a recording.
 
     Args:
@@ -46,15 +48,16 @@ def read_recording(path: str | os.PathLike[str], topic: str = "", *, clock: str 
             as "value[sensor=left]".
         clock: "header" for the stamps in the messages, or "receive" for the times at which they were recorded; None
             for the stamps if all messages have one, and if those of several topics are from one clock.
+        rate: readings per second [Hz] of a table without times; None for recordings with times.
 
     Returns:
         The readings.
     """
-    return read_recordings(path, (topic,), clock=clock)[0]
+    return read_recordings(path, (topic,), clock=clock, rate=rate)[0]
 
 
 def read_recordings(
-    path: str | os.PathLike[str], topics: tuple[str, ...], *, clock: str | None = None
+    path: str | os.PathLike[str], topics: tuple[str, ...], *, clock: str | None = None, rate: float | None = None
 ) -> tuple[Recording, ...]:
     """Read several topics of a recording with one clock.
 
@@ -62,6 +65,7 @@ def read_recordings(
         path: see `read_recording`.
         topics: see `read_recording`.
         clock: see `read_recording`.
+        rate: see `read_recording`.
 
     Returns:
         The readings of each topic.
@@ -71,13 +75,17 @@ def read_recordings(
     """
     if clock not in {None, "header", "receive"}:
         raise InvalidInputError(f"clock: found {clock!r}, expected 'header' or 'receive'")
+    if rate is not None and not 0 < rate < np.inf:
+        raise InvalidInputError(f"rate: found {rate:g} Hz, expected a positive number of readings per second")
     file, wanted = Path(path), [_split_unit(topic) for topic in topics]
     if is_table(file):
         if clock is not None:
             raise InvalidInputError(
                 f"clock: the CSV file {file.name} has only one clock, its time column; omit the option for the clock"
             )
-        return tuple(_from_table(file, name, unit) for name, unit in wanted)
+        return tuple(_from_table(file, name, unit, rate) for name, unit in wanted)
+    if rate is not None:
+        raise InvalidInputError(f"rate: the messages of {file.name} have times, which show their rate; omit --rate")
     if not all(name for name, _ in wanted):
         names = ", ".join(topic.name for topic in read_contents(file, ()).counts)
         raise InvalidInputError(f"{path}: choose a topic with --topic: {names or 'there is none'}")
@@ -210,13 +218,14 @@ def _in_unit(values: FloatArray, unit: str | None) -> _Read:
     return _Read("reading", values, base)
 
 
-def _from_table(file: Path, name: str, unit: str | None) -> Recording:
-    column = read_columns(file, name)
+def _from_table(file: Path, name: str, unit: str | None, rate: float | None) -> Recording:
+    column = read_columns(file, name, rate)
     stated = column.unit if unit is None else unit
     if not stated and is_named(column.name, "distance"):
         _refuse_unstated(file, name or column.name, column)
     read = _in_unit(column.values, stated)
-    fields: dict[str, Any] = {"source": file.name, "topic": column.name, "message_type": "column", "clock": "column"}
+    clock: Clock = "column" if rate is None else "rate"
+    fields: dict[str, Any] = {"source": file.name, "topic": column.name, "message_type": "column", "clock": clock}
     fields |= {"kind": read.kind, "values": read.values, "unit": read.unit}
     fields["bounds"] = column.bounds if unit in {None, "m"} else UNBOUNDED
     return Recording(stamps=column.stamps, notes=(*column.notes, *read.notes), read=column.read, **fields)

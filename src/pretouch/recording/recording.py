@@ -19,7 +19,7 @@ from .clocks import Transport
 from .no_object import NoObject
 
 Kind: TypeAlias = Literal["reading", "distance"]
-Clock: TypeAlias = Literal["header", "receive", "column"]
+Clock: TypeAlias = Literal["header", "receive", "column", "rate"]
 
 UNBOUNDED: Final = (float("-inf"), float("inf"))
 """Bounds of a sensor whose messages have none."""
@@ -28,6 +28,7 @@ CLOCKS: Final = {
     "header": "header stamps",
     "receive": "receive times",
     "column": "time column",
+    "rate": "stated rate",
 }
 """The clocks of a recording, in words."""
 

@@ -133,7 +133,8 @@ def _uncertain_header(file: str, lines: Lines, expected: ExpectedHeader) -> tupl
     """Find a table header without known column names. Raise an error if the header is doubtful."""
     data = next((i for i, (_, t) in enumerate(lines[:SEARCHED]) if is_row(cells_of(t, delimiter_of_row(t)))), None)
     if data is None:
-        return 0, lines
+        is_number_alone = expected.options.has_a_number and is_number(lines[0][1].strip())
+        return (-1 if is_number_alone else 0), lines
     delimiter = delimiter_of_row(lines[data][1])
     cells = [header_cells(line, delimiter, None) for _, line in lines[:data]] + [cells_of(lines[data][1], delimiter)]
     if expected.options.has_a_number:

@@ -19,7 +19,8 @@ _PAIR: Final = re.compile(
 _LEADING: Final = re.compile(rf"({WITHIN_LINE})(?:\s*([^\W\d_]+))?(?:\s*[,;|]\s*|\s+)(?=[^\W\d_])")
 _LEADING_ALONE: Final = re.compile(rf"({WITHIN_LINE})(?:\s*[,;|]\s*|\s+)(?=[^\W\d_])")
 _PLACE: Final = re.compile(rf".*?(?:^|[\s=@]){WITHIN_LINE}\s*([^\W\d_]+)\s*", re.DOTALL)
-_FIRST: Final = "column 1"  # header of a number without a label in front of the others
+FIRST: Final = "column 1"
+"""Header of a number without a label in front of the others."""
 _MOST_LABELS: Final = 200
 _LONGEST: Final = 4096  # characters of a line that is searched for labels
 
@@ -51,9 +52,9 @@ def labeled_cells(line: str) -> dict[str, str] | None:
     position, name = 0, ""
     leading = _LEADING.match(text)
     if leading is not None and dimension(leading[2]):
-        cells[f"{_FIRST} [{leading[2]}]"], position = leading[1], leading.end()
+        cells[f"{FIRST} [{leading[2]}]"], position = leading[1], leading.end()
     elif (leading := _LEADING_ALONE.match(text)) is not None:
-        cells[_FIRST], position = leading[1], leading.end()
+        cells[FIRST], position = leading[1], leading.end()
     while position < len(text):
         match = _PAIR.match(text, position)
         if match is None or match.end() == position:

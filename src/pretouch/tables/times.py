@@ -10,11 +10,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from pretouch._core.errors import CalibrationDataError
-from pretouch._core.numbers import IntArray
+from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.units import format_quantity, parse_unit
 
 from .cells import TextTable, is_number, join_first, quoted
 from .clock_texts import has_dates, stamps_of_clock
+from .labels import FIRST
 from .line_prefixes import TIME_OF_LINE
 from .names import is_named, split_title
 from .time_steps import are_intervals, continued, far_stamps, is_coarse, readings_per_stamp, without_settings
@@ -31,6 +32,7 @@ _SECOND: Final = 10**9  # ns
 _UNSTEADY: Final = 0.2  # mean difference of steps from their median, relative to it: readings came in batches
 _COARSEST: Final = 2e-3  # s between readings that milliseconds tell apart
 _SHOWN: Final = 5
+_RATE: Final = '. If the file has no times, but the readings have a constant rate, state it, such as with --rate "100 Hz"'
 
 
 class Times(NamedTuple):
@@ -61,17 +63,17 @@ def read_times(table: TextTable) -> Times:
             intervals.
     """
     candidates = _candidates(table)
-    if all(map(is_number, table.header)):
+    if is_without_header(table):
         raise CalibrationDataError(
-            f"{table.place}: the first row contains numbers, but a header is expected; write a header above it, such "
-            'as "time [UNIT],reading" with the unit of the times in place of UNIT, such as s, ms or us'
+            f"{table.place}: the first row has numbers, but a header is expected; {_header_to_write(table)}{_RATE}",
+            problem=f"{table.place}: the first row contains numbers, but a header is expected",
         )
     if not candidates:
         titles = ", ".join(quoted(title) for title in table.header)
         raise CalibrationDataError(
             f"{table.place}: found no time column among the columns {titles}; rename the column with the times to "
             '"time [UNIT]", with the unit of the times in place of UNIT, such as s, ms or us; if the times are dates '
-            'and times of day, rename it to "time"'
+            f'and times of day, rename it to "time"{_RATE}'
         )
     pair = _pair(table)
     if pair is not None:
@@ -90,6 +92,63 @@ def read_times(table: TextTable) -> Times:
             note = f"The times are from {steadier[1]}, because they are steadier than those of {where}."
             times, where, unit = steadier[0]._replace(notes=(*steadier[0].notes, note)), *steadier[1:]
     return _checked(table, times, where, unit)
+
+
+def times_at_rate(table: TextTable, rate: float) -> Times:
+    """Return the times of readings that were taken at a constant rate, which the user states.
+
+    A column that counts the readings shows which of them are missing.
+
+    Args:
+        table: the table, without times that can be read.
+        rate: readings per second [Hz].
+
+    Raises:
+        CalibrationDataError: the table has times, so that the rate is known.
+    """
+    try:
+        found = read_times(table)
+        refuse_coarse(table, found, np.flatnonzero(found.usable))
+    except CalibrationDataError:
+        found = None
+    if found is not None:
+        raise CalibrationDataError(
+            f"{table.place}: the rate is given, but the table has times ({found.read}); omit --rate",
+            problem=f"{table.place}: the rate is given, but the table has times",
+        )
+    counter = next((i for i in range(len(table.header)) if _counts_readings(table, i)), None)
+    index = np.arange(len(table.lines)) if counter is None else table.numbers(counter).astype(np.int64)
+    stamps = np.round((index - index[0]) * (_SECOND / rate)).astype(np.int64)
+    where = "the number of the row" if counter is None else f"the number in the column {table.title(counter)}"
+    columns = tuple(_candidates(table)) if counter is None else (*_candidates(table), counter)
+    read = f"{where} at the stated rate: {format_quantity(rate, 'Hz', 3)}"
+    return Times(stamps, np.ones(len(stamps), dtype=bool), columns, read, ())
+
+
+def _counts_readings(table: TextTable, index: int) -> bool:
+    """Return True if a column counts the readings, with gaps where some are missing."""
+    numbers = table.numbers(index)
+    steps = np.diff(numbers)
+    is_count = is_named(table.header[index], "count") and bool(np.isfinite(numbers).all() and len(steps))
+    return is_count and bool(np.all(steps % 1 == 0) and np.all(steps >= 1) and np.median(steps) == 1)
+
+
+def is_without_header(table: TextTable) -> bool:
+    """Return True if the first row of a table is no header, but has numbers."""
+    return all(map(is_number, table.header))
+
+
+def _header_to_write(table: TextTable) -> str:
+    """Return what to write above a table without a header: a name for each column, and a unit for the times."""
+    columns = [table.numbers(i) for i in range(len(table.header))]
+    rising = [i for i, numbers in enumerate(columns) if _is_counter(numbers)]
+    titles = ["time [UNIT]" if rising[:1] == [i] else f"column {i + 1}" for i in range(len(columns))]
+    if len(columns) == 1:
+        return "it has one column of numbers, and no times"
+    line = f'write the line "{table.delimiter.join(titles)}" above it'
+    if not rising:
+        return f"{line}, with time [UNIT] in place of the column with the times, and their unit, such as s, ms or us"
+    return f"{line}, with the unit of the times in place of UNIT, such as s, ms or us"
 
 
 def _best(table: TextTable, candidates: Sequence[int]) -> tuple[Times, str, str]:
@@ -174,7 +233,8 @@ def refuse_coarse(table: TextTable, times: Times, kept: IntArray) -> None:
     unit = "milliseconds" if step / each >= _COARSEST else "microseconds"
     raise CalibrationDataError(
         f"{table.place}: the times have steps of {format_quantity(step, 's', 3)}, with {each:.0f} readings each, so "
-        f"the time of each reading and the rate of the sensor are unknown; log the time of each reading in {unit}"
+        f"the time of each reading and the rate of the sensor are unknown; log the time of each reading in {unit}, "
+        'or state a rate that you know to be constant, such as with --rate "100 Hz"'
     )
 
 
@@ -182,7 +242,13 @@ def _candidates(table: TextTable) -> list[int]:
     """Return the columns with times: those with such a name, else those with a unit of time, else those with dates."""
     named = [i for i, title in enumerate(table.header) if is_named(title, "time") or _of_stamp(title)]
     with_unit = [i for i, title in enumerate(table.header) if dimension(split_title(title)[1]) == TIME]
-    return named or with_unit or [i for i, cells in enumerate(table.columns) if has_dates(cells)]
+    dates = [i for i, cells in enumerate(table.columns) if has_dates(cells)]
+    first = [0] if table.header[0] == FIRST and len(table.header) > 1 and _is_counter(table.numbers(0)) else []
+    return named or with_unit or dates or first  # a number in front of the labels of a line is its time, if it rises
+
+
+def _is_counter(numbers: FloatArray) -> bool:
+    return len(numbers) > 2 and bool(np.all(np.diff(numbers) > 0))
 
 
 def in_order(table: TextTable) -> tuple[TextTable, tuple[str, ...]]:

@@ -32,7 +32,9 @@ _SECOND: Final = 10**9  # ns
 _UNSTEADY: Final = 0.2  # mean difference of steps from their median, relative to it: readings came in batches
 _COARSEST: Final = 2e-3  # s between readings that milliseconds tell apart
 _SHOWN: Final = 5
-_RATE: Final = '. If the file has no times, but the readings have a constant rate, state it, such as with --rate "100 Hz"'
+_RATE: Final = (
+    '. If the file has no times, but the readings have a constant rate, state it, such as with --rate "100 Hz"'
+)
 
 
 class Times(NamedTuple):

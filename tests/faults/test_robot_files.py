@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from pretouch.robots import (
     project_site,
     site_on_body,
 )
+from pretouch.robots.model import notes_of
 from refusals import refused
 
 ROOT = Path(__file__).parents[2]
@@ -400,6 +402,11 @@ def packages_of_others(tmp_path: Path, monkeypatch):
         "from os import path\n\nfrom ._cache import clone_to_cache\n\n"
         "URDF_PATH = path.join(clone_to_cache('two_links'), 'robot.urdf')\n"
     )
+    (descriptions / "macro_description.py").write_text(
+        "from os import path\n\nfrom ._cache import clone_to_cache\n\nFOLDER = clone_to_cache('macro')\n"
+        "XACRO_PATH = path.join(FOLDER, 'robot.xacro')\nXACRO_ARGS = {'size': '0.1'}\n"
+        "XACRO_PACKAGE_PATHS = {'arm': path.join(path.dirname(FOLDER), 'other', 'arm')}\n"
+    )
     menagerie = folder / "mujoco_menagerie"
     menagerie.mkdir()
     (menagerie / "__init__.py").write_text(
@@ -445,25 +452,129 @@ def test_a_xacro_file_needs_xacro(model_file, monkeypatch) -> None:
         load_model(model_file(text, "robot.urdf.xacro"))
 
 
-def test_xacro_finds_packages_in_our_folders(model_file, tmp_path: Path, monkeypatch) -> None:
-    """A stand-in for xacro that replaces one $(find arm) by the package it is told."""
+def stand_in_for_xacro(monkeypatch) -> None:
+    """Replace xacro by a stand-in that knows $(find arm) and $(arg NAME)."""
     import sys
     import types
 
-    def process_file(name: str) -> Any:
+    def process_file(name: str, mappings: dict[str, str]) -> Any:
         from ament_index_python.packages import get_package_share_directory
 
         package = "gone" if "gone" in name else "arm"
-        text = Path(name).read_text().replace(f"$(find {package})", get_package_share_directory(package))
+        text = Path(name).read_text()
+        if "$(find " in text:
+            text = text.replace(f"$(find {package})", get_package_share_directory(package))
+        for key in re.findall(r"\$\(arg (\w+)\)", text):
+            if key not in mappings:
+                raise ValueError(f"Undefined substitution argument {key}")
+            text = text.replace(f"$(arg {key})", mappings[key])
         return types.SimpleNamespace(toxml=lambda: text)
 
     monkeypatch.setitem(sys.modules, "xacro", types.SimpleNamespace(process_file=process_file))
+
+
+def test_xacro_finds_packages_in_our_folders(model_file, tmp_path: Path, monkeypatch) -> None:
+    import sys
+
+    stand_in_for_xacro(monkeypatch)
     write_stl(tmp_path / "arm/a.stl")
     text = TWO_LINKS.replace("</link><link", f"{mesh('$(find arm)/a.stl')}</link><link", 1)
     assert load_model(model_file(text, "files/robot.xacro")).nmesh == 1
     assert "ament_index_python" not in sys.modules
     with refused("model", value=str(tmp_path / "files/gone.xacro")):
         load_model(model_file(text, "files/gone.xacro"))
+
+
+def test_arguments_of_a_xacro_file_follow_its_path(model_file, monkeypatch) -> None:
+    stand_in_for_xacro(monkeypatch)
+    text = TWO_LINKS.replace("<robot ", '<robot version="$(arg name)$(arg kind)" ')
+    path = model_file(text, "a folder/robot.xacro")
+    with refused("model", value=str(path)):
+        load_model(f"{path} name:=arm")
+    robot = RobotFile(f"{path} name:=arm kind:=a/b.c")
+    assert robot.file == path
+    assert robot.arguments == {"name": "arm", "kind": "a/b.c"}
+    assert load_model(robot).nu == 2
+    strange = model_file(text, "robot name:=arm kind:=b.xacro")  # a file of this name
+    assert RobotFile(str(strange)).file == strange
+    assert not RobotFile(str(strange)).arguments
+    with refused("model", value=str(path.with_name("gone.xacro"))):
+        load_model(f"{path.with_name('gone.xacro')} name:=arm")
+
+
+def test_a_name_of_a_xacro_file_brings_its_arguments_and_packages(
+    packages_of_others: Path, model_file, monkeypatch
+) -> None:
+    """Like the UR5e of robot_descriptions, which is a type of one file for all robots of its maker."""
+    stand_in_for_xacro(monkeypatch)
+    folder = packages_of_others / "macro"
+    folder.mkdir(parents=True)
+    with refused("model", value="macro_description", remedy="robot_descriptions pull macro_description"):
+        load_model("macro_description")
+    write_stl(packages_of_others / "other/arm/a.stl")
+    text = TWO_LINKS.replace("</link><link", f"{mesh('$(find arm)/a.stl')}</link><link", 1)
+    text = (
+        text.replace('"0.0', '"$(arg size)', 1)
+        if '"0.0' in text
+        else text.replace("<robot ", '<robot a="$(arg size)" ')
+    )
+    (folder / "robot.xacro").write_text(text.replace("<robot ", '<robot version="$(arg size)" '))
+    assert load_model("macro_description").nmesh == 1
+    assert load_model("macro_description size:=0.2").nmesh == 1
+
+
+def test_xacro_itself_expands_macros_and_arguments(model_file, tmp_path: Path) -> None:
+    pytest.importorskip("xacro", reason="needs the package 'xacro'")
+    write_stl(tmp_path / "arm/a.stl")
+    text = TWO_LINKS.replace("</link><link", f"{mesh('$(find arm)/a.stl')}</link><link", 1)
+    text = text.replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ', 1).replace(
+        "</robot>",
+        '<xacro:arg name="gripper" default="false"/><xacro:if value="$(arg gripper)"><link name="pad"/>'
+        '<joint name="pad" type="fixed"><parent link="tool"/><child link="pad"/></joint></xacro:if></robot>',
+    )
+    path = model_file(text, "files/robot.urdf.xacro")
+    plain, gripper = load_model(path), load_model(f"{path} gripper:=true")
+    assert (plain.nmesh, gripper.nbody) == (1, plain.nbody + 1)
+
+
+@pytest.mark.parametrize("end", ["parent", "child"])
+def test_a_joint_of_a_missing_link_is_named(model_file, end: str) -> None:
+    ends = {"parent": "tool", "child": "tool", end: "gone"}
+    connected = "".join(f'<{side} link="{name}"/>' for side, name in ends.items())
+    joint = f'<joint name="hand" type="fixed">{connected}</joint>'
+    with refused("model", value="hand") as caught:
+        load_model(model_file(TWO_LINKS.replace("</robot>", f"{joint}</robot>")))
+    assert "'gone'" in str(caught.value)
+
+
+def test_the_inertia_of_a_thin_rod_stays(model_file) -> None:
+    """MuJoCo refuses moments of inertia below 1e-14 kg m^2; the others stay, and nothing is to be warned about."""
+    rod = (
+        '<link name="rod"><inertial><mass value="0.003"/><inertia ixx="1.1e-7" iyy="1e-15" izz="1.1e-7" ixy="0" '
+        'ixz="0" iyz="1e-12"/></inertial></link><joint name="rod" type="fixed"><parent link="tool"/><child link="rod"/>'
+        "</joint>"
+    )
+    model = load_model(model_file(TWO_LINKS.replace("</robot>", f"{rod}</robot>")))
+    np.testing.assert_allclose(sorted(model.body("rod").inertia)[1:], 1.1e-7, rtol=1e-6)
+    assert sorted(model.body("rod").inertia)[0] < 1e-13
+    assert not any(note.startswith("PT541") for note in notes_of(model))
+
+
+def test_what_mujoco_ignores_in_a_file_is_a_warning(model_file, capfd) -> None:
+    """Equal limits, and a coupling to a joint that does not exist. Nothing is printed, and no file is written."""
+    import mujoco
+
+    before = mujoco.MjLogConfig.get().logfile
+    stuck = re.sub(r'lower="[^"]*" upper="[^"]*"', 'lower="0" upper="0"', TWO_LINKS, count=1)
+    for text, named in (
+        (stuck, "equal lower and upper limits"),
+        (TWO_LINKS.replace("</joint>", '<mimic joint="gone"/></joint>', 1), "'gone'"),
+    ):
+        (note,) = (n for n in notes_of(load_model(model_file(text))) if n.startswith("PT621"))
+        assert named in note
+    assert not any(n.startswith("PT621") for n in notes_of(load_model(model_file(TWO_LINKS))))
+    assert capfd.readouterr() == ("", "")
+    assert mujoco.MjLogConfig.get().logfile == before
 
 
 # --- the table

@@ -8,7 +8,6 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pretouch._core.errors import InvalidInputError
@@ -63,7 +62,7 @@ def _project(file: Reading, values: Mapping[str, Any]) -> Projection:
 
     robot_file = robot_file_of(file.source, values)
     robot = read_robot(robot_file, values)
-    path = Path(robot_file.path)
+    path = robot_file.file
     file.source = replace(file.source, model_files=(path,) if path.is_file() else ())
     return project_site(robot.model, robot.data, robot.site, joint_speeds=values.get("joint_speeds"))
 
@@ -94,12 +93,12 @@ def read_robot(robot: RobotFile, values: Mapping[str, Any], sensor: SensorModel 
         model = load_model(robot)
     except InvalidInputError as error:
         # A scenario may name any file, so the message must not reveal the content of that file.
-        path = Path(robot.path)
+        path = robot.file
         if not path.is_file() or error.argument != "model":
             raise
         raise InvalidInputError(
             f"model: MuJoCo cannot read the robot model {path.name}; for details, run: pretouch project "
-            f"{shlex.quote(str(path))}"
+            f"{shlex.quote(robot.path)}"
         ) from None
     options = {name: values[name] for name in ("axis", "field_of_view", "hold") if name in values}
     site = SensorSite(robot.sites[0].name if robot.sites else values["site"], sensor, **options)

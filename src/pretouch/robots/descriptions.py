@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from importlib import import_module
 from importlib.util import find_spec
@@ -19,11 +20,26 @@ _MENAGERIE: Final = "mujoco_menagerie"
 _FILES: Final = ("MJCF_PATH", "URDF_PATH", "XACRO_PATH")
 
 
+@dataclass(frozen=True, slots=True)
+class Description:
+    """The file of a robot model, and what a xacro file needs.
+
+    Args:
+        path: path of an MJCF, URDF or xacro file.
+        arguments: arguments of a xacro file by name.
+        packages: folders of packages that the file names.
+    """
+
+    path: Path
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    packages: tuple[str, ...] = ()
+
+
 class _NotAtHandError(Exception):
     """The files of a description would have to be downloaded."""
 
 
-def find_description(name: str) -> Path:
+def find_description(name: str) -> Description:
     """Return the file of a robot model with a name of robot_descriptions or of MuJoCo Menagerie.
 
     Nothing is downloaded.
@@ -32,7 +48,7 @@ def find_description(name: str) -> Path:
         name: the name, such as "ur5e_mj_description" or "universal_robots_ur5e".
 
     Returns:
-        The path of an MJCF, URDF or xacro file.
+        The description.
 
     Raises:
         InvalidInputError: no installed package knows the name, or the files are not on this computer.
@@ -62,7 +78,7 @@ def _descriptions() -> list[str]:
     return [module.name for module in iter_modules(package.__path__) if module.name.endswith("_description")]
 
 
-def _description(name: str) -> Path:
+def _description(name: str) -> Description:
     try:
         with _without_download():
             module = import_module(f"{_DESCRIPTIONS}.{name}")
@@ -76,10 +92,18 @@ def _description(name: str) -> Path:
         raise InvalidInputError(
             f"model: robot_descriptions cannot load {name}: {error}; give the path of a file instead", value=name
         ) from None
-    for attribute in _FILES:
-        path = getattr(module, attribute, None)
-        if path is not None and Path(path).is_file():
-            return Path(path)
+    paths = [path for path in (getattr(module, attribute, None) for attribute in _FILES) if path is not None]
+    for path in paths:
+        if Path(path).is_file():
+            folders = getattr(module, "XACRO_PACKAGE_PATHS", {})
+            return Description(Path(path), getattr(module, "XACRO_ARGS", {}), tuple(map(str, folders.values())))
+    if paths:
+        raise InvalidInputError(
+            f"model: the file {paths[0]} of {name} is missing on this computer. Delete the folder of this robot, and "
+            f"download it again with: robot_descriptions pull {name}",
+            value=name,
+            remedy=f"robot_descriptions pull {name}",
+        )
     raise InvalidInputError(f"model: {name} has no MJCF or URDF file; give the path of a file instead", value=name)
 
 
@@ -118,7 +142,7 @@ def _robots() -> list[str]:
     return list(import_module(_MENAGERIE).names())
 
 
-def _menagerie_robot(name: str) -> Path:
+def _menagerie_robot(name: str) -> Description:
     package = import_module(_MENAGERIE)
     robot, cache = package.get(name), package.Cache()
     at_hand = (cache.root / name).is_dir() if cache.root else cache.is_cached(robot)
@@ -129,4 +153,4 @@ def _menagerie_robot(name: str) -> Path:
             value=name,
             remedy=f"mujoco-menagerie prefetch {name}",
         )
-    return Path(robot.xml(robot.default_model, cache))
+    return Description(Path(robot.xml(robot.default_model, cache)))

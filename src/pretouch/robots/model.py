@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import copy
 import math
+import re
 import sys
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -32,6 +37,7 @@ LOCK: Final = "pretouch hold of "
 
 
 _HARDLY_VISIBLE: Final = 1e-6  # alpha of a geom
+_MESSAGE: Final = re.compile(r"^WARNING [^\n]*?\d{4}: (.*?)(?=^WARNING |\Z)", re.DOTALL | re.MULTILINE)
 _quiet: Final[list[bool]] = []
 
 
@@ -46,6 +52,39 @@ def mujoco() -> Any:
         library.MjLogConfig.set(settings)
         _quiet.append(True)
     return sys.modules["mujoco"]
+
+
+@contextmanager
+def collect_messages() -> Iterator[list[str]]:
+    """Collect the warnings of MuJoCo's reader and compiler of models, which it prints otherwise.
+
+    Yields:
+        A list that has the warnings at the end.
+    """
+    settings = mujoco().MjLogConfig.get()
+    messages: list[str] = []
+    names = "logfile", "logto_file", "logto_console"
+    before = {name: getattr(settings, name) for name in names}
+    with TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as repeated:
+        warnings.simplefilter("always")  # MuJoCo's Python package repeats some of them
+        file = Path(folder) / "messages"
+        _set_log(dict(zip(names, (str(file), True, False), strict=True)))
+        try:
+            yield messages
+        finally:
+            _set_log(before)
+            text = file.read_text(encoding="utf-8", errors="replace") if file.is_file() else ""
+            found = [*_MESSAGE.findall(text), *(str(warning.message) for warning in repeated)]
+            messages += dict.fromkeys(" ".join(message.split()) for message in found)
+
+
+def _set_log(settings: Mapping[str, Any]) -> None:
+    """Change where MuJoCo writes its messages."""
+    library = mujoco()
+    config = library.MjLogConfig.get()
+    for name, value in settings.items():
+        setattr(config, name, value)
+    library.MjLogConfig.set(config)
 
 
 def check_model(model: Any) -> None:

@@ -18,18 +18,20 @@ from pretouch._core.units import to_si
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
 
-from .descriptions import find_description
+from .descriptions import Description, find_description
 from .geometry import farthest_surface, move_site
-from .model import LOCK, NOTE, SPEED, Data, Model, mujoco, names_of
+from .model import LOCK, NOTE, SPEED, Data, Model, collect_messages, mujoco, names_of
 from .site import AXES
 from .urdf import PreparedUrdf, is_urdf, prepare_urdf
 
 BASES: Final = ("fixed", "free")
 """How the base of a robot can stand in the world."""
 
+_ARGUMENTS: Final = re.compile(r"(?P<file>.*?)(?P<arguments>(?:\s+[A-Za-z_][\w-]*:=\S*)+)\s*", re.DOTALL)
 _ON_BODY: Final = re.compile(r"(?P<body>.+):(?P<axis>[+-][xyz])(?::(?P<offset>[^:]+))?")
 _STIFF: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp of locks
 _LISTED: Final = 5  # names that a sentence lists
+_HARMLESS: Final = "duplicate name", "empty prefix"  # parts of messages of MuJoCo that change no result
 _REPAIRS: Final = 20  # meshes that MuJoCo refuses, one at a time
 _READ_LIMIT: Final = 100_000_000  # bytes of a model file
 
@@ -118,7 +120,7 @@ class RobotFile(Value):
 
     Args:
         path: path of an MJCF, URDF or xacro file, or a name of robot_descriptions or MuJoCo Menagerie, if its files are
-            on this computer.
+            on this computer. Arguments of a xacro file follow its path, such as "ur.urdf.xacro ur_type:=ur5e name:=ur".
         packages: folders in which the packages of a URDF file are searched first.
         base: "fixed" or "free" (floating); by default as in the file, which means fixed for URDF.
         joints: names of the joints that may move, all others are held; by default all joints.
@@ -138,6 +140,19 @@ class RobotFile(Value):
             raise InvalidInputError(**not_one_of("base", self.base, BASES))
         object.__setattr__(self, "path", os.fspath(self.path))
         object.__setattr__(self, "packages", tuple(map(os.fspath, self.packages)))
+
+    @property
+    def file(self) -> Path:
+        """The path or name without the arguments that follow it."""
+        parts = None if Path(self.path).is_file() else _ARGUMENTS.fullmatch(self.path)
+        return Path(self.path if parts is None else parts["file"])
+
+    @property
+    def arguments(self) -> dict[str, str]:
+        """The arguments of a xacro file, by name."""
+        parts = None if Path(self.path).is_file() else _ARGUMENTS.fullmatch(self.path)
+        texts = [] if parts is None else parts["arguments"].split()
+        return {name: value for name, _, value in (text.partition(":=") for text in texts)}
 
 
 def robot_file(path: str | os.PathLike[str] | RobotFile) -> RobotFile:
@@ -161,8 +176,8 @@ def load_model(
     every result names it.
 
     Args:
-        path: the file, or a name of robot_descriptions or MuJoCo Menagerie, if its files are on this computer. A
-            `RobotFile` has all choices in it.
+        path: the file, or a name of robot_descriptions or MuJoCo Menagerie, if its files are on this computer.
+            Arguments of a xacro file follow its path, as in `RobotFile`, which has all choices in it.
         packages: folders in which the packages of a URDF file are searched first.
         base: "fixed" or "free" (floating); by default as in the file, which means fixed for URDF.
         joints: names of the joints that may move, all others are held; by default all joints.
@@ -204,26 +219,29 @@ def compile_robot(robot: RobotFile, edit: Callable[[Any], None] | None = None) -
     Raises:
         InvalidInputError: as in `load_model`.
     """
-    path = Path(robot.path)
+    path, found = robot.file, None
     if not path.is_file():
         if path.suffix or len(path.parts) > 1:
             raise InvalidInputError(
                 f"model: the file {path} does not exist; give the path of an MJCF or URDF file", value=str(path)
             )
-        path = find_description(robot.path)
-    source = _read(path, robot.packages)
+        found = find_description(str(path))
+        path = found.path
+    source = _read(found or Description(path), robot)
     removed: dict[str, str] = {}
     balanced: tuple[str, ...] = ()
+    ignored = [] if source is None else list(source.ignored)
     for _ in range(_REPAIRS):
-        spec, notes = _spec_of(path, source, removed, balanced=balanced)
-        notes += _complete(spec, robot, source)
-        if edit is not None:
-            edit(spec)
-        for i, note in enumerate(notes):
-            spec.add_text(name=f"{NOTE}{i}", data=note)
         try:
-            model = spec.compile()
-        except ValueError as error:
+            with collect_messages() as messages:
+                spec, notes = _spec_of(path, source, removed, balanced=balanced)
+                notes += _complete(spec, robot, source)
+                if edit is not None:
+                    edit(spec)
+                for i, note in enumerate([*notes, *_ignored_note(ignored)]):
+                    spec.add_text(name=f"{NOTE}{i}", data=note)
+                model = _compile(spec)
+        except _CompileError as error:
             reason = " ".join(str(error).split()).removeprefix("Error: ")
             mesh = next((m for m in spec.meshes if m.name and f"Element name '{m.name}'" in reason), None)
             if "balanceinertia" in reason and not balanced:
@@ -233,9 +251,34 @@ def compile_robot(robot: RobotFile, edit: Callable[[Any], None] | None = None) -
             else:
                 _refuse(path, reason)
             continue
-        _place(model, robot.sites)
-        return model
+        new = [m for m in messages if m not in ignored and not any(part in m for part in _HARMLESS)]
+        if not new:
+            _place(model, robot.sites)
+            return model
+        ignored += new
     raise InvalidInputError(f"model: MuJoCo cannot read {path}: it refuses {len(removed)} meshes", value=str(path))
+
+
+class _CompileError(Exception):
+    """MuJoCo cannot compile a model."""
+
+
+def _compile(spec: Any) -> Model:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise _CompileError(str(error)) from None
+
+
+def _ignored_note(ignored: Sequence[str]) -> Iterator[str]:
+    """Yield a warning about what MuJoCo ignores in a file."""
+    if ignored:
+        listed = "; ".join(ignored[:_LISTED]) + ("; ..." if len(ignored) > _LISTED else "")
+        yield caution(
+            "PT621",
+            f"Something in the model is ignored ({listed}): correct it in the file. Motions, masses and limits are "
+            "those of the model without it.",
+        )
 
 
 def _refuse(path: Path, reason: str) -> NoReturn:
@@ -252,8 +295,9 @@ def _element(reason: str) -> str:
     return "without a name" if found is None else found[1]
 
 
-def _read(path: Path, packages: Sequence[str]) -> PreparedUrdf | None:
+def _read(description: Description, robot: RobotFile) -> PreparedUrdf | None:
     """Return a prepared URDF file; None for a file that MuJoCo reads as it is."""
+    path, packages = description.path, (*robot.packages, *description.packages)
     try:
         if path.stat().st_size > _READ_LIMIT:
             return None
@@ -262,7 +306,7 @@ def _read(path: Path, packages: Sequence[str]) -> PreparedUrdf | None:
         raise InvalidInputError(f"model: {path} cannot be read: {error.strerror}", value=str(path)) from None
     if not is_urdf(text) and path.suffix not in {".urdf", ".xacro"}:
         return None
-    return prepare_urdf(path, text, packages)
+    return prepare_urdf(path, text, packages, {**description.arguments, **robot.arguments})
 
 
 def _spec_of(

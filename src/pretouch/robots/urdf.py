@@ -6,7 +6,7 @@ import os
 import re
 import sys
 import types
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -25,6 +25,7 @@ _URI: Final = "package://"
 _XACRO: Final = ("{http://www.ros.org/wiki/xacro}", "{http://ros.org/wiki/xacro}", "{xacro}")
 _MOMENTS: Final = ("xx", "yy", "zz", "xy", "xz", "yz")
 _POINT: Final = 4e-9  # m^2: inertia of a point mass, per mass
+_LEAST: Final = 2e-14  # kg m^2: MuJoCo refuses moments of inertia below 1e-14
 _ROUNDING: Final = 1e-6  # of moments of inertia, as MuJoCo allows
 _MOVING: Final = {"revolute", "continuous", "prismatic", "planar", "floating"}
 _COMPILER: Final = {
@@ -46,6 +47,7 @@ class PreparedUrdf:
         unreadable: meshes in formats that MuJoCo does not read, likewise.
         held: joints that are held because the links beyond them have no mass.
         balanced: links whose inertia no rigid body can have, with the mean of its principal moments instead.
+        ignored: what is left out because the file contradicts itself.
     """
 
     text: str
@@ -54,6 +56,7 @@ class PreparedUrdf:
     unreadable: tuple[tuple[str, bool], ...]
     held: tuple[str, ...]
     balanced: tuple[str, ...]
+    ignored: tuple[str, ...]
 
 
 def is_urdf(text: str) -> bool:
@@ -62,7 +65,9 @@ def is_urdf(text: str) -> bool:
     return first is not None and first[1] == "robot"
 
 
-def prepare_urdf(path: Path, text: str, packages: Sequence[str | os.PathLike[str]]) -> PreparedUrdf:
+def prepare_urdf(
+    path: Path, text: str, packages: Sequence[str | os.PathLike[str]], arguments: Mapping[str, str] | None = None
+) -> PreparedUrdf:
     """Prepare the text of a URDF or xacro file for MuJoCo.
 
     Paths of meshes become absolute. Meshes that MuJoCo cannot read are left out. Joints of links without any mass are
@@ -72,19 +77,21 @@ def prepare_urdf(path: Path, text: str, packages: Sequence[str | os.PathLike[str
         path: the file.
         text: its text.
         packages: folders in which packages are searched first.
+        arguments: arguments of a xacro file by name.
 
     Returns:
         The text for MuJoCo, and what was changed.
 
-    The file is refused if it is no valid XML, or xacro cannot process it.
+    The file is refused if it is no valid XML, if xacro cannot process it, or if a joint names a link that is missing.
     """
     folders = Packages(path, tuple(map(Path, packages)))
     root = None if path.suffix == ".xacro" else _parse(path, text, strict="<xacro:" not in text)
     if root is None or any(str(element.tag).startswith(_XACRO) for element in root.iter()):
-        root = _parse(path, _expand_xacro(path, folders))
+        root = _parse(path, _expand_xacro(path, folders, arguments or {}))
+    _check_joints(path, root)
     missing, unreadable = _resolve_meshes(root, folders)
     balanced = tuple(_correct_inertias(root))
-    held = _hold_massless(root)
+    held, ignored = _hold_massless(root), tuple(_remove_lost_mimics(root))
     extension = root.find("mujoco")
     if extension is None:
         extension = Xml.SubElement(root, "mujoco")
@@ -100,6 +107,7 @@ def prepare_urdf(path: Path, text: str, packages: Sequence[str | os.PathLike[str
         unreadable=unreadable,
         held=held,
         balanced=balanced,
+        ignored=ignored,
     )
 
 
@@ -115,6 +123,24 @@ def _parse(path: Path, text: str, *, strict: bool = True) -> Any:
         if not strict:
             return None
         raise InvalidInputError(f"model: {path} is no valid XML: {error}", value=str(path)) from None
+
+
+def _check_joints(path: Path, root: Any) -> None:
+    """Raise an error if a joint connects a link that the file does not define."""
+    links = {link.get("name") for link in root.findall("link")}
+    for joint in root.findall("joint"):
+        for end in ("parent", "child"):
+            link = joint.find(end)
+            name = None if link is None else link.get("link")
+            if name not in links:
+                missing = (
+                    f"has no <{end} link=.../>" if name is None else f"connects the link {name!r}, which is missing"
+                )
+                raise InvalidInputError(
+                    f"model: in {path}, the joint {joint.get('name', '')!r} {missing}; add this link to the file, or "
+                    "remove the joint",
+                    value=joint.get("name", ""),
+                )
 
 
 def _declare_prefixes(text: str) -> str:
@@ -229,16 +255,27 @@ def _hold_massless(root: Any) -> tuple[str, ...]:
             held.append(joint.get("name", ""))
     for joint in joints:  # a joint cannot follow one that is held
         mimic = joint.find("mimic")
-        if mimic is not None and mimic.get("joint") in held:
+        if mimic is not None and (mimic.get("joint") in held or joint.get("name") in held):
             joint.remove(mimic)
     return tuple(held)
+
+
+def _remove_lost_mimics(root: Any) -> Iterator[str]:
+    """Remove couplings to joints that the file does not define, and yield what they are."""
+    joints = {joint.get("name") for joint in root.findall("joint")}
+    for joint in root.findall("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None and mimic.get("joint") not in joints:
+            joint.remove(mimic)
+            yield f"joint {joint.get('name')!r} follows the joint {mimic.get('joint')!r}, which is missing"
 
 
 def _correct_inertias(root: Any) -> Iterator[str]:
     """Replace inertias that MuJoCo refuses.
 
-    A link without a mass has no inertia. A point mass gets the inertia of a sphere with a radius of 0.1 mm. An inertia
-    with a negative principal moment, or with one that exceeds the sum of the others, gets the mean of all three.
+    A link without a mass has no inertia. A point mass gets the inertia of a sphere with a radius of 0.1 mm. A thin rod
+    gets the smallest moment of inertia that MuJoCo accepts. An inertia with a negative principal moment, or with one
+    that exceeds the sum of the others, gets the mean of all three.
 
     Yields:
         The links whose inertia no rigid body can have.
@@ -260,7 +297,10 @@ def _correct_inertias(root: Any) -> Iterator[str]:
         mean, least = float(moments.mean()), _POINT * mass
         if mean <= least:
             mean = least
-        elif moments[0] > 0 and moments[0] + moments[1] >= moments[2] * (1 - _ROUNDING):
+        elif moments[0] > -_ROUNDING * moments[2] and moments[0] + moments[1] >= moments[2] * (1 - _ROUNDING):
+            for name, value in zip(_MOMENTS[:3], (xx, yy, zz), strict=True):
+                if moments[0] < _LEAST:
+                    tensor.set(f"i{name}", repr(float(value + _LEAST - moments[0])))
             continue
         for name, value in zip(_MOMENTS, (mean, mean, mean, 0.0, 0.0, 0.0), strict=True):
             tensor.set(f"i{name}", repr(value))
@@ -288,7 +328,7 @@ def _speeds(root: Any) -> Iterator[tuple[str, float]]:
             yield joint.get("name", ""), speed
 
 
-def _expand_xacro(path: Path, folders: Packages) -> str:
+def _expand_xacro(path: Path, folders: Packages, arguments: Mapping[str, str]) -> str:
     """Return the URDF text of a xacro file."""
     try:
         xacro = import_module("xacro")
@@ -301,11 +341,12 @@ def _expand_xacro(path: Path, folders: Packages) -> str:
         ) from None
     with _package_lookup(folders):
         try:
-            return str(xacro.process_file(str(path)).toxml())
+            return str(xacro.process_file(str(path), mappings=dict(arguments)).toxml())
         except Exception as error:
             raise InvalidInputError(
                 f"model: xacro cannot process {path}: {' '.join(str(error).split())}. If a package is missing, name "
-                "its folder with --packages; if an argument is missing, run xacro yourself and give the URDF file",
+                "its folder with --packages. If an argument is missing, add it behind the file: "
+                f"'{path.name} NAME:=VALUE'",
                 value=str(path),
             ) from None
 

@@ -20,8 +20,8 @@ class NativeHook(BuildHookInterface[Any]):
     """The build of the compiled core."""
 
     def dependencies(self) -> list[str]:
-        """Ask pip for a compiler where the machine has none."""
-        return [] if native.compilers() else [native.ZIG]
+        """Ask pip for a compiler if the machine has none, or one that is too old."""
+        return [] if native.working_compilers() else [native.ZIG]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:  # noqa: ARG002
         """Build the library and say for which machines it is; no Python.h is used, so it serves every Python."""
@@ -34,7 +34,7 @@ class NativeHook(BuildHookInterface[Any]):
         if page.exists():  # the extra `studio` needs it; without zig, an earlier build serves
             build_data["artifacts"].append(str(page.relative_to(self.root)))
         build_data["pure_python"] = False
-        if native.compilers():
+        if native.working_compilers():
             tag = sysconfig.get_platform().replace("-", "_").replace(".", "_")
         else:
             tag = native.TARGETS[native.this_target()].tag

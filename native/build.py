@@ -1,4 +1,4 @@
-"""Build the compiled core as one shared library, with the machine's compiler or, if there is none, with zig.
+"""Build the compiled core as one shared library, with the machine's compiler or, if none can build it, with zig.
 
     python native/build.py            into src/pretouch/_core/
     python native/build.py --sanitize check addresses and undefined behavior at run time, into build/native/sanitized/
@@ -25,6 +25,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -102,6 +103,23 @@ def compilers() -> tuple[list[str], list[str]] | None:
     return None
 
 
+@lru_cache(maxsize=1)
+def working_compilers() -> tuple[list[str], list[str]] | None:
+    """Return the compilers that can build the library; None if zig must be used.
+
+    A compiler that is too old fails here, and zig takes its place. A compiler that CC and CXX name is not replaced.
+    """
+    found = compilers()
+    if found is None or ("CC" in os.environ and "CXX" in os.environ) or this_target() not in TARGETS:
+        return found
+    try:
+        _objects(_library_jobs(found))  # the build itself uses these objects
+    except RuntimeError as error:
+        print(f"{error}\n{found[1][0]} cannot build pretouch, so that zig builds it; pip installs zig", file=sys.stderr)
+        return None
+    return found
+
+
 def library_path(root: Path) -> Path:
     """Return the path of the library of a source tree."""
     return root / "src/pretouch/_core" / f"libpretouch{SUFFIXES.get(this_target().split('-')[0], '.so')}"
@@ -156,10 +174,8 @@ def build(library: Path, *, sanitize: bool = False) -> Path:
     """
     version = check_interface()
     system = this_target().split("-", 1)[0]
-    compiler = cc, _ = compilers() or _zig()
-    common = ["-fvisibility=hidden", *([] if system == "win32" else ["-fPIC"])]
-    common += SANITIZED.split() if sanitize else ["-g0"]
-    objects = _objects(_jobs(compiler, common, this_target().split("-", 1)[1]))
+    compiler = cc, _ = (compilers() if sanitize else working_compilers()) or _zig()
+    objects = _objects(_library_jobs(compiler, sanitize=sanitize))
     made = KEPT / f"{os.getpid()}-{library.name}"  # a linker may write further files there
     link = [*cc, "-shared", *(["-fsanitize=address,undefined"] if sanitize else ["-s"] if system != "darwin" else [])]
     _link(made, objects, link, ["-lm"] if system == "linux" else [])
@@ -168,6 +184,13 @@ def build(library: Path, *, sanitize: bool = False) -> Path:
     made.replace(library)  # atomic; a process that uses the old library keeps it
     noted.replace(record_path(library))
     return library
+
+
+def _library_jobs(compiler: tuple[list[str], list[str]], *, sanitize: bool = False) -> list[list[str]]:
+    """Return the compiler commands for the library of the target machine."""
+    system, machine = this_target().split("-", 1)
+    common = ["-fvisibility=hidden", *([] if system == "win32" else ["-fPIC"])]
+    return _jobs(compiler, [*common, *(SANITIZED.split() if sanitize else ["-g0"])], machine)
 
 
 def has_zig() -> bool:
@@ -270,6 +293,11 @@ def _zig() -> tuple[list[str], list[str]]:
         raise RuntimeError(
             f"pretouch's compiled core can not be built: found no C and C++ compiler, and none comes by pip for "
             f"{this_target()}; install one, or name it by CC and CXX"
+        )
+    if not has_zig():
+        raise RuntimeError(
+            f"pretouch's compiled core can not be built: no compiler on this machine can compile it; install gcc 12, "
+            f'clang 14 or newer, or zig: python -m pip install "{ZIG}"'
         )
     zig = [sys.executable, "-m", "ziglang"]
     return [*zig, "cc", "-target", known.triple], [*zig, "c++", "-target", known.triple]

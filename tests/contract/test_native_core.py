@@ -230,6 +230,31 @@ def test_a_named_compiler_comes_before_those_that_are_found_and_pip_brings_one_w
         build._zig()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="the compilers of this test are shell scripts")
+def test_a_compiler_that_is_too_old_is_replaced_unless_it_is_named(monkeypatch, tmp_path, capsys):
+    for name in ("cc", "c++"):
+        program = tmp_path / name
+        program.write_text("#!/bin/sh\necho \"unrecognized command line option '-std=c++20'\" >&2\nexit 1\n")
+        program.chmod(0o755)
+    for name in ("PRETOUCH_COMPILER", "PRETOUCH_TARGET", "CC", "CXX"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    build = load_build()
+    monkeypatch.setattr(build, "KEPT", tmp_path / "kept")
+    monkeypatch.setattr(build, "TARGETS", {build.this_target(): build.Target("any", "any")})
+    assert build.compilers() == (["cc"], ["c++"])
+    assert build.working_compilers() is None
+    assert "c++20" in capsys.readouterr().err
+    monkeypatch.setattr(build, "has_zig", lambda: False)
+    with pytest.raises(RuntimeError, match="pip install"):
+        build.build(tmp_path / "libpretouch.so")
+    monkeypatch.setenv("CC", "cc")
+    monkeypatch.setenv("CXX", "c++")
+    build.working_compilers.cache_clear()
+    with pytest.raises(RuntimeError, match="unrecognized"):
+        build.build(tmp_path / "libpretouch.so")
+
+
 STRUCTURES = {
     "plant": native_loop._Plant,
     "contact": native_loop._Contact,

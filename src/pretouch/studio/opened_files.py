@@ -202,7 +202,7 @@ def _parse(text: str) -> Any:
         tomlkit.exceptions.TOMLKitError,
         ValueError,
         RecursionError,
-    ) as error:  # ValueError: an integer of 5,000 digits
+    ) as error:
         raise ScenarioFileError(f"the scenario is not valid TOML: {error}") from None
 
 

@@ -21,6 +21,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "api_pages",
     "live_figures",
+    "page_figures",
 ]
 exclude_patterns = [
     *("**/sg_execution_times.*", "sg_execution_times.*", "_ext", "gallery", "make_pages.py", "**.ipynb_checkpoints"),

@@ -14,7 +14,7 @@ from sessions import DOCS, ROOT, agrees, pages_with_sessions, run_page
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 PAGES = (
     *("start.md", "tutorial.md", "explanation/method.md", "explanation/offset.md", "explanation/stability.md"),
-    *("explanation/bounds.md", "explanation/signs-and-units.md", "explanation/motion.md"),
+    *("explanation/bounds.md", "explanation/surprises.md", "explanation/signs-and-units.md", "explanation/motion.md"),
     *(f"how-to/{name}.md" for name in ("bounces", "crashes-while-tuning", "slow-sensor", "two-fingers", "which-part")),
     *(
         f"how-to/{name}.md"

@@ -112,6 +112,6 @@ void pretouch_find_gains(const double *inputs, int64_t n, double slope, const pr
 }
 
 void pretouch_interpolate(const double *place, int64_t n, double low, double high, const double *coefficients,
-                          int64_t m, double *out) {
-    CHOSEN(interpolate)(place, n, low, high, coefficients, m, out);
+                          int64_t m, int64_t rows, double *out) {
+    CHOSEN(interpolate)(place, n, low, high, coefficients, m, rows, out);
 }

@@ -27,7 +27,7 @@ void find_gains(const double *inputs, int64_t n, double slope, const pretouch_cu
                 const pretouch_pieces *pieces, double nearest, double farthest, int falling, double horizon, const double *terms, int64_t k, const double *limits, int64_t limit_count, double scale,
                 double strong, double weak, double low, double high, double *out);
 void interpolate(const double *place, int64_t n, double low, double high, const double *coefficients, int64_t m,
-                 double *out);
+                 int64_t rows, double *out);
 
 void run_side_by_side(const pretouch_loop *loop, const int64_t *which, int64_t n, void *states,
                       pretouch_reading *waiting, int64_t room);

@@ -38,7 +38,7 @@ void series_contacts(const pretouch_column *inputs, const pretouch_column *refer
     solve<Nothing>(request);
 }
 
-// ---- Chebyshev series of two functions at many places, vectorized, by Clenshaw's recurrence ----
+// ---- Chebyshev series at many places, vectorized, by Clenshaw's recurrence ----
 
 namespace {
 
@@ -56,12 +56,11 @@ Lanes series(Lanes z, const double *c, int64_t m) {
 }  // namespace
 
 void interpolate(const double *place, int64_t n, double low, double high, const double *coefficients, int64_t m,
-                 double *out) {
+                 int64_t rows, double *out) {
     const double middle = 0.5 * (low + high), by_quarter = 4.0 / (high - low);
     for (int64_t i = 0; i < n; i += WIDTH) {
         const Lanes z = (load(place + i, n - i) - middle) * by_quarter;
-        store(out + i, series(z, coefficients, m), n - i);
-        store(out + n + i, series(z, coefficients + m, m), n - i);
+        for (int64_t k = 0; k < rows; k++) store(out + k * n + i, series(z, coefficients + k * m, m), n - i);
     }
 }
 

@@ -187,10 +187,9 @@ PRETOUCH_API void pretouch_find_gains(const double *inputs, int64_t n, double sl
                                       double horizon, const double *terms, int64_t k, const double *limits,
                                       int64_t limit_count, double scale, double strong, double weak, double low,
                                       double high, double *out);
-/* Evaluates two Chebyshev series at n places in [low, high]. coefficients: those of both, shape (2, m);
- * out, shape (2, n). */
+/* Evaluates Chebyshev series at n places in [low, high]. coefficients: shape (rows, m); out: shape (rows, n). */
 PRETOUCH_API void pretouch_interpolate(const double *place, int64_t n, double low, double high,
-                                       const double *coefficients, int64_t m, double *out);
+                                       const double *coefficients, int64_t m, int64_t rows, double *out);
 
 /* ---- the sampled loop (loop*.cpp) ---- */
 /* The plant m x'' = f - friction(x') - F_contact. The drive force f follows the command k (x_v - x) + d_v x_v' - d_x x'

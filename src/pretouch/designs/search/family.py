@@ -10,7 +10,7 @@ its encounter is solved and must have the interpolated objective, which reveals 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, TypeAlias
 
@@ -19,10 +19,12 @@ import numpy as np
 from pretouch._core.fields import declared
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray, chebyshev_basis
-from pretouch.motion import Scenario
+from pretouch.motion import ContactResult, Scenario
 from pretouch.motion.scenario import scenario_with
 
+from ..constraints import Constraint
 from ..problem import GainProblem
+from ..task import Task
 from .compiled import OPTIMAL, search_compiled, supported_terms
 from .landscape import HELD
 
@@ -38,12 +40,13 @@ _GAIN: Final = 1e-9  # largest last coefficients and largest error at the probes
 _VALUE: Final = 1e-10  # the same relative to the objective; also the largest error of the test of every encounter
 _ROUNDED: Final = 1e-14  # largest relative rounding error of an interpolated gain
 _WITHIN: Final = 1 - 1e-8  # share of each limit that interpolated designs use, so that they meet the limit itself
+_EXCEEDED: Final = 1.0  # interpolated |quantity| / limit above which the optimum without limits is left out
 _BINDING: Final = 1 - 1e-6  # smallest share of a limit that counts as binding
 _AT_LIMIT: Final = 1e-8  # largest error of an interpolated objective if a limit is binding
 _LOGARITHMIC: Final = 3.0  # ratio of largest to smallest value above which the logarithm is the coordinate
 _BASIS: Final = chebyshev_basis(_NODES)
 
-_interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, POINTER, INTEGER, POINTER)
+_interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, POINTER, INTEGER, INTEGER, POINTER)
 
 
 def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
@@ -64,15 +67,20 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
     coordinates = _coordinates(varied, shape)
     if not coordinates or supported_terms(problem) is None:
         return None
-    within = [replace(c, limit=c.limit * _WITHIN) for c in problem.task.limits]
-    limited = problem.changed(constraints=within) if within else problem
-    others = {name: v for name, v in varied.items() if name not in {c.name for c in coordinates.values()}}
+    own = {c.name for c in coordinates.values()}
+    others = {name: v for name, v in varied.items() if name not in own}
+    within = tuple(replace(c, limit=c.limit * _WITHIN) for c in problem.task.limits)
     out = np.full((2, *shape), np.nan)
-    for index in np.ndindex(*(1 if k in coordinates else n for k, n in enumerate(shape))):
-        fixed = {name: float(v[tuple(np.minimum(index, np.array(v.shape) - 1))]) for name, v in others.items()}
-        one = limited.changed(scenario=scenario_with(scenario, fixed)) if fixed else limited
-        place: Any = (slice(None), *(slice(None) if k in coordinates else i for k, i in enumerate(index)))
-        _Family(one, tuple(coordinates.values())).cover(out[place])
+    # The optimum without limits is that with limits where it meets them. Elsewhere a limit is met exactly. Both depend
+    # smoothly on the inputs, and are interpolated one after the other.
+    for limits in ((), within) if within else ((),):
+        wanted = np.isnan(out[0])
+        for index in np.ndindex(*(1 if k in coordinates else n for k, n in enumerate(shape))):
+            fixed = {name: float(v[tuple(np.minimum(index, np.array(v.shape) - 1))]) for name, v in others.items()}
+            one = problem.changed(constraints=limits, scenario=scenario_with(scenario, fixed))
+            place: Any = tuple(slice(None) if k in coordinates else i for k, i in enumerate(index))
+            family = _Family(one, tuple(coordinates.values()), () if limits else within)
+            family.cover(out[(slice(None), *place)], wanted[place])
     gain, value = out.reshape(2, -1)
     complete = bool(np.isfinite(gain).all())
     tested = np.clip(gain if complete else np.where(np.isnan(gain), problem.axis.high, gain), *problem.axis.ends)
@@ -88,11 +96,16 @@ def _is_confirmed(problem: GainProblem, gain: FloatArray, value: FloatArray) -> 
     if not task.limits:
         confirmed = np.abs(solved - value) <= _VALUE * solved
     else:
-        ratio = np.max([c.magnitude(result.end, task.impact).reshape(-1) / c.limit for c in task.limits], axis=0)
+        ratio = _largest_ratio(task.limits, task, result).reshape(-1)
         allowed = np.where(ratio > _BINDING, _AT_LIMIT, _VALUE)  # at a limit the objective is not stationary
         confirmed = (np.abs(solved - value) <= allowed * solved) & (ratio <= HELD)
     reached = result.reached
     return np.asarray(confirmed if reached.all() else confirmed & reached.reshape(-1))
+
+
+def _largest_ratio(limits: Sequence[Constraint], task: Task, result: ContactResult) -> FloatArray:
+    """Return the largest |quantity| / limit of each encounter."""
+    return np.asarray(np.max([c.magnitude(result.end, task.impact) / c.limit for c in limits], axis=0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,46 +127,44 @@ class _Family:
 
     problem: GainProblem  # the problem of all encounters
     coordinates: tuple[_Coordinate, ...]
+    limits: tuple[Constraint, ...]  # limits that the problem lacks; encounters that certainly exceed one are left out
 
-    def cover(self, out: FloatArray) -> None:
-        """Write gains and objectives to an array of shape (2, n, ...), where they can be interpolated."""
-        span = tuple((float(c.place.min()), float(c.place.max())) for c in self.coordinates)
-        self._cover(span, None, out)
+    def cover(self, out: FloatArray, wanted: BoolArray) -> None:
+        """Write gains and objectives, shape (2, n, ...), where they are wanted and can be interpolated."""
+        self._cover(tuple(np.arange(len(c.place)) for c in self.coordinates), wanted, out)
 
-    def _cover(self, span: Span, which: tuple[IntArray, ...] | None, out: FloatArray) -> None:
-        """Interpolate a part of the grid, or its halves if the error is too large; `which` are its indices."""
-        indices = which or tuple(np.arange(len(c.place)) for c in self.coordinates)
+    def _cover(self, indices: tuple[IntArray, ...], wanted: BoolArray, out: FloatArray) -> None:
+        """Interpolate a part of the grid, or its halves if the error is too large."""
+        part = wanted[np.ix_(*indices)]
+        if not part.all():  # the smallest part with all that are wanted
+            others = tuple(tuple(k for k in range(part.ndim) if k != axis) for axis in range(part.ndim))
+            indices = tuple(i[part.any(axis=o)] for i, o in zip(indices, others, strict=True))
         members = [c.place[i] for c, i in zip(self.coordinates, indices, strict=True)]
-        enough = math.prod(map(len, members)) >= _FEW * _NODES ** len(members)
-        if not enough or not all(low < high for low, high in span):
+        if math.prod(map(len, members)) < _FEW * _NODES ** len(members):
             return
-        coefficients, widest = self._interpolate(span, members)
-        if coefficients is not None:
-            if which is None:
-                _evaluate(members, span, coefficients, out)
-            else:
-                place: Any = (slice(None), *np.ix_(*which))
-                out[place] = _evaluate(members, span, coefficients)
+        span = tuple((float(m.min()), float(m.max())) for m in members)
+        if not all(low < high for low, high in span):
+            return
+        found, widest = self._interpolate(span, members)
+        if found is not None:
+            place: Any = (slice(None), *np.ix_(*indices))
+            out[place] = found
         elif widest is not None:
-            (low, high), place = span[widest], members[widest]
-            middle = 0.5 * (low + high)
-            for half, inside in (((low, middle), place <= middle), ((middle, high), place > middle)):
-                smaller = (*indices[:widest], indices[widest][inside], *indices[widest + 1 :])
-                self._cover((*span[:widest], half, *span[widest + 1 :]), smaller, out)
+            upper = members[widest] > sum(span[widest]) / 2
+            for half in (~upper, upper):
+                self._cover((*indices[:widest], indices[widest][half], *indices[widest + 1 :]), wanted, out)
 
     def _interpolate(self, span: Span, members: list[FloatArray]) -> tuple[FloatArray | None, int | None]:
         """Fit polynomials to gain and objective.
 
         Returns:
-            Chebyshev coefficients, shape (2, nodes, ...). If the fit is inaccurate, None and the axis to divide, or
-            None for none, because no encounter has an optimum.
+            Gains and objectives of the members. If the fit is inaccurate, None and the axis to divide, or None for
+            none, because no encounter has an optimum.
         """
         count, axes = _NODES ** len(span), range(1, len(span) + 1)
-        nodes = np.meshgrid(
-            *(0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes for low, high in span), indexing="ij"
-        )
-        probes = _probes(members)
-        designs = search_compiled(self._at([np.append(n, p) for n, p in zip(nodes, probes, strict=True)]))
+        nodes = [0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes for low, high in span]
+        grid, probes = [n.reshape(-1) for n in np.meshgrid(*nodes, indexing="ij")], _probes(members)
+        designs = search_compiled(self._at([np.append(n, p) for n, p in zip(grid, probes, strict=True)]))
         optimal = designs is not None and designs[2] == OPTIMAL
         if designs is None or not np.any(optimal):
             return None, None
@@ -161,16 +172,19 @@ class _Family:
             return None, int(np.argmax(list(map(len, members))))
         both = designs[:2]
         least = np.array([_GAIN, _VALUE]) * np.abs(both).min(axis=1)
-        coefficients = both[:, :count].reshape(2, *(_NODES,) * len(span))
-        for k in axes:
-            coefficients = np.moveaxis(np.tensordot(coefficients, _BASIS.to_terms, (k, 1)), -1, k)
+        coefficients = _coefficients(both[:, :count], len(nodes))
         each = [_evaluate([p[i : i + 1] for p in probes], span, coefficients) for i in range(len(probes[0]))]
-        between = np.reshape(each, (-1, 2)).T
-        error = np.abs(between - both[:, count:]).max(axis=1)
+        error = np.abs(np.reshape(each, (-1, 2)).T - both[:, count:]).max(axis=1)
         tails = np.array([np.abs(np.moveaxis(coefficients, k, 1)[:, -2:]).reshape(2, -1).sum(axis=1) for k in axes])
         if (tails > least).any() or (error > least).any():
             return None, int(np.argmax((tails / least).max(axis=1)))
-        return coefficients, None
+        if not self.limits:
+            return _evaluate(members, span, coefficients), None
+        result = self._at(grid).run(both[0, :count])
+        ratio = _coefficients(_largest_ratio(self.limits, self.problem.task, result)[None], len(nodes))
+        found = _evaluate(members, span, np.concatenate([coefficients, ratio]))
+        found[:, found[2] > _EXCEEDED] = np.nan
+        return found[:2], None
 
     def _at(self, places: list[FloatArray]) -> GainProblem:
         """Return the search problem for other values of the inputs, one array for each."""
@@ -185,18 +199,25 @@ def _probes(members: list[FloatArray]) -> list[FloatArray]:
     return [m[(i * (len(m) - 1)) // (count - 1)] for m, i in zip(members, order, strict=True)]
 
 
-def _evaluate(
-    members: list[FloatArray], span: Span, coefficients: FloatArray, out: FloatArray | None = None
-) -> FloatArray:
-    """Evaluate polynomials on a grid."""
-    out = np.empty((2, *map(len, members))) if out is None else out
+def _coefficients(values: FloatArray, axes: int) -> FloatArray:
+    """Return the Chebyshev coefficients of rows of values at the nodes of a grid, shape (rows, nodes, ...)."""
+    coefficients = values.reshape(-1, *(_NODES,) * axes)
+    for k in range(1, axes + 1):
+        coefficients = np.moveaxis(np.tensordot(coefficients, _BASIS.to_terms, (k, 1)), -1, k)
+    return coefficients
+
+
+def _evaluate(members: list[FloatArray], span: Span, coefficients: FloatArray) -> FloatArray:
+    """Evaluate polynomials on a grid, shape (rows, n, ...)."""
+    rows = len(coefficients)
+    out = np.empty((rows, *map(len, members)))
     for k, (place, (low, high)) in enumerate(zip(members[:-1], span[:-1], strict=True), start=1):
         basis = np.polynomial.chebyshev.chebvander((2 * place - low - high) / (high - low), _NODES - 1)
         coefficients = np.moveaxis(np.tensordot(coefficients, basis, (k, 1)), -1, k)
     for index in np.ndindex(*out.shape[1:-1]):
-        row = np.ascontiguousarray(coefficients[(slice(None), *index)])
-        values = np.empty((2, out.shape[-1]))
-        _interpolate(address(members[-1]), members[-1].size, *span[-1], address(row), _NODES, address(values))
+        terms = np.ascontiguousarray(coefficients[(slice(None), *index)])
+        values = np.empty((rows, out.shape[-1]))
+        _interpolate(address(members[-1]), len(members[-1]), *span[-1], address(terms), _NODES, rows, address(values))
         out[(slice(None), *index)] = values
     return out
 

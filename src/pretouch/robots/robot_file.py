@@ -31,7 +31,7 @@ _ARGUMENTS: Final = re.compile(r"(?P<file>.*?)(?P<arguments>(?:\s+[A-Za-z_][\w-]
 _ON_BODY: Final = re.compile(r"(?P<body>.+):(?P<axis>[+-][xyz])(?::(?P<offset>[^:]+))?")
 _STIFF: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp of locks
 _LISTED: Final = 5  # names that a sentence lists
-_HARMLESS: Final = "duplicate name", "empty prefix"  # parts of messages of MuJoCo that change no result
+_HARMLESS: Final = "empty prefix"  # part of a message of MuJoCo that matters only for saving a model
 _REPAIRS: Final = 20  # meshes that MuJoCo refuses, one at a time
 _READ_LIMIT: Final = 100_000_000  # bytes of a model file
 
@@ -251,7 +251,7 @@ def compile_robot(robot: RobotFile, edit: Callable[[Any], None] | None = None) -
             else:
                 _refuse(path, reason)
             continue
-        new = [m for m in messages if m not in ignored and not any(part in m for part in _HARMLESS)]
+        new = [m for m in messages if m not in ignored and _HARMLESS not in m]
         if not new:
             _place(model, robot.sites)
             return model

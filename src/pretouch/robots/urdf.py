@@ -91,6 +91,7 @@ def prepare_urdf(
     _check_joints(path, root)
     missing, unreadable = _resolve_meshes(root, folders)
     balanced = tuple(_correct_inertias(root))
+    _remove_repeated_names(root)
     held, ignored = _hold_massless(root), tuple(_remove_lost_mimics(root))
     extension = root.find("mujoco")
     if extension is None:
@@ -230,6 +231,18 @@ def _resolve_meshes(root: Any, folders: Packages) -> tuple[tuple[tuple[str, bool
                 continue
             link.remove(shape)
     return tuple(missing), tuple(unreadable)
+
+
+def _remove_repeated_names(root: Any) -> None:
+    """Let the first of several shapes keep their common name, as MuJoCo does with a message on stderr."""
+    names: set[str] = set()
+    for link in root.iter("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            name = shape.get("name", "")
+            if name in names:
+                del shape.attrib["name"]
+            elif name:
+                names.add(name)
 
 
 def _hold_massless(root: Any) -> tuple[str, ...]:

@@ -45,7 +45,7 @@ SIX_AXIS = """
 <actuator><motor joint="pan" ctrlrange="-150 150"/><motor joint="lift" ctrlrange="-150 150"/>
  <motor joint="elbow" ctrlrange="-150 150"/><motor joint="wrist 1" ctrlrange="-28 28"/>
  <motor joint="wrist 2" ctrlrange="-28 28"/><motor joint="wrist 3" ctrlrange="-28 28"/></actuator></mujoco>"""
-BALL = '<geom type="sphere" size="0.035" mass="0.5"/>'
+BALL = '<geom type="sphere" size="0.035" mass="0.5" contype="3" conaffinity="3"/>'  # touches whatever can be touched
 
 
 def controller(gain: float = -0.7, rate: float | None = None, **options: Any) -> Controller:

@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from pretouch.robots import SensorSite, make_data, project_site
+from pretouch.robots import SensorSite, load_model, make_data, project_site
 from pretouch.robots.dynamics import RobotReducer, drivetrain_of, least_energy, posture_dynamics
 from random_robots import random_robot
+from robot_scenes import ARM
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 
@@ -117,6 +118,14 @@ def test_the_reduction_follows_its_equations(seed: int) -> None:
         assert robot.reduction.loose.shape == free.shape
         coupling = robot.reduction.coupling
         assert len(coupling) == (np.linalg.norm(of_base @ forced + of_joints, axis=1) > 1e-8).sum()
+
+
+@pytest.mark.parametrize(("hold", "said"), [("pose", True), ("position", True), ("axis", False)])
+def test_a_retreat_that_a_singular_posture_prevents_is_said(hold: str, said: bool) -> None:
+    """A stretched arm cannot move its tip sideways on a straight line; on an arc it can."""
+    found = project_site((model := load_model(ARM)), make_data(model), SensorSite("fingertip", axis="+z", hold=hold))
+    assert (found.retreat < 1e-3) == said
+    assert any(text.startswith("PT622") for text in found.warnings) == said
 
 
 FLOATING = """

@@ -185,6 +185,11 @@ class Runner:
             own.index, own.approach, own.hand = d.site, law.approach, along
 
     @property
+    def path(self) -> Any:
+        """The joint path with the anchors of all runs so far."""
+        return self._path
+
+    @property
     def _pairs(self) -> list[tuple[Any, Any]]:
         return list(zip(self._scene.laws, self._scene.drivetrains, strict=True))
 

@@ -76,7 +76,8 @@ def simulate_robot(
             not know it.
         runs: number of runs, each with its own noise and phase of the sensors.
         seed: seed of the noise.
-        contact_stiffness: stiffness of the contact [N/m] for the predicted impact force; None for no prediction.
+        contact_stiffness: stiffness of the contact [N/m] for the predicted impact force; None for no prediction. Drives
+            that push during the impact raise the simulated force, and the prediction has none.
         horizon: longest time to wait for the contact of all sites [s].
         follow_time: time to continue at least after the last contact [s]. A run continues until the force on the robot
             has passed its peak, for at most 1 s.
@@ -176,7 +177,9 @@ def _simulate(scene: RunScene, seed: int, runs: int, workers: int) -> list[RunRe
 
 def _simulate_part(scene: RunScene, seed: int, runs: range, stopped: Event) -> list[RunResult]:
     runner = Runner(scene, seed)
-    return [runner.run(run) for run in runs if not stopped.is_set()]
+    results = [runner.run(run) for run in runs if not stopped.is_set()]
+    scene.path.adopt(runner.path)  # for a run that is repeated with its time series
+    return results
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,6 +36,9 @@ from .model import (
 SINGULAR: Final = 0.02
 """Conditioning below which a path ends: there, the joints move fifty times as much as in the best direction."""
 
+_BECOMES_SINGULAR: Final = "the posture becomes singular"
+_IS_SINGULAR: Final = "the posture is singular"
+_SINGULAR_REASONS: Final = _BECOMES_SINGULAR, _IS_SINGULAR
 _TOLERANCE: Final = 1e-9  # of the joint positions along a path [rad or m]
 _ACCURACY: Final = 1e-6  # of the integration of a path, so that its length is right to 10 micrometers
 _SHORTEST: Final = 1e-6  # m: shorter paths are rounding of the joint positions
@@ -60,9 +63,21 @@ class Excursion(Value):
     reason: str
     joints: FloatArray
 
+    @property
+    def is_singular(self) -> bool:
+        """Whether no joint range, but a singular posture ends the path."""
+        return self.reason in _SINGULAR_REASONS
+
 
 def excursion(
-    model: Model, data: Data, drivetrain: Drivetrain, direction: FloatArray, *, hold: str, ahead: bool
+    model: Model,
+    data: Data,
+    drivetrain: Drivetrain,
+    direction: FloatArray,
+    *,
+    hold: str,
+    ahead: bool,
+    enough: float = math.inf,
 ) -> Excursion:
     """Find the longest path of a sensor site along its axis.
 
@@ -79,6 +94,7 @@ def excursion(
         direction: axis of the sensor in the frame of the site.
         hold: what the joints hold: pose, position or axis.
         ahead: whether the site moves toward objects; otherwise it retreats.
+        enough: length [m] at which the path may end, because it does not matter how much longer it is.
 
     Returns:
         The length of the path and what ends it.
@@ -94,7 +110,7 @@ def excursion(
     if model.neq:  # a loop at its dead center is as heavy in every direction
         start = path.moved_mass(np.array(data.qpos)[places])
         path = replace(path, heaviest=start / SINGULAR**2)
-    reference = path.follow(np.array(data.qpos)[places])
+    reference = path.follow(np.array(data.qpos)[places], enough)
     return reference if reference.length > _SHORTEST else replace(reference, length=0.0)
 
 
@@ -182,13 +198,13 @@ class _Path:
         motion = self._motion(joints, ())
         return math.inf if motion is None else float(motion.moved_mass)
 
-    def follow(self, joints: FloatArray) -> Excursion:
+    def follow(self, joints: FloatArray, enough: float) -> Excursion:
         """Integrate the path from one joint limit to the next."""
         from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import
 
         size, length, locked = float(self.model.stat.extent), 0.0, self._blocked(joints, ())
         travel, hinges = _travel(self.model, self.drivetrain)
-        farthest, longest = _REACH * size + travel, _STEP * (size if hinges else size + travel)
+        farthest, longest = min(_REACH * size + travel, enough), _STEP * (size if hinges else size + travel)
         while True:
             if locked is None or self._motion(joints, locked) is None:
                 return Excursion(length, self._reason(joints), joints)
@@ -208,7 +224,7 @@ class _Path:
             if solution.status != 1:
                 return Excursion(length, "longer than the robot can reach", joints)
             if len(solution.t_events[1]):
-                return Excursion(length, "the posture becomes singular", joints)
+                return Excursion(length, _BECOMES_SINGULAR, joints)
             locked = self._blocked(joints, locked)
 
     def _posture(self, joints: FloatArray) -> PostureDynamics:
@@ -299,7 +315,7 @@ class _Path:
         ends = (positions <= low + 2 * _TOLERANCE) | (positions >= high - 2 * _TOLERANCE)
         numbers = np.concatenate([self.drivetrain.joints, self.followers.joints])
         names = [joint_label(self.model, int(joint)) for joint in numbers[ends & moves]]
-        return f"end of the range of {', '.join(names)}" if names else "the posture is singular"
+        return f"end of the range of {', '.join(names)}" if names else _IS_SINGULAR
 
     @staticmethod
     def _event(function: Any) -> Any:

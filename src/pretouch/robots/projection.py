@@ -61,6 +61,8 @@ POOR: Final = 0.2
 """Conditioning below which a projection warns, because the moved mass exceeds 25 times the lightest one."""
 
 _IMPOSSIBLE: Final = 1e-6  # conditioning below which a motion along the axis is rounding
+_SHORT: Final = 1e-3  # m: a retreat that is too short to reduce an impact
+_BEYOND: Final = 1.001  # a path that is longer than another one need not be followed farther
 _FOLLOWS: Final = 1e-8  # motion of a joint per motion of the others, below which it is rounding
 
 
@@ -348,12 +350,24 @@ def project_site(
             *weak,
             *_object_warnings(model, data, site, index),
             *posture_warnings(
-                model, drivetrain, dynamics, motion, lambda: back.length, limited=drives.has_force_limits
+                model, drivetrain, dynamics, motion, lambda _: back.length, limited=drives.has_force_limits
             ),
+            *_short_retreat(back, motion),
             *_falling_warnings(model, data, drivetrain),
             *drive_warnings(drives, motion),
         ),
     )
+
+
+def _short_retreat(back: Excursion, motion: AxisMotion) -> Iterator[str]:
+    """Yield a warning if a site can hardly retreat although no joint is at the end of its range."""
+    if back.length < _SHORT and back.is_singular:
+        less = "" if motion.hold == "axis" else f', or hold = "axis" instead of {motion.hold!r}'
+        yield caution(
+            "PT622",
+            f"The site can retreat by only {format_quantity(back.length, 'm', 2)}, because {back.reason}: choose "
+            f"another posture{less}. A gain within this retreat hardly reduces an impact.",
+        )
 
 
 def support_limit(model: Model, data: Data, drivetrain: Drivetrain, dynamics: PostureDynamics) -> float:
@@ -474,8 +488,9 @@ def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, .
         return ()
     drives = drives_of(model, data, drivetrain, np.full(len(drivetrain.driven), math.inf))
 
-    def retreat() -> float:
-        return excursion(model, data, drivetrain, site.direction, hold=motion.hold, ahead=False).length
+    def retreat(enough: float) -> float:
+        path = excursion(*(model, data, drivetrain, site.direction), hold=motion.hold, ahead=False, enough=enough)
+        return path.length
 
     return (
         *posture_warnings(model, drivetrain, dynamics, motion, retreat, limited=drives.has_force_limits),
@@ -567,7 +582,7 @@ def posture_warnings(
     drivetrain: Drivetrain,
     dynamics: PostureDynamics,
     motion: AxisMotion,
-    retreat: Callable[[], float],
+    retreat: Callable[[float], float],
     *,
     limited: bool,
 ) -> Iterator[str]:
@@ -578,7 +593,7 @@ def posture_warnings(
         drivetrain: its degrees of freedom.
         dynamics: the posture.
         motion: the motion of the joints along the axis of a sensor.
-        retreat: function that returns the longest path away from objects [m], which takes long to compute.
+        retreat: function that returns the longest path away from objects [m]. It may end at a length of its argument.
         limited: whether the model limits the forces of all actuators.
 
     Yields:
@@ -594,7 +609,7 @@ def posture_warnings(
         )
     rates = ((TURN, motion.turning), (SIDEWAYS, motion.sideways))
     straight = min((limit / rate for limit, rate in rates if rate > 0), default=math.inf)
-    if math.isfinite(straight) and straight < retreat():
+    if math.isfinite(straight) and straight < retreat(_BEYOND * straight):
         yield caution(
             "PT504",
             f"Per 100 mm of motion, the sensor turns by {math.degrees(motion.turning) / 10:.2g} deg and moves "

@@ -15,8 +15,10 @@ from pretouch._core.numbers import FloatArray
 from .dynamics import (
     Drivetrain,
     PostureDynamics,
+    RobotReducer,
     axis_motion,
     close_loops,
+    dynamics_along,
     held_rows,
     least_energy,
     posture_dynamics,
@@ -47,7 +49,8 @@ class JointPath:
     """
 
     __slots__ = (
-        *("_axes", "_drivetrains", "_first", "_followers", "_holds", "_model", "_passive", "_places", "_scratch"),
+        *("_axes", "_drivetrains", "_first", "_followers", "_holds", "_model", "_passive", "_places", "_reducers"),
+        "_scratch",
         *("direction", "ends", "inside", "joints", "motions", "points", "ranges", "start", "table", "turn"),
     )
 
@@ -59,7 +62,7 @@ class JointPath:
         self.ranges = np.ascontiguousarray(ranges_of(model, drivetrains[0]))
         self._followers, self.ends = limited_followers(model, drivetrains[0]), False
         self._places = np.asarray(model.jnt_qposadr)[drivetrains[0].joints]
-        self._scratch = mujoco().MjData(model)
+        self._set_scratch(mujoco().MjData(model))
         self._scratch.qpos[:] = data.qpos
         self._passive = np.array(data.qpos)[self._followers.places]
         self._axes = [
@@ -92,6 +95,11 @@ class JointPath:
         # point
         self.table = np.zeros((2 * _FAR + 1 if number == 1 else 0, 3 * count + 3))
 
+    def _set_scratch(self, scratch: Data) -> None:
+        """Set the state in which postures are computed."""
+        self._scratch = scratch
+        self._reducers = [RobotReducer(self._model, scratch, (d.base, d.driven), d.site) for d in self._drivetrains]
+
     def restart(self) -> None:
         """Return to the start. The points of the path that were already computed are kept."""
         self.joints[:] = self.inside[:] = self.start
@@ -103,8 +111,13 @@ class JointPath:
         forked = copy.copy(self)
         for name in ("joints", "inside", "motions", "turn", "direction", "points", "table"):
             setattr(forked, name, np.array(getattr(self, name)))
-        forked._scratch = copy.copy(self._scratch)
+        forked._set_scratch(copy.copy(self._scratch))
         return forked
+
+    def adopt(self, other: JointPath) -> None:
+        """Take over the anchors that a fork of this path has computed, so that they are not computed again."""
+        new = (self.table[:, 0] == 0) & (other.table[:, 0] != 0)
+        self.table[new] = other.table[new]
 
     @property
     def holds(self) -> tuple[str, ...]:
@@ -202,11 +215,10 @@ class JointPath:
         self._scratch.qpos[self._places] = joints
         update_posture(self._model, self._scratch)
         close_loops(self._model, self._scratch, self._drivetrains[0])
-        parts = []
-        for drivetrain, axis in zip(self._drivetrains, self._axes, strict=True):
-            turn = np.array(self._scratch.site_xmat[drivetrain.site]).reshape(3, 3)
-            parts.append(posture_dynamics(self._model, self._scratch, drivetrain, turn.T @ axis))
-        return parts
+        return [
+            dynamics_along(self._model, self._scratch, drivetrain, axis, reducer)
+            for drivetrain, axis, reducer in zip(self._drivetrains, self._axes, self._reducers, strict=True)
+        ]
 
     def _solve(self, parts: Sequence[PostureDynamics]) -> FloatArray | None:
         rows = [held_rows(part, hold) for part, hold in zip(parts, self._holds, strict=True)]

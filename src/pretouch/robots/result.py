@@ -298,7 +298,8 @@ def prediction_of(law: SiteLaw, detection: DetectedEncounter, stiffness: float |
     Args:
         law: the law of the site.
         detection: the encounter at the first detection.
-        stiffness: stiffness of the contact [N/m] for the peak force; None for no prediction.
+        stiffness: stiffness of the contact [N/m] for the peak force of the reflected mass without drives; None for no
+            prediction.
 
     Returns:
         The prediction; NaN for what does not happen or cannot be predicted.

@@ -10,6 +10,7 @@ import numpy as np
 import plain_law
 from pretouch._core.native import INTEGER, POINTER, kernel
 from pretouch.control import (
+    Arrival,
     CompiledStep,
     Conditioning,
     Controller,
@@ -50,7 +51,7 @@ class Batch:
     def __init__(self, made: Controller, rows: np.ndarray) -> None:
         self.samples, self.out = np.zeros(len(rows), SAMPLE), np.zeros(len(rows), OUTPUT)
         for name, column in zip(COLUMNS, rows.T, strict=True):
-            self.samples[name] = column > 0.0 if name == "fresh" else column
+            self.samples[name] = column
         self.parameters, self.state = made.parameters(), made.start()
         self.step = made.step.located()
 
@@ -62,7 +63,7 @@ class Batch:
 def run_rows(made: Controller, rows: np.ndarray) -> np.ndarray:
     """Feed rows to a controller; return the outputs, a row for each."""
     if not isinstance(made.step, CompiledStep):
-        run, samples = made.begin(), [Sample(r[0], r[1] > 0.0, *r[2:]) for r in rows.tolist()]
+        run, samples = made.begin(), [Sample(r[0], Arrival(int(r[1])), *r[2:]) for r in rows.tolist()]
         return np.array([run.step(**sample._asdict()) for sample in samples], dtype=float)
     batch = Batch(made, rows)
     batch.run()
@@ -74,7 +75,7 @@ def run_plain(made: Controller, rows: np.ndarray) -> np.ndarray:
     parameters = plain_law.plain(made.parameters())
     state, out = plain_law.start(parameters), np.empty((len(rows), 6))
     for i, r in enumerate(rows.tolist()):
-        state, output = plain_law.step(parameters, state, Sample(r[0], r[1] > 0.0, *r[2:]))
+        state, output = plain_law.step(parameters, state, Sample(r[0], Arrival(int(r[1])), *r[2:]))
         out[i] = output
     return out
 

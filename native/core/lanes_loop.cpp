@@ -309,6 +309,7 @@ void Group::ask_laws() {
     // arrays, because setting single lanes of a vector would write and read memory each time
     alignas(64) double impulses[WIDTH] = {};
     alignas(64) int64_t usables[WIDTH] = {}, stales[WIDTH] = {}, losses[WIDTH] = {};
+    alignas(64) int64_t vanished[WIDTH] = {};
     for (int i = 0; i < WIDTH; i++) {
         push[i] = {0.0, 0.0};
         status[i] = 0;
@@ -324,19 +325,21 @@ void Group::ask_laws() {
         usables[i] = -observed[i].usable;
         stales[i] = -observed[i].stale;
         losses[i] = -observed[i].lost;
+        vanished[i] = -observed[i].no_object;
         log_level[i] = observed[i].log_level;
     }
     const double period = loop.period;
     const Lanes impulse = load(impulses);
     const Masks usable = masks_of(usables), stale = masks_of(stales), lost = masks_of(losses);
+    const Masks gone = masks_of(vanished);
     // as deliver in pretouch_law.c
     const Lanes owed = impulse + rest, due = owed - ahead, none = all(0.0);
     const Masks covers = ((owed > 0.0) & (0.0 < due)) | ((owed < 0.0) & (0.0 > due));
     const Lanes new_steady = where(covers, within(due / drive.hold, drive.largest_force), none);
     const Lanes now_steady = where(usable, new_steady, steady);
     const Lanes remaining = where(usable, new_steady * drive.hold, rest);
-    const Lanes now_ahead = where(usable, where(covers, none, -due), ahead);
-    const Lanes now_fading = where(usable, all(1.0), fading);
+    const Lanes now_ahead = where(gone, none, where(usable, where(covers, none, -due), ahead));
+    const Lanes now_fading = where(gone, none, where(usable, all(1.0), fading));
     const Lanes portion = now_steady * period;
     const Masks lasts = remaining != 0.0, last = absolute(remaining) <= absolute(portion) * (1 + ROUNDING);
     const Masks fades = ~lasts & stale;

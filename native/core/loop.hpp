@@ -143,8 +143,9 @@ public:
     // Samples the distance. If this completes an exposure, adds its reading to those in transit.
     void look(double distance);
 
-    // Delivers the newest reading that is available at a time; returns whether there was a new one.
-    bool deliver(double t);
+    // Delivers the newest reading that is available at a time; returns what is new: PRETOUCH_NOTHING, PRETOUCH_READING, or
+    // PRETOUCH_NO_OBJECT if a sensor of distances saw none.
+    int32_t deliver(double t);
 
     double reading = 0.0, measured = 0.0;  // the last delivered reading, and when it was measured [s]
 
@@ -163,14 +164,19 @@ private:
     Wave waves[WAVES];
     int disturbances = 0;
     double begun[PRETOUCH_MOST_DISTURBANCES];  // when each disturbance began [s]; infinite before
-    double last = NAN;                         // last reading before the delay
+    struct Message {
+        double value;  // NaN if the reading is lost by a dropout
+        bool no_object;
+    };
+    Message last = {NAN, false};               // last one before the delay
 
     double start_of(uint64_t exposure) const;
     double misfit_at(double distance) const;
     double output(double distance) const;
     double exposed_to(double distance) const;
     double clean_reading(double mean, double time) const;
-    double raw_reading(double mean, double time);
+    Message message_of(double mean, double time);
+    void send(const Message &message, double ready, double taken);
     void begin_disturbances(double distance);
     void draw_misfit();
     void look_at_start(double distance);

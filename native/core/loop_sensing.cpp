@@ -119,27 +119,35 @@ void Sensor::begin_disturbances(double distance) {
     }
 }
 
-// The reading of an exposure, from its mean; NaN if the reading is lost by a dropout.
-double Sensor::raw_reading(double mean, double time) {
+// The message of an exposure, from its mean. A sensor that measures a distance knows whether there is an object on its
+// curve; any other one has an output also without an object.
+Sensor::Message Sensor::message_of(double mean, double time) {
     const uint64_t draw = DRAWS * k;
-    if (chain.dropout > 0.0 && uniform_of(key, draw + DROPOUT) < chain.dropout) return NAN;
-    if (chain.measures_distance != 0.0) {
-        const double distance = mean + chain.distance_noise * normal_of(key, draw + DISTANCE);
-        mean = output(rounded(distance, chain.distance_resolution));
+    if (chain.dropout > 0.0 && uniform_of(key, draw + DROPOUT) < chain.dropout) return {NAN, false};
+    const bool measures_distance = chain.measures_distance != 0.0;
+    bool no_object = false;
+    if (measures_distance) {
+        const double noisy = mean + chain.distance_noise * normal_of(key, draw + DISTANCE);
+        const double distance = rounded(noisy, chain.distance_resolution);
+        no_object = distance > curve.high;
+        mean = output(distance);
     }
-    double replaced = NAN;
+    Message replaced = {NAN, false};
     for (int i = 0; i < disturbances; i++) {
         const pretouch_disturbance &d = chain.disturbances[i];
         if (!(begun[i] <= time && time < begun[i] + d.duration)) continue;
         switch (static_cast<int>(d.kind)) {
-        case PRETOUCH_CABLE: replaced = 0.0; break;
+        case PRETOUCH_CABLE: replaced = {0.0, false}; break;
         case PRETOUCH_REFLECTANCE: mean *= d.factor; break;
-        case PRETOUCH_OBJECT_LEAVES: mean = 0.0; break;
-        case PRETOUCH_FULL_SCALE: replaced = chain.highest; break;
+        case PRETOUCH_OBJECT_LEAVES:
+            mean = 0.0;
+            no_object = measures_distance;
+            break;
+        case PRETOUCH_FULL_SCALE: replaced = {chain.highest, false}; break;
         default: replaced = last;  // NaN, thus without effect, if it is the first reading
         }
     }
-    last = isnan(replaced) ? clean_reading(mean, time) : replaced;
+    last = isnan(replaced.value) ? Message{clean_reading(mean, time), no_object} : replaced;
     return last;
 }
 
@@ -155,11 +163,15 @@ double Sensor::clean_reading(double mean, double time) const {
     return rounded(smaller(larger(value, chain.lowest), chain.highest), chain.resolution);
 }
 
+void Sensor::send(const Message &message, double ready, double taken) {
+    waiting[tail++ & mask] = {message.value, ready, taken, message.no_object ? 1.0 : 0.0};
+}
+
 // Makes the first reading at t = 0 from the initial distance.
 void Sensor::look_at_start(double distance) {
     begin_disturbances(distance);
-    waiting[0] = {raw_reading(exposed_to(distance), 0.0), chain.delay, 0.0};
-    tail = k = 1;
+    send(message_of(exposed_to(distance), 0.0), chain.delay, 0.0);
+    k = 1;
     instant = start = start_of(1);
 }
 
@@ -168,8 +180,7 @@ void Sensor::look(double distance) {
     total += weight * exposed_to(distance);
     if (disturbances) begin_disturbances(distance);
     if (++node == nodes) {
-        waiting[tail++ & mask] = {raw_reading(total, instant), start + chain.exposure + chain.delay,
-                                  start + 0.5 * chain.exposure};
+        send(message_of(total, instant), start + chain.exposure + chain.delay, start + 0.5 * chain.exposure);
         node = 0;
         total = 0.0;
         start = larger(start_of(++k), start + chain.exposure);
@@ -178,14 +189,14 @@ void Sensor::look(double distance) {
     instant = larger(nodes == 3 ? start + chain.exposure * part : start, instant);
 }
 
-bool Sensor::deliver(double t) {
-    bool fresh = false;
+int32_t Sensor::deliver(double t) {
+    int32_t fresh = PRETOUCH_NOTHING;
     for (; head < tail && waiting[head & mask].ready <= t + INSTANT; head++) {
         const pretouch_reading &next = waiting[head & mask];
         if (isnan(next.value)) continue;
         reading = next.value;
         measured = next.taken;
-        fresh = true;
+        fresh = next.no_object != 0.0 ? PRETOUCH_NO_OBJECT : PRETOUCH_READING;
     }
     return fresh;
 }
@@ -206,7 +217,7 @@ double sample_distance(void *sensor, double distance) {
 
 int32_t deliver_reading(void *sensor, double t, double *reading, double *measured) {
     Sensor *one = static_cast<Sensor *>(sensor);
-    const bool fresh = one->deliver(t);
+    const int32_t fresh = one->deliver(t);
     *reading = one->reading;
     *measured = one->measured;
     return fresh;
@@ -231,7 +242,7 @@ void pretouch_sensor_look(void *sensor, double distance) { static_cast<Sensor *>
 
 int64_t pretouch_sensor_deliver(void *sensor, double t, double *reading, double *measured) {
     Sensor *const own = static_cast<Sensor *>(sensor);
-    const bool fresh = own->deliver(t);
+    const int32_t fresh = own->deliver(t);
     *reading = own->reading;
     *measured = own->measured;
     return fresh;

@@ -261,9 +261,10 @@ typedef struct {
     double until, acceleration;
 } pretouch_stretch;
 
-/* A reading in transit: its value, when it becomes available, and when it was measured [s]. */
+/* A reading in transit: its value, when it becomes available, when it was measured [s], and 1 if it says that a sensor of
+ * distances sees no object, otherwise 0. */
 typedef struct {
-    double value, ready, taken;
+    double value, ready, taken, no_object;
 } pretouch_reading;
 
 /* Output rows: RESULT_COLUMNS, CONTACT_COLUMNS, TRACE_COLUMNS and COURSE_COLUMNS of simulation/native_loop.py. */
@@ -329,8 +330,9 @@ PRETOUCH_API double pretouch_elastic_duration(const pretouch_contact *contact, d
  *
  * pretouch_sensor_start starts a sensor at a distance [m] at t = 0. pretouch_sensor_next returns the time at which the
  * sensor samples the distance next [s], and pretouch_sensor_look passes that distance to it. pretouch_sensor_deliver
- * writes the newest reading that is available at t, and when it was measured [s]. It returns 1 if the reading is new;
- * otherwise it writes the previous one and returns 0. */
+ * writes the newest reading that is available at t, and when it was measured [s]. It returns
+ * PRETOUCH_READING if the reading is new, PRETOUCH_NO_OBJECT if the sensor measures distances and newly sees no object;
+ * otherwise it writes the previous reading and returns PRETOUCH_NOTHING. */
 PRETOUCH_API int64_t pretouch_sensor_size(void);
 PRETOUCH_API void pretouch_sensor_start(void *sensor, const pretouch_chain *chain, const pretouch_curve *curve,
                                         uint64_t seed, int64_t run, pretouch_reading *waiting, int64_t room,

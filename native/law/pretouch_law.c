@@ -92,7 +92,7 @@ void pretouch_start_sensing(const pretouch_sensing_numbers *p, pretouch_sensing_
     s->level = s->filtered = p->floor;
     fill_median(p->median_length, p->floor, &s->median);
     fill_low_pass(p, p->floor, s);
-    s->running = 0;
+    s->latest = PRETOUCH_NOTHING;
 }
 
 /* Returns whether no object can change xi so much within a time [s]. The time counts up to one sensor period: a jump does
@@ -103,23 +103,25 @@ static int is_jump(const pretouch_sensing_numbers *p, const pretouch_sensing_sta
     return largest < ANY_CHANGE && FABS(LOG(level / s->level)) > largest && FABS(LOG(level / s->filtered)) > largest;
 }
 
-/* Returns the status flag that says why a new reading is rejected; 0 if it is usable or if there is none. measured:
- * time since the last usable reading was measured [s]. */
+/* Returns the status flag that says why a new reading, or "no object", is rejected; 0 if it is usable or if there is none.
+ * measured: time since the last usable reading was measured [s]. */
 static int32_t fault_of(const pretouch_sensing_numbers *p, const pretouch_sensing_state *s,
                         const pretouch_sample *sample, real level, real measured) {
     const real elapsed = measured - sample->age;
     const int in_time = 0 <= sample->age && sample->age <= p->timeout; /* false for NaN */
-    const int in_order = elapsed > SAME_INSTANT * p->period || !s->running;
+    const int in_order = elapsed > SAME_INSTANT * p->period || s->latest == PRETOUCH_NOTHING;
     if (!sample->fresh) return 0;
-    if (!(isfinite(sample->reading) && in_time && in_order)) return PRETOUCH_INVALID;
+    if (!(in_time && in_order)) return PRETOUCH_INVALID;
+    if (sample->fresh == PRETOUCH_NO_OBJECT) return 0;
+    if (!isfinite(sample->reading)) return PRETOUCH_INVALID;
     if (sample->reading >= p->saturation) return PRETOUCH_SATURATED;
-    return s->running && is_jump(p, s, level, elapsed) ? PRETOUCH_IMPLAUSIBLE : 0;
+    return s->latest == PRETOUCH_READING && is_jump(p, s, level, elapsed) ? PRETOUCH_IMPLAUSIBLE : 0;
 }
 
 /* Filters a usable reading and computes its logarithm. measured: time since the previous one was measured [s]. */
 static void take_in(const pretouch_sensing_numbers *p, pretouch_sensing_state *s, real age, real level,
                     real measured, pretouch_observation *seen) {
-    const int32_t restarted = !s->running;
+    const int32_t restarted = s->latest != PRETOUCH_READING;
     const real before = s->filtered;
     real filtered = level;
     if (restarted) {
@@ -128,7 +130,7 @@ static void take_in(const pretouch_sensing_numbers *p, pretouch_sensing_state *s
     } else {
         filtered = advance_low_pass(p, s, advance_median(p->median_length, &s->median, level));
     }
-    s->running = 1;
+    s->latest = PRETOUCH_READING;
     s->quiet = 0;
     s->measured = age;
     s->level = level;
@@ -142,7 +144,7 @@ static void take_in(const pretouch_sensing_numbers *p, pretouch_sensing_state *s
     seen->usable = 1;
     seen->restarted = restarted;
     seen->detecting = s->log_level > 0;
-    seen->stale = seen->lost = 0;
+    seen->no_object = seen->stale = seen->lost = 0;
     seen->status = seen->detecting ? PRETOUCH_DETECTING : 0;
 }
 
@@ -152,18 +154,25 @@ void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state 
     const real above = sample->reading - p->offset;
     const real level = p->floor < above && above < (real)INFINITY ? above : p->floor; /* the floor also for NaN */
     const int32_t fault = fault_of(p, s, sample, level, measured);
-    if (sample->fresh && fault == 0) {
+    const int32_t usable = sample->fresh && fault == 0;
+    if (usable && sample->fresh != PRETOUCH_NO_OBJECT) {
         take_in(p, s, sample->age, level, measured, seen);
         return;
     }
-    seen->lost = quiet > p->timeout * (1 + SAME_INSTANT);
-    seen->stale = quiet > p->sensor_period * (1 - SAME_INSTANT);
-    if (seen->lost) {
-        s->running = 0;
-        s->log_level = 0;
+    /* An object that vanishes has not moved, and neither has one that appears: the law pauses, and the next reading is a
+     * new start. The sensor works, so it is neither late nor lost. */
+    seen->no_object = usable;
+    seen->lost = !usable && quiet > p->timeout * (1 + SAME_INSTANT);
+    seen->stale = !usable && quiet > p->sensor_period * (1 - SAME_INSTANT);
+    if (usable) {
+        s->latest = PRETOUCH_NO_OBJECT;
+        s->level = s->filtered = p->floor;
+    } else if (seen->lost) {
+        s->latest = PRETOUCH_NOTHING;
     }
-    s->quiet = smaller(quiet, 2 * p->timeout); /* larger values have no effect */
-    s->measured = smaller(measured, 3 * p->timeout);
+    if (usable || seen->lost) s->log_level = 0;
+    s->quiet = usable ? 0 : smaller(quiet, 2 * p->timeout); /* larger values have no effect */
+    s->measured = usable ? sample->age : smaller(measured, 3 * p->timeout);
     seen->change = seen->elapsed = 0;
     seen->log_level = s->log_level;
     seen->level = s->filtered;
@@ -235,7 +244,9 @@ void pretouch_drag(const pretouch_drag_numbers *p, pretouch_drag_state *s, const
 
 /* Returns the force of this period [N]. If the next reading is late, the force continues and fades. The impulse that is
  * delivered meanwhile is subtracted from that of the next reading, so that the sum stays exact. The subtraction by
- * itself causes no force. The part of an impulse above the force limit is dropped, since it would act too late. */
+ * itself causes no force. The part of an impulse above the force limit is dropped, since it would act too late. If the
+ * object vanishes, the impulse of its measured motion is still delivered; no force continues after it, and nothing is
+ * subtracted from the impulses of the next object. */
 static real deliver(const pretouch_drive_numbers *p, pretouch_delivery *s, const pretouch_observation *seen,
                     real impulse) {
     const real period = p->limits.period;
@@ -247,6 +258,7 @@ static real deliver(const pretouch_drive_numbers *p, pretouch_delivery *s, const
         s->ahead = covers ? 0 : -due;
         s->fading = 1;
     }
+    if (seen->no_object) s->ahead = s->fading = 0;
     if (s->rest != 0) {
         const real given = s->steady * period, rest = s->rest;
         const int last = FABS(rest) <= FABS(given) * (1 + ROUNDING);

@@ -57,15 +57,19 @@ enum {
     PRETOUCH_INPUT_FAULT = 512
 };
 
+/* What the sensor delivered since the last step: nothing, a reading, or the message that it sees no object. Sensors of
+ * distances send such messages; see pretouch.control.Arrival. */
+enum { PRETOUCH_NOTHING = 0, PRETOUCH_READING = 1, PRETOUCH_NO_OBJECT = 2 };
+
 /* Inputs at the start t_k of a period. */
 typedef struct {
-    pretouch_real reading;                /* raw output of the sensor */
+    pretouch_real reading;                /* raw output of the sensor; ignored if it sees no object */
     pretouch_real age;                    /* time since it was measured [s] */
     pretouch_real contact_force;          /* of the object on the plant along x [N] */
     pretouch_real reference_position;     /* x_d [m] */
     pretouch_real reference_velocity;     /* x_d' [m/s] */
     pretouch_real reference_acceleration; /* x_d'' [m/s^2], constant over the period */
-    int32_t fresh;                        /* whether the reading arrived since the last step */
+    int32_t fresh;                        /* what arrived since the last step: 0, PRETOUCH_READING or PRETOUCH_NO_OBJECT */
 } pretouch_sample;
 
 /* Reference for the robot's motion controller in the period from t_k to t_k + T. */
@@ -106,14 +110,14 @@ typedef struct {
 } pretouch_median_state;
 
 typedef struct {
-    pretouch_real quiet;                         /* time since the last usable reading arrived [s] */
+    pretouch_real quiet;                         /* time since the last usable reading, or "no object", arrived [s] */
     pretouch_real measured;                      /* time since it was measured [s] */
     pretouch_real level;                         /* its xi before the filters */
     pretouch_real filtered;                      /* its xi after the filters, at least the floor */
     pretouch_real log_level;                     /* ln(filtered / floor) */
     pretouch_real low_pass[PRETOUCH_SECTIONS][2]; /* states of the sections */
     pretouch_median_state median;
-    int32_t running; /* whether there was a usable reading, and the sensor has not been lost since */
+    int32_t latest; /* what arrived last and was usable; PRETOUCH_NOTHING at the start and after the sensor was lost */
 } pretouch_sensing_state;
 
 /* Conditioned sensor signal on which a law acts. */
@@ -123,7 +127,8 @@ typedef struct {
     pretouch_real level;     /* xi after the filters, at least the floor */
     pretouch_real elapsed;   /* time between the two readings of `change` [s]; 0 if there is no change */
     int32_t usable;          /* a usable reading arrived */
-    int32_t restarted;       /* it is the first one, or the first one after the sensor was lost */
+    int32_t restarted;       /* it is the first one, or the first one after "no object" or after the sensor was lost */
+    int32_t no_object;       /* the sensor works and sees no object: the change of ln xi is undefined, thus 0 */
     int32_t detecting;       /* xi is above the floor, and the sensor is not lost */
     int32_t stale;           /* a reading is due and has not arrived */
     int32_t lost;            /* no reading arrived for longer than the timeout */

@@ -23,7 +23,7 @@ import pytest
 
 import pretouch as pt
 from exported_designs import DESIGNS
-from pretouch.control import Controller, Sample
+from pretouch.control import Arrival, Controller, Sample
 from pretouch.exports import export
 from pretouch.exports.law_design import law_design
 from refusals import refused
@@ -79,7 +79,8 @@ class Unit:
         """The real outputs and the status after one communication step, which starts where the last one ended."""
         self.time = self.time if time is None else time
         self.set_reals(**{name: getattr(sample, name) for name in INPUTS})
-        self.fmu.setBoolean([self.reference["fresh"]], [bool(sample.fresh)])
+        references = [self.reference["fresh"], self.reference["no_object"]]
+        self.fmu.setBoolean(references, [bool(sample.fresh), sample.fresh == Arrival.NO_OBJECT])
         self.fmu.doStep(currentCommunicationPoint=self.time, communicationStepSize=duration)
         self.time += duration
         status = (self.fmu.getInteger if self.is_2 else self.fmu.getInt32)([self.reference["status"]])
@@ -180,6 +181,7 @@ def test_the_library_gives_every_bit_of_the_vectors_without_an_importer(
             for variable in INPUTS:
                 access("Set", real, variable, number(getattr(sample, variable)))
             access("Set", "Boolean", "fresh", flag(bool(sample.fresh)))
+            access("Set", "Boolean", "no_object", flag(sample.fresh == Arrival.NO_OBJECT))
             results = () if standard == 2 else tuple(map(ctypes.byref, (flag(), flag(), flag(), number())))
             assert call("DoStep")(unit, number(i * period), number(period), no, *results) == 0
             found = [access("Get", real, variable, number()) for variable in OUTPUTS]
@@ -270,8 +272,9 @@ def on_the_grid(controller: Controller, start: float, steps: list[tuple[float, f
         while start + count * period < time + duration - 1e-6 * period:
             tick = start + count * period
             after = tick - time if tick - time > 1e-6 * period else 0.0
-            reading, age, fresh = sample.reading, sample.age, waiting is not None
+            reading, age, fresh = sample.reading, sample.age, Arrival.NOTHING
             if waiting is not None:
+                fresh = waiting[1].fresh
                 waited = tick - waiting[0]
                 reading = waiting[1].reading
                 age = waiting[1].age + (waited if waited > 1e-6 * period else 0.0)
@@ -303,7 +306,7 @@ def random_master(rng: np.random.Generator, period: float) -> tuple[float, list[
         reading *= np.exp(rng.normal(0.01, 0.03))
         inputs = Sample(
             reading=float(reading),
-            fresh=bool(rng.random() < 0.7),
+            fresh=rng.choice(list(Arrival), p=[0.3, 0.65, 0.05]),
             age=float(rng.choice([0.0, 0.3 * period])),
             contact_force=float(rng.choice([0.0, -2.0])),
             reference_position=float(rng.normal(0, 0.1)),

@@ -82,6 +82,14 @@ def damper(packages: dict[str, Path]) -> Path:
     return build(packages["damper"], packages["damper"].parent)
 
 
+def played_rows(vectors: Path) -> list[str]:
+    """The rows that the harness plays: an interface of sensor outputs cannot say that there is no object."""
+    rows = [line.split(",") for line in vectors.read_text().splitlines() if line[0].isdigit()]
+    unseen = {row[0] for row in rows if row[7] == "2"}
+    assert len(unseen) == 1
+    return [",".join(row) for row in rows if row[0] not in unseen]
+
+
 @pytest.fixture(scope="module")
 def program(design: str, packages: dict[str, Path], request: pytest.FixtureRequest) -> Path:
     """The harness with a design: one of them compiled by clang with optimization, if clang is installed."""
@@ -105,7 +113,7 @@ def test_commands_equal_the_vectors_in_every_bit(
     start = ["configure 1000"] if output == "wrench" else []  # prepares the receiver of the wrench
     lines = [*WIRED, f"param output {output}", *written, *start, f"replay {column} 1000 {chained} {vectors}", "counts"]
     answers = drive(program, *lines)[len(start) :]
-    rows = [line for line in vectors.read_text().splitlines() if line[0].isdigit()]
+    rows = played_rows(vectors)
     assert answers == [f"{len(rows)} 0", "0 0"]  # steps, differences; allocations, blocking locks
 
 

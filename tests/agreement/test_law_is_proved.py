@@ -63,13 +63,14 @@ def test_every_block_keeps_the_bounds_and_the_limits(
     ("part", "old", "new"),
     [
         ("START", "s->level = s->filtered = p->floor;", "s->level = s->filtered = 0;"),
-        ("OBSERVE", "s->quiet = smaller(quiet, 2 * p->timeout);", "s->quiet = quiet;"),
+        ("OBSERVE", "s->quiet = usable ? 0 : smaller(quiet, 2 * p->timeout);", "s->quiet = quiet;"),
         ("OBSERVE", "p->floor < above && above < (real)INFINITY ? above : p->floor;", "above;"),
         ("LAW", "larger(s->ramp - p->ramp_step, 0)", "s->ramp - p->ramp_step"),
         ("LIMIT", "period * wanted->velocity / 2, p->excursion);", "period * wanted->velocity / 2, 1);"),
         ("DRIVE", "no_reference ? s->reference : sample->reference_position;", "sample->reference_position;"),
+        ("OBSERVE", "s->measured = usable ? sample->age :", "s->measured = usable ? sample->reading :"),
     ],
-    ids=["first level", "quiet", "level", "ramp", "excursion", "reference"],
+    ids=["first level", "quiet", "level", "ramp", "excursion", "reference", "no object"],
 )
 def test_a_fault_of_the_law_is_found(part: str, old: str, new: str, exports: dict[str, Path], tmp_path: Path) -> None:
     folder = shutil.copytree(exports["damper"], tmp_path / "law")

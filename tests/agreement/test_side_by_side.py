@@ -51,6 +51,17 @@ LOOPS = {
         replace(CHAIN, jitter=1e-3, dropout=0.4, drift=1e-4), conditioning={"timeout": 9e-3}
     ),
     "misfit": loop(replace(CHAIN, misfit=0.02, misfit_length=0.01)),
+    "vanishing object": loop(
+        replace(
+            CHAIN,
+            measures_distance=True,
+            dropout=0.3,
+            disturbances=[
+                pt.simulation.Disturbance(kind="object-leaves", time=t, duration=d)
+                for t, d in ((0.02, 0.01), (0.05, 0.02), (0.1, 0.05))
+            ],
+        )
+    ),
     "at once": loop(replace(CHAIN, exposure=0.0, delay=0.0, random_phase=False)),
 }
 GAINS = np.array([0.0, -0.1, -0.7463, -3.0])  # the last one is unstable on most loops

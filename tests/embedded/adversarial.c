@@ -39,7 +39,7 @@ static pretouch_sample any_sample(double level) {
         (pretouch_real)(random_bits() % 4 ? 0 : any_number(1)),
         (pretouch_real)(random_bits() % 4 ? 0 : any_number(1)),
         (pretouch_real)(random_bits() % 4 ? 0 : any_number(100)),
-        random_bits() % 3 != 0,
+        random_bits() % 32 == 0 ? PRETOUCH_NO_OBJECT : random_bits() % 3 != 0,
     };
     return sample;
 }
@@ -62,7 +62,7 @@ static int replay(void) {
     pretouch_design_start(&state);
     while (fread(in, sizeof in, 1, stdin) == 1) {
         const pretouch_sample sample = {(pretouch_real)in[0], (pretouch_real)in[1], (pretouch_real)in[2],
-                                        (pretouch_real)in[3], (pretouch_real)in[4], (pretouch_real)in[5], in[6] != 0};
+                                        (pretouch_real)in[3], (pretouch_real)in[4], (pretouch_real)in[5], (int32_t)in[6]};
         pretouch_output o;
         pretouch_design_step(&state, &sample, &o);
         const double out[6] = {(double)o.position, (double)o.velocity, (double)o.acceleration, (double)o.virtual_force,

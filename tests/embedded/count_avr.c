@@ -39,7 +39,7 @@ int main(void) {
     for (uint16_t i = 0; i < count; i++) {
         row now;
         memcpy_P(&now, &rows[i], sizeof now);
-        const pretouch_sample sample = {now.in[0], now.in[1], now.in[2], 0, 0, 0, now.in[3] != 0};
+        const pretouch_sample sample = {now.in[0], now.in[1], now.in[2], 0, 0, 0, (int32_t)now.in[3]};
         pretouch_output out;
         const uint16_t before = TCNT1;
         pretouch_design_step(&state, &sample, &out);

@@ -33,7 +33,8 @@ static void play_2(fmi_import_context_t *context, const char *folder, double ste
     fmi2_callback_functions_t callbacks = {fmi2_log_forwarding, calloc, free, NULL, unit};
     check(fmi2_import_create_dllfmu(unit, fmi2_fmu_kind_cs, &callbacks), "create_dllfmu");
     check(fmi2_import_instantiate(unit, "unit", fmi2_cosimulation, "", fmi2_false), "instantiate");
-    unsigned int in[6], out[5], fresh = reference_2(unit, "fresh"), status = reference_2(unit, "status");
+    unsigned int in[6], out[5], status = reference_2(unit, "status");
+    unsigned int arrival[2] = {reference_2(unit, "fresh"), reference_2(unit, "no_object")};
     for (int i = 0; i < 6; i++) in[i] = reference_2(unit, INPUTS[i]);
     for (int i = 0; i < 5; i++) out[i] = reference_2(unit, OUTPUTS[i]);
     double row[8], result[6], last = -1, time = 0;
@@ -46,9 +47,9 @@ static void play_2(fmi_import_context_t *context, const char *folder, double ste
             time = 0;
         }
         last = row[0];
-        const fmi2_boolean_t is_fresh = row[7] != 0;
+        const fmi2_boolean_t arrived[2] = {row[7] != 0, row[7] == 2};
         fmi2_integer_t flags;
-        check(fmi2_import_set_real(unit, in, 6, row + 1) || fmi2_import_set_boolean(unit, &fresh, 1, &is_fresh), "set");
+        check(fmi2_import_set_real(unit, in, 6, row + 1) || fmi2_import_set_boolean(unit, arrival, 2, arrived), "set");
         check(fmi2_import_do_step(unit, time, step, fmi2_true), "do_step");
         check(fmi2_import_get_real(unit, out, 5, result) || fmi2_import_get_integer(unit, &status, 1, &flags), "get");
         result[5] = flags;
@@ -65,7 +66,8 @@ static void play_3(fmi_import_context_t *context, const char *folder, double ste
     check(unit == NULL, "parse_xml");
     check(fmi3_import_create_dllfmu(unit, fmi3_fmu_kind_cs, NULL, NULL), "create_dllfmu");
     check(fmi3_import_instantiate_co_simulation(unit, "unit", "", 0, 0, 0, 0, NULL, 0, NULL), "instantiate");
-    unsigned int in[6], out[5], fresh = reference_3(unit, "fresh"), status = reference_3(unit, "status");
+    unsigned int in[6], out[5], status = reference_3(unit, "status");
+    unsigned int arrival[2] = {reference_3(unit, "fresh"), reference_3(unit, "no_object")};
     for (int i = 0; i < 6; i++) in[i] = reference_3(unit, INPUTS[i]);
     for (int i = 0; i < 5; i++) out[i] = reference_3(unit, OUTPUTS[i]);
     double row[8], result[6], last = -1, time = 0, reached;
@@ -78,10 +80,10 @@ static void play_3(fmi_import_context_t *context, const char *folder, double ste
             time = 0;
         }
         last = row[0];
-        const fmi3_boolean_t is_fresh = row[7] != 0;
+        const fmi3_boolean_t arrived[2] = {row[7] != 0, row[7] == 2};
         fmi3_int32_t flags;
         check(fmi3_import_set_float64(unit, in, 6, row + 1, 6), "set_float64");
-        check(fmi3_import_set_boolean(unit, &fresh, 1, &is_fresh, 1), "set_boolean");
+        check(fmi3_import_set_boolean(unit, arrival, 2, arrived, 2), "set_boolean");
         check(fmi3_import_do_step(unit, time, step, 1, &event, &terminate, &early, &reached), "do_step");
         check(event || terminate || early || reached != time + step, "do_step as a whole");
         check(fmi3_import_get_float64(unit, out, 5, result, 5), "get_float64");

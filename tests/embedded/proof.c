@@ -47,7 +47,7 @@ typedef pretouch_design_state design_state;
 static int sensing_invariant(const pretouch_sensing_state *n) {
     int good = between(n->quiet, 0, 2 * P->timeout) && between(n->measured, 0, 3 * P->timeout);
     good = good && is_level(n->level) && is_level(n->filtered) && between(n->log_level, 0, 89);
-    good = good && (n->running == 0 || n->running == 1);
+    good = good && PRETOUCH_NOTHING <= n->latest && n->latest <= PRETOUCH_NO_OBJECT;
     good = good && 0 <= n->median.oldest && n->median.oldest < P->median_length;
     for (int i = 0; i < P->median_length; i++)
         good = good && is_level(n->median.arrived[i]) && is_level(n->median.ordered[i]);
@@ -86,7 +86,7 @@ static int is_observation(const pretouch_observation *seen) {
     int good = between(seen->change, -104, 89) && between(seen->log_level, 0, 89) && is_level(seen->level);
     good = good && between(seen->elapsed, 0, 3 * P->timeout + P->period);
     good = good && is_flag(seen->usable) && is_flag(seen->restarted) && is_flag(seen->detecting);
-    good = good && is_flag(seen->stale) && is_flag(seen->lost);
+    good = good && is_flag(seen->no_object) && is_flag(seen->stale) && is_flag(seen->lost);
     return good && 0 <= seen->status && seen->status < 64;
 }
 

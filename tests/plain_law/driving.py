@@ -119,6 +119,8 @@ def deliver(numbers: Any, delivery: Delivery, seen: Observation, impulse: float)
         covers = owed > 0.0 < due or owed < 0.0 > due
         steady = max(min(due / n.hold, n.largest_force), -n.largest_force) if covers else 0.0
         rest, ahead, fading = steady * n.hold, 0.0 if covers else -due, 1.0
+    if seen.no_object:  # what was measured is still delivered; nothing follows it, and the next object owes nothing
+        ahead = fading = 0.0
     if rest != 0.0:
         given = steady * period
         if abs(rest) <= abs(given) * (1 + _ROUNDING):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from pretouch.control import Sample, Status
+from pretouch.control import Arrival, Sample, Status
 
 from .filters import Pair, Readings, advance_low_pass, advance_median, fill_low_pass, fill_median
 
@@ -19,7 +19,7 @@ ANY_CHANGE = 1500.0  # of ln xi: more than any two numbers can differ
 class SensingState(NamedTuple):
     """Age of the last usable reading, its level before and after the filters, filters."""
 
-    running: bool
+    latest: int
     quiet: float
     measured: float
     level: float
@@ -36,6 +36,7 @@ class Observation(NamedTuple):
     elapsed: float
     usable: bool
     restarted: bool
+    no_object: bool
     detecting: bool
     stale: bool
     lost: bool
@@ -49,7 +50,7 @@ def _sections(n: Any) -> Any:
 def start_sensing(n: Any) -> SensingState:
     """Nothing is detected before the first reading."""
     return SensingState(
-        running=False,
+        latest=Arrival.NOTHING,
         quiet=0.0,
         measured=0.0,
         level=n.floor,
@@ -67,8 +68,13 @@ def observe(n: Any, s: SensingState, sample: Sample) -> tuple[SensingState, Obse
     if not n.floor < level < math.inf:  # also for NaN
         level = n.floor
     fault = _fault(n, s, sample, level, measured)
+    if sample.fresh == Arrival.NO_OBJECT and fault == 0:  # nothing has moved: no change, and a new start afterwards
+        gone = s._replace(
+            latest=Arrival.NO_OBJECT, quiet=0.0, measured=sample.age, level=n.floor, filtered=n.floor, log_level=0.0
+        )
+        return gone, Observation(0.0, 0.0, n.floor, 0.0, False, False, True, False, False, False, 0)
     if sample.fresh and fault == 0:
-        restarted = not s.running
+        restarted = s.latest != Arrival.READING
         if restarted:
             median, low_pass = fill_median(n.median_length, level), fill_low_pass(_sections(n), level)
             filtered = level
@@ -80,17 +86,21 @@ def observe(n: Any, s: SensingState, sample: Sample) -> tuple[SensingState, Obse
         change = 0.0 if restarted else math.log(filtered / s.filtered)
         elapsed = 0.0 if restarted else measured - sample.age
         detecting = log_level > 0.0
-        used = SensingState(True, 0.0, sample.age, level, filtered, log_level, median, low_pass)
+        used = SensingState(Arrival.READING, 0.0, sample.age, level, filtered, log_level, median, low_pass)
         status = DETECTING if detecting else 0
-        return used, Observation(change, log_level, filtered, elapsed, True, restarted, detecting, False, False, status)
+        seen = Observation(
+            change, log_level, filtered, elapsed, True, restarted, False, detecting, False, False, status
+        )
+        return used, seen
     lost = quiet > n.timeout * (1 + SAME_INSTANT)
     stale = quiet > n.sensor_period * (1 - SAME_INSTANT)
     log_level = 0.0 if lost else s.log_level
     detecting = log_level > 0.0
     status = (DETECTING if detecting else 0) + (STALE if stale else 0) + (LOST if lost else 0) + fault
     quiet, measured = min(quiet, 2 * n.timeout), min(measured, 3 * n.timeout)  # from there on, longer is no news
-    waiting = s._replace(running=s.running and not lost, quiet=quiet, measured=measured, log_level=log_level)
-    return waiting, Observation(0.0, log_level, s.filtered, 0.0, False, False, detecting, stale, lost, status)
+    latest = Arrival.NOTHING if lost else s.latest
+    waiting = s._replace(latest=latest, quiet=quiet, measured=measured, log_level=log_level)
+    return waiting, Observation(0.0, log_level, s.filtered, 0.0, False, False, False, detecting, stale, lost, status)
 
 
 def _fault(n: Any, s: SensingState, sample: Sample, level: float, measured: float) -> int:
@@ -99,14 +109,21 @@ def _fault(n: Any, s: SensingState, sample: Sample, level: float, measured: floa
         return 0
     elapsed = measured - sample.age
     in_time = 0.0 <= sample.age <= n.timeout  # not for NaN
-    in_order = elapsed > SAME_INSTANT * n.period or not s.running
-    if not (math.isfinite(sample.reading) and in_time and in_order):
+    in_order = elapsed > SAME_INSTANT * n.period or s.latest == Arrival.NOTHING
+    is_unseen = sample.fresh == Arrival.NO_OBJECT
+    if not (in_time and in_order and (is_unseen or math.isfinite(sample.reading))):
         return INVALID
+    if is_unseen:
+        return 0
     if sample.reading >= n.saturation:
         return SATURATED
     # However long it took: an object that is seen again after a gap moves no more than one sensor period allows.
     most = n.largest_rate * min(elapsed, n.sensor_period)
     known = (s.level, s.filtered)
-    if s.running and most < ANY_CHANGE and all(abs(math.log(level / before)) > most for before in known):
+    if (
+        s.latest == Arrival.READING
+        and most < ANY_CHANGE
+        and all(abs(math.log(level / before)) > most for before in known)
+    ):
         return IMPLAUSIBLE
     return 0

@@ -1,5 +1,5 @@
 // Stand-ins for the parts of ROS 2 that the exported controller uses. They declare only what it needs, with the
-// signatures of ROS 2 Jazzy, and run without ROS. A test sets the clock, fills topics and reads messages and logs.
+// signatures of ROS 2 Jazzy, also which functions are const, and run without ROS. A test sets the clock, fills topics and reads messages and logs.
 #pragma once
 
 #include <chrono>
@@ -171,7 +171,7 @@ public:
     struct Parameters {
         const std::map<std::string, int> &get_parameter_overrides() const { return stub::world().overrides; }
     };
-    std::shared_ptr<Parameters> get_node_parameters_interface() const { return std::make_shared<Parameters>(); }
+    std::shared_ptr<Parameters> get_node_parameters_interface() { return std::make_shared<Parameters>(); }
     template <class Message, class Callback>
     typename rclcpp::Subscription<Message>::SharedPtr create_subscription(const std::string &topic, const rclcpp::QoS &,
                                                                           Callback callback) {
@@ -292,7 +292,8 @@ public:
     virtual CallbackReturn on_cleanup(const rclcpp_lifecycle::State &) { return CallbackReturn::SUCCESS; }
     virtual InterfaceConfiguration command_interface_configuration() const = 0;
     virtual InterfaceConfiguration state_interface_configuration() const = 0;
-    std::shared_ptr<rclcpp_lifecycle::LifecycleNode> get_node() const { return node_; }
+    std::shared_ptr<rclcpp_lifecycle::LifecycleNode> get_node() { return node_; }
+    std::shared_ptr<const rclcpp_lifecycle::LifecycleNode> get_node() const { return node_; }
     unsigned int get_update_rate() const { return update_rate; }
     bool is_in_chained_mode() const { return chained; }
     const std::unordered_map<std::string, joint_limits::JointLimits> &get_hard_joint_limits() const {

@@ -90,7 +90,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         double numbers[6];
         memcpy(numbers, data + at, sizeof numbers);
         const pretouch_sample sample = {numbers[0], numbers[1], numbers[2], numbers[3],
-                                        numbers[4], numbers[5], data[at + 48] & 1};
+                                        numbers[4], numbers[5], data[at + 48] & 3};
         check(pretouch_step_damper, &p, &damper, &damper.drive, &p.drive.limits, p.drive.largest_force, &sample);
         check(pretouch_step_drag, &q, &drag, &drag.drive, &p.drive.limits, p.drive.largest_force, &sample);
         hold(isfinite(drag.law.level) && isfinite(drag.law.rate) && isfinite(drag.law.mark));

@@ -20,9 +20,10 @@ from .laws import (
     start_drive,
     start_sensing,
 )
-from .structures import Observation, Output, Push, Sample, Status
+from .structures import Arrival, Observation, Output, Push, Sample, Status
 
 __all__ = [
+    "Arrival",
     "CompiledStep",
     "Conditioning",
     "Controller",

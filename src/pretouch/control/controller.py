@@ -30,6 +30,7 @@ from .components import (
 )
 from .laws import PROTOTYPE, CompiledStep, Law, Parts, SteppedLaw, as_step, start_drive, start_sensing
 from .structures import (
+    Arrival,
     ControllerNumbers,
     ControllerState,
     DriveNumbers,
@@ -285,7 +286,7 @@ class Run:
     def step(
         self,
         reading: float,
-        fresh: bool = True,
+        fresh: bool | Arrival = True,
         age: float = 0.0,
         *,
         contact_force: float = 0.0,
@@ -300,7 +301,7 @@ class Run:
         """
         _pack_sample(
             *(self._sample, 0, reading, age, contact_force),
-            *(reference_position, reference_velocity, reference_acceleration, 1 if fresh else 0),
+            *(reference_position, reference_velocity, reference_acceleration, int(fresh)),
         )
         self._law(*self._places)
         output: Output = _new(Output, _unpack_output(self._out))
@@ -319,7 +320,7 @@ class _PythonRun(Run):
     def state(self) -> Any:
         return self._state
 
-    def step(self, reading: float, fresh: bool = True, age: float = 0.0, **rest: float) -> Output:
+    def step(self, reading: float, fresh: bool | Arrival = True, age: float = 0.0, **rest: float) -> Output:
         output: Output
         self._state, output = self._step(self._parameters, self._state, Sample(reading, fresh, age, **rest))
         return output

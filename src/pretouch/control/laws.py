@@ -271,7 +271,7 @@ def drive(
 
 def raw_sample(sample: Any) -> RawSample:
     """Convert the inputs of a control step to a C structure."""
-    s, fresh = sample, bool(sample.fresh)
+    s, fresh = sample, int(sample.fresh)
     return RawSample(
         s.reading, s.age, s.contact_force, s.reference_position, s.reference_velocity, s.reference_acceleration, fresh
     )

@@ -6,7 +6,7 @@ They hold inputs, outputs, parameters and state. native/law/pretouch_law.h expla
 from __future__ import annotations
 
 import ctypes
-from enum import IntFlag
+from enum import IntEnum, IntFlag
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -58,14 +58,26 @@ _MEANINGS: Final = {
 }
 
 
+class Arrival(IntEnum):
+    """What the sensor delivered since the last control step.
+
+    NOTHING; a READING; or NO_OBJECT: the sensor works and reports that it sees no object, as sensors of distances do.
+    An object that vanishes or appears has not moved, so NO_OBJECT causes no force, and the next reading is a new start.
+    """
+
+    NOTHING = 0
+    READING = 1
+    NO_OBJECT = 2
+
+
 class Sample(NamedTuple):
     """Inputs of the controller in one control period.
 
     The controller reads them at the start of the period. Any number is accepted, also NaN.
 
     Args:
-        reading: raw output of the sensor [its unit].
-        fresh: whether the reading arrived since the last step.
+        reading: raw output of the sensor [its unit]; ignored if the sensor sees no object.
+        fresh: what arrived since the last step: True for the reading, False for nothing, or an `Arrival`.
         age: time since the reading was measured [s].
         contact_force: force of the object on the plant along x [N]; negative if it pushes the plant back.
         reference_position: x_d at t_k [m].
@@ -74,7 +86,7 @@ class Sample(NamedTuple):
     """
 
     reading: float
-    fresh: bool = True
+    fresh: bool | Arrival = True
     age: float = 0.0
     contact_force: float = 0.0
     reference_position: float = 0.0
@@ -165,7 +177,7 @@ class SensingState(Structure):
         *numbers("quiet", "measured", "level", "filtered", "log_level"),
         ("low_pass", (ctypes.c_double * 2) * _SECTIONS),
         ("median", MedianState),
-        *_integers("running"),
+        *_integers("latest"),
     )
 
 
@@ -178,7 +190,8 @@ class Observation(Structure):
         level: xi after the filters, at least the floor.
         elapsed: time between the two readings of `change` [s]; 0 if there is no change.
         usable: a usable reading arrived.
-        restarted: the reading is the first one, or the first one after the sensor was lost.
+        restarted: the reading is the first one, or the first one after `no_object` or after the sensor was lost.
+        no_object: the sensor works and sees no object: the change of ln xi is undefined, thus 0.
         detecting: xi is above the floor and the sensor is not lost.
         stale: a reading is due and has not arrived.
         lost: no reading arrived for longer than the timeout.
@@ -187,7 +200,7 @@ class Observation(Structure):
 
     _fields_ = (
         *numbers("change", "log_level", "level", "elapsed"),
-        *_integers("usable", "restarted", "detecting", "stale", "lost", "status"),
+        *_integers("usable", "restarted", "no_object", "detecting", "stale", "lost", "status"),
     )
 
 

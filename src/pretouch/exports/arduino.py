@@ -134,6 +134,7 @@ def _curve(design: LawDesign) -> dict[str, str]:
         "curve_start": repr(table.start),
         "curve_step": repr(table.step),
         "curve_steps": str(_CURVE_STEPS),
+        "curve_reach": table.reach_text("f", "INFINITY"),
         "curve_values": table.rows("f"),
     }
 

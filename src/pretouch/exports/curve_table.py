@@ -23,6 +23,7 @@ class CurveTable(NamedTuple):
         step: step of the distance [m].
         values: ln xi at each distance.
         error: largest error of ln xi if it is interpolated linearly.
+        reach: largest distance for which the curve is valid [m]; beyond, a sensor of distances sees no object.
     """
 
     curve: str
@@ -30,6 +31,11 @@ class CurveTable(NamedTuple):
     step: float
     values: FloatArray
     error: float
+    reach: float
+
+    def reach_text(self, suffix: str, infinity: str) -> str:
+        """Return the reach as a number of C with a suffix; if it is infinite, the given text."""
+        return f"{self.reach!r}{suffix}" if math.isfinite(self.reach) else infinity
 
     def rows(self, suffix: str = "") -> str:
         """Return the values as lines of a C initializer; each number has the given suffix."""
@@ -52,7 +58,8 @@ def curve_table(design: LawDesign, steps: int) -> CurveTable:
     values = sensor.log_output(distances)
     between = sensor.log_output((distances[1:] + distances[:-1]) / 2) - (values[1:] + values[:-1]) / 2
     error = 1.06 * float(np.max(np.abs(between)))
-    return CurveTable(type(sensor).__name__, float(start), float(step), values, error)
+    reach = float(sensor.valid_range[1])
+    return CurveTable(type(sensor).__name__, float(start), float(step), values, error, reach)
 
 
 def _curve_range(sensor: Any, lowest: float) -> tuple[float, float]:

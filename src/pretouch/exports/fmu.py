@@ -111,6 +111,7 @@ def _instance(design: LawDesign, identifier: str, token: str) -> str:
         reals="\n".join(reals),
         number_reference=str(reference[design.number]),
         fresh_reference=str(reference["fresh"]),
+        no_object_reference=str(reference["no_object"]),
         status_reference=str(reference["status"]),
     )
 

@@ -88,6 +88,13 @@ _INPUTS: Final = (
         variability="discrete",
         start="false",
     ),
+    _input(
+        "no_object",
+        "Whether a fresh message says that the sensor sees no object; then the reading does not count",
+        kind="boolean",
+        variability="discrete",
+        start="false",
+    ),
     _input("age", "Time since the reading was measured", "s", variability="discrete", start="0"),
     _input(
         "contact_force",

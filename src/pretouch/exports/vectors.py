@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.values import Value
-from pretouch.control import Controller, Output, Sample
+from pretouch.control import Arrival, Controller, Output, Sample
 from pretouch.control.laws import as_step
 from pretouch.simulation import ClosedLoop, simulate_loop
 
@@ -21,6 +21,7 @@ MOST_STEPS: Final = 4000
 
 _SEED: Final = 20_26
 _DROPPED: Final = 0.3  # share of readings that the dropout case removes
+_SEEN: Final = 0.1  # share of readings of an object that vanishes and returns
 _SPIKE: Final = 100.0  # factor of a single wrong reading
 _BRIGHTER: Final = 2.0  # step of the reflectance
 _PRESSURE: Final = (1.0, 100.0)  # smallest and largest force of the pressing object [N]
@@ -194,6 +195,20 @@ def _reflectance(samples: tuple[Sample, ...], controller: Controller, rng: np.ra
         yield sample._replace(reading=brighter) if len(samples) <= 2 * i < 3 * len(samples) // 2 else sample
 
 
+def _vanishing(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:
+    """Report no object for a while, twice, with single readings between, and with messages that are late."""
+    for i, (sample, chance) in enumerate(zip(samples, rng.random(len(samples)), strict=True)):
+        place, kind = 8 * i / len(samples), Arrival.NO_OBJECT
+        if 2 <= place < 3 or 5 <= place < 6:
+            late = place >= 5.5 and chance < _DROPPED
+            seen = place < 2.5 and chance < _SEEN
+            age = 2 * controller.conditioning.numbers(controller.period).timeout if i % 53 == 0 else sample.age
+            kind = Arrival.NOTHING if late or not sample.fresh else Arrival.READING if seen else kind
+            yield sample._replace(fresh=kind, age=age)
+        else:
+            yield sample
+
+
 def _spikes(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
     for i, sample in enumerate(samples):
         yield sample._replace(reading=_SPIKE * sample.reading) if i % 41 == 40 else sample
@@ -213,6 +228,11 @@ _CASES: Final = (
     ("garbage", "the approach with readings, ages and references that are impossible", _garbage),
     ("cable", "the approach, in which the cable breaks, so that all later readings are 0", _cable),
     ("reflectance", "the approach with a signal that is twice as large for a while", _reflectance),
+    (
+        "vanishing",
+        "the approach, in which the sensor reports no object for a while, twice, with single readings between",
+        _vanishing,
+    ),
     ("spikes", "the approach with single readings that are 100 times too large", _spikes),
 )
 

@@ -32,7 +32,7 @@ from .no_object import ASSUMED
 from .noise import noise_of, spread_of_course
 from .recording import Recording
 from .result import Replay
-from .stepping import LawSteps, readings_of, run_steps
+from .stepping import LawSteps, are_without_object, readings_of, run_steps
 from .timing import stretches, timing_of
 
 _REGULAR: Final = 1.5  # periods up to which a reading follows the one before
@@ -83,7 +83,7 @@ def replay(
     used = _part_between(whole, start, end)
     time = used.time
     readings = readings_of(used, task.sensor, controller.conditioning.offset)
-    steps = run_steps(controller, time, readings)
+    steps = run_steps(controller, time, readings, are_without_object(used, task.sensor))
     timing = timing_of(time, used.values)
     pause = max(PAUSE, _REGULAR / timing.rate) if timing.rate > 0 else PAUSE
     intervals = detections_in(steps, controller.conditioning.floor, pause)

@@ -122,8 +122,14 @@ def _findings(replay: Replay) -> Iterator[str]:
             "--truth or --contacts."
         )
     if replay.recording.no_object:
-        codes = [_describe_no_object(replay.recording, idle) for idle in replay.recording.no_object]
-        yield f"Taken as no object: {'; '.join(codes)}."
+        values = "; ".join(_describe_no_object(replay.recording, idle) for idle in replay.recording.no_object)
+        if replay.recording.kind == "distance":
+            yield f"Taken as no object: {values}."
+        else:
+            yield (
+                f"Readings that seem to mean no object: {values}. The law takes them as outputs of the sensor, as on "
+                "the robot: an object that vanishes acts like one that recedes."
+            )
     if replay.noise.limited and replay.recording.kind == "reading":
         idle = (
             "the readings have only the values above: the offset is not measured, and the noise"

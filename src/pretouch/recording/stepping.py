@@ -15,7 +15,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.native import INTEGER, POINTER, kernel
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
-from pretouch.control import CompiledStep, Controller
+from pretouch.control import Arrival, CompiledStep, Controller
 from pretouch.control.structures import RawOutput, RawSample
 from pretouch.sensors import SensorModel
 
@@ -26,6 +26,7 @@ _MOST_STEPS: Final = 10_000_000
 _run_law: Final = kernel("run_law", *[POINTER] * 4, INTEGER, POINTER)
 _SAMPLE: Final = np.dtype(RawSample)
 _OUTPUT: Final = np.dtype(RawOutput)
+_KINDS: Final = (Arrival.NO_OBJECT, Arrival.READING)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -37,7 +38,7 @@ class LawSteps(Value):
     Args:
         time: time of the step after the first reading [s].
         reading: newest reading, in the unit of the sensor output.
-        fresh: whether it arrived since the last step.
+        fresh: whether it arrived since the last step, also if it says that there is no object.
         position: x_v at the end of the period, relative to a reference at rest [m].
         velocity: x_v' at the end of the period [m/s].
         virtual_force: F_p [N].
@@ -69,9 +70,9 @@ def readings_of(recording: Recording, sensor: SensorModel, offset: float) -> Flo
         offset: offset that the controller subtracts; it is added to converted distances.
 
     Returns:
-        The readings. An infinite distance means no object, and results in the offset. A distance before the start of
-        the curve results in the output there. Minus infinity means an object that is too near to be measured; like
-        NaN, it results in NaN, which the law refuses.
+        The readings. An infinite distance, or one beyond the curve, means no object, and results in the offset. A
+        distance before the start of the curve results in the output there. Minus infinity means an object that is too
+        near to be measured; like NaN, it results in NaN, which the law refuses.
     """
     if recording.kind == "reading":
         return recording.values
@@ -84,7 +85,21 @@ def readings_of(recording: Recording, sensor: SensorModel, offset: float) -> Flo
     return np.asarray(np.where(np.isnan(distance), np.nan, output + offset))
 
 
-def run_steps(controller: Controller, time: FloatArray, readings: FloatArray) -> LawSteps:
+def are_without_object(recording: Recording, sensor: SensorModel) -> BoolArray:
+    """Return the readings by which a sensor of distances says that it sees no object, as on the robot.
+
+    Args:
+        recording: the recording.
+        sensor: the sensor curve; beyond its end, there is no object either.
+    """
+    if recording.kind == "reading":
+        return np.zeros(len(recording.values), dtype=bool)
+    return np.asarray((recording.values > sensor.valid_range[1]) | np.isposinf(recording.values))
+
+
+def run_steps(
+    controller: Controller, time: FloatArray, readings: FloatArray, no_object: BoolArray | None = None
+) -> LawSteps:
     """Run the control law with recorded readings in open loop.
 
     The readings do not respond to the commanded motion. The first step is at the first reading. A reading is used in
@@ -95,6 +110,7 @@ def run_steps(controller: Controller, time: FloatArray, readings: FloatArray) ->
         controller: the controller with its gain.
         time: time of each reading after the first one [s], in the order of arrival.
         readings: the readings, in the unit of the sensor output.
+        no_object: the readings that say that there is no object; None if there are none.
 
     Returns:
         Inputs and outputs of each step.
@@ -114,7 +130,8 @@ def run_steps(controller: Controller, time: FloatArray, readings: FloatArray) ->
     samples = np.zeros(count, dtype=_SAMPLE)
     samples["reading"] = readings[newest]
     samples["age"] = np.maximum(clock - time[newest], 0.0)
-    samples["fresh"] = np.diff(newest, prepend=-1) > 0
+    kinds = np.full(len(readings), Arrival.READING) if no_object is None else np.where(no_object, *_KINDS)
+    samples["fresh"] = np.where(np.diff(newest, prepend=-1) > 0, kinds[newest], Arrival.NOTHING)
     outputs = run_samples(controller, samples)
     columns = {name: outputs[name].copy() for name in ("position", "velocity", "virtual_force", "log_level")}
     return LawSteps(
@@ -145,6 +162,6 @@ def run_samples(controller: Controller, samples: Any) -> Any:
         return outputs
     run = controller.begin()
     for i, sample in enumerate(samples):
-        output = run.step(float(sample["reading"]), bool(sample["fresh"]), float(sample["age"]))
+        output = run.step(float(sample["reading"]), Arrival(sample["fresh"]), float(sample["age"]))
         outputs[i] = tuple(output)
     return outputs

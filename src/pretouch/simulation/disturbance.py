@@ -35,7 +35,8 @@ class Disturbance:
         kind: what happens to the readings while the disturbance lasts:
             "cable": every reading is 0, whatever offset and noise are;
             "reflectance": the signal xi is multiplied by `factor`;
-            "object-leaves": the signal xi is 0; offset and noise remain;
+            "object-leaves": the signal xi is 0; offset and noise remain. A sensor of distances reports that it sees no
+        object;
             "full-scale": every reading is `highest` of the chain;
             "stuck": every reading repeats the last one before.
         time: the time at which it begins [s].

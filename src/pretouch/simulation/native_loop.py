@@ -19,7 +19,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, Structure, address, kernel, location, numbers
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
-from pretouch.control import CompiledStep, Output, Sample
+from pretouch.control import Arrival, CompiledStep, Output, Sample
 from pretouch.control.laws import as_step
 from pretouch.control.structures import RawOutput, RawSample
 from pretouch.motion import Scenario
@@ -62,7 +62,7 @@ CONTACT_NUMBERS: Final = "stiffness", "damping", "exponent", "grows", "inverse_m
 _TIMES: Final = "time", "detection_time", "end_time"
 _Step = ctypes.CFUNCTYPE(None, POINTER, POINTER, ctypes.POINTER(RawSample), ctypes.POINTER(RawOutput))
 _INDEX: Final = np.dtype(np.int64)
-_READING: Final = 3  # numbers stored for each undelivered reading
+_READING: Final = 4  # numbers stored for each undelivered reading
 _AT_ONCE: Final = 64  # encounters per call, after which Ctrl-C is handled
 _LANES: Final = 8  # largest number of encounters that the compiled loop runs side by side
 _JITTERS: Final = 16  # largest shift of an exposure in standard deviations; none of 2^53 draws exceeds 9
@@ -391,7 +391,7 @@ class PythonStep:
 
 def _to_sample(raw: RawSample) -> Sample:
     return Sample(
-        *(raw.reading, bool(raw.fresh), raw.age, raw.contact_force),
+        *(raw.reading, Arrival(raw.fresh), raw.age, raw.contact_force),
         *(raw.reference_position, raw.reference_velocity, raw.reference_acceleration),
     )
 

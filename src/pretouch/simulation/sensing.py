@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
+from pretouch.control import Arrival
 from pretouch.sensors import SensorModel
 
 from .chain import SensorChain
@@ -40,8 +41,8 @@ class SensorRun:
         >>> curve = ExponentialFirstOrder(scale=1.0, rate=-60.0)
         >>> run = SensorRun(SensorChain(rate=1000.0), curve, distance=0.05, farthest=0.2, period=1e-3)
         >>> fresh = run.deliver(0.0)
-        >>> bool(fresh), round(run.reading, 6)
-        (True, 0.049787)
+        >>> fresh.name, round(run.reading, 6)
+        ('READING', 0.049787)
     """
 
     __slots__ = ("_held", "_memory", "_place", "_values")
@@ -92,10 +93,10 @@ class SensorRun:
         """
         _look(self._place, distance)
 
-    def deliver(self, time: float) -> bool:
+    def deliver(self, time: float) -> Arrival:
         """Deliver the newest reading available at a given time [s].
 
         Returns:
-            True if this reading was not delivered before.
+            What was not delivered before: a reading, "no object", or nothing.
         """
-        return bool(_deliver(self._place, time, byref(self._values[0]), byref(self._values[1])))
+        return Arrival(_deliver(self._place, time, byref(self._values[0]), byref(self._values[1])))

@@ -46,7 +46,8 @@ typedef struct {
     double start, time;            /* of the simulation, and of the end of the last step [s] */
     double periods;                /* number of periods of the law that have begun */
     double waiting, age, measured; /* the newest reading that the law has not seen: value, age at a time [s], this time [s] */
-    int is_waiting;                /* whether there is one */
+    int32_t is_waiting;            /* what it is: 0, PRETOUCH_READING or PRETOUCH_NO_OBJECT */
+    int32_t no_object;             /* input: whether the sensor sees no object */
     pretouch_parameters$suffix parameters;
     pretouch_design_state state;
     pretouch_sample sample;
@@ -138,9 +139,10 @@ static int unit_set_real(unit *u, unsigned int reference, double value) {
     return UNIT_OK;
 }
 
-/* Return the flag `fresh`, or NULL for another value reference. */
+/* Return the flag `fresh` or `no_object`, or NULL for another value reference. */
 static int32_t *unit_boolean(unit *u, unsigned int reference) {
     if (reference == $fresh_reference) return &u->memory.sample.fresh;
+    if (reference == $no_object_reference) return &u->memory.no_object;
     unit_refuse(u, "No boolean variable has the value reference %u.", reference);
     return NULL;
 }
@@ -174,7 +176,7 @@ static int unit_step(unit *u, double time, double step) {
         m->waiting = sample.reading;
         m->age = sample.age;
         m->measured = time;
-        m->is_waiting = 1;
+        m->is_waiting = m->no_object ? PRETOUCH_NO_OBJECT : PRETOUCH_READING;
     }
     for (; m->start + m->periods * period < end - same; m->periods++) {
         const double late = m->start + m->periods * period - time, after = late > same ? late : 0;

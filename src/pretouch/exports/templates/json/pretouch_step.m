@@ -3,7 +3,8 @@ function [state, out] = pretouch_step(p, state, sample)
 %   p:      parameters, the field "parameters" of design.json
 %   state:  from pretouch_start or from the last call
 %   sample: struct with reading, age [s], contact_force [N], reference_position [m], reference_velocity [m/s],
-%           reference_acceleration [m/s^2] and fresh (whether the reading arrived since the last period). All count along
+%           reference_acceleration [m/s^2] and fresh (what arrived since the last period: 0 for nothing, 1 for the
+%           reading, 2 if a sensor of distances reports that it sees no object). All others count along
 %           the axis of the sensor, positive toward the object: contact_force, the force of the object on the robot, is
 %           negative while an object in front of the sensor presses against the robot
 %   out:    struct with position [m], velocity [m/s], acceleration [m/s^2], virtual_force [N], log_level and status
@@ -28,18 +29,28 @@ function [s, seen] = observe(p, s, sample)
         level = above;
     end
     fault = fault_of(p, s, sample, level, measured);
-    if sample.fresh && fault == 0
+    usable = sample.fresh && fault == 0;
+    if usable && sample.fresh ~= 2
         [s, seen] = take_in(p, s, sample.age, level, measured);
         return
     end
-    seen.lost = quiet > p.timeout * (1 + 1e-6);
-    seen.stale = quiet > p.sensor_period * (1 - 1e-6);
-    if seen.lost
-        s.running = false;
-        s.log_level = 0;
-    end
+    seen.no_object = usable; % nothing has moved: no change, and a new start afterwards
+    seen.lost = ~usable && quiet > p.timeout * (1 + 1e-6);
+    seen.stale = ~usable && quiet > p.sensor_period * (1 - 1e-6);
     s.quiet = min(quiet, 2 * p.timeout);
     s.measured = min(measured, 3 * p.timeout);
+    if usable
+        s.latest = 2;
+        s.quiet = 0;
+        s.measured = sample.age;
+        s.level = p.floor;
+        s.filtered = p.floor;
+    elseif seen.lost
+        s.latest = 0;
+    end
+    if usable || seen.lost
+        s.log_level = 0;
+    end
     seen.change = 0;
     seen.elapsed = 0;
     seen.log_level = s.log_level;
@@ -53,22 +64,26 @@ end
 function fault = fault_of(p, s, sample, level, measured)
     elapsed = measured - sample.age;
     in_time = 0 <= sample.age && sample.age <= p.timeout;
-    in_order = elapsed > 1e-6 * p.period || ~s.running;
+    in_order = elapsed > 1e-6 * p.period || s.latest == 0;
     largest = p.largest_rate * min(elapsed, p.sensor_period);
     fault = 0;
     if ~sample.fresh
         return
-    elseif ~(isfinite(sample.reading) && in_time && in_order)
+    elseif ~(in_time && in_order)
+        fault = 8;
+    elseif sample.fresh == 2
+        return
+    elseif ~isfinite(sample.reading)
         fault = 8;
     elseif sample.reading >= p.saturation
         fault = 4;
-    elseif s.running && largest < 1500 && abs(log(level / s.level)) > largest && abs(log(level / s.filtered)) > largest
+    elseif s.latest == 1 && largest < 1500 && abs(log(level / s.level)) > largest && abs(log(level / s.filtered)) > largest
         fault = 16;
     end
 end
 
 function [s, seen] = take_in(p, s, age, level, measured)
-    restarted = ~s.running;
+    restarted = s.latest ~= 1;
     before = s.filtered;
     filtered = level;
     if restarted
@@ -84,7 +99,7 @@ function [s, seen] = take_in(p, s, age, level, measured)
             filtered = result;
         end
     end
-    s.running = true;
+    s.latest = 1;
     s.quiet = 0;
     s.measured = age;
     s.level = level;
@@ -94,7 +109,8 @@ function [s, seen] = take_in(p, s, age, level, measured)
     end
     s.log_level = log(s.filtered / p.floor);
     seen = struct('change', 0, 'log_level', s.log_level, 'level', s.filtered, 'elapsed', 0, 'usable', true, ...
-                  'restarted', restarted, 'detecting', s.log_level > 0, 'stale', false, 'lost', false);
+                  'restarted', restarted, 'no_object', false, 'detecting', s.log_level > 0, 'stale', false, ...
+                  'lost', false);
     if ~restarted
         seen.change = log(s.filtered / before);
         seen.elapsed = measured - age;
@@ -231,6 +247,10 @@ function [s, force] = deliver(p, s, seen, impulse)
         end
         s.rest = s.steady * p.hold;
         s.fading = 1;
+    end
+    if seen.no_object % what was measured is still delivered; nothing follows it, and the next object owes nothing
+        s.ahead = 0;
+        s.fading = 0;
     end
     if s.rest ~= 0
         given = s.steady * period;

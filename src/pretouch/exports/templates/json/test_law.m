@@ -23,7 +23,7 @@ function test_law()
         for k = 1:6
             sample.(inputs{k}) = row(k + 1);
         end
-        sample.fresh = row(8) == 1;
+        sample.fresh = row(8);
         [state, out] = pretouch_step(p, state, sample);
         for k = 1:5
             largest(k) = max(largest(k), abs(row(k + 8)));

@@ -17,6 +17,7 @@
 static const float pretouch_curve_start = ${curve_start}f;  // smallest distance of the curve [m]
 static const float pretouch_curve_step = ${curve_step}f;    // [m]
 static const int pretouch_curve_steps = $curve_steps;
+static const float pretouch_curve_reach = $curve_reach;  // [m]; there is no curve beyond, thus no object
 static const float pretouch_curve[] PRETOUCH_TABLE = {
 $curve_values
 };

@@ -14,7 +14,7 @@
 struct pretouch_reading {
   float value;        // raw output of the sensor, or its distance [mm] if the design has a sensor of distances
   bool is_new;        // whether the sensor had another reading
-  bool is_no_object;  // for distances: the sensor sees no object
+  bool is_no_object;  // the sensor reports that it sees no object; the value does not count
 };
 
 #if PRETOUCH_MEASURES_DISTANCE
@@ -95,14 +95,13 @@ class PretouchLoop {
   };
   Arrival waiting_, next_;
   uint32_t due_ = 0, nanoseconds_ = 0;
-  bool has_vanished_;
 
   void clear() {
     memset(&sample, 0, sizeof sample);
     memset(&output, 0, sizeof output);
     waiting_.reading.is_new = next_.reading.is_new = false;
     overruns = 0;
-    is_stopped = has_used_reading = has_vanished_ = false;
+    is_stopped = has_used_reading = false;
     pretouch_design_start(&state_);
   }
 
@@ -120,25 +119,15 @@ class PretouchLoop {
     used_time = waiting_.time;
     waiting_.reading.is_new = false;
     sample.age = PRETOUCH_LATENCY + 1e-6f * (float)(begin - waiting_.time);
+    bool is_no_object = waiting_.reading.is_no_object;
 #if PRETOUCH_MEASURES_DISTANCE
-    if (waiting_.reading.is_no_object) {
-      sample.reading = pretouch_design.sensing.offset;
-      // An object that recedes is measured until the end of the range. If it vanishes within the range, this is no motion,
-      // so it causes no force toward the object. The sensor works, and its next distance is a new start.
-      if (state_.sensing.running && state_.sensing.log_level > 0) {
-        pretouch_start_sensing(&pretouch_design.sensing, &state_.sensing);
-        has_vanished_ = true;
-      }
-      if (has_vanished_) state_.sensing.quiet = -pretouch_design.sensing.period;  // as after a reading
-      step(!has_vanished_);
-      return;
-    }
-    has_vanished_ = false;
-    sample.reading = pretouch_output_at(1e-3f * waiting_.reading.value) + pretouch_design.sensing.offset;
+    const float distance = 1e-3f * waiting_.reading.value;
+    is_no_object = is_no_object || distance > pretouch_curve_reach;
+    sample.reading = (is_no_object ? 0 : pretouch_output_at(distance)) + pretouch_design.sensing.offset;
 #else
     sample.reading = waiting_.reading.value;
 #endif
-    step(1);
+    step(is_no_object ? PRETOUCH_NO_OBJECT : PRETOUCH_READING);  // after "no object", the law starts anew
   }
 
   void step(int32_t fresh) {

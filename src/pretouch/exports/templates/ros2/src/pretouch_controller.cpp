@@ -77,7 +77,7 @@ bool PretouchController::fail(const std::string &reason) const {
 }
 
 // Return whether this controller knows all parameters that were given to its node. A misspelled one would be ignored.
-bool PretouchController::check_names() const {
+bool PretouchController::check_names() {
     for (const auto &given : get_node()->get_node_parameters_interface()->get_parameter_overrides()) {
         const std::string &name = given.first;
         if (is_known_parameter(name)) continue;
@@ -228,7 +228,6 @@ CallbackReturn PretouchController::on_activate(const rclcpp_lifecycle::State &) 
     unwritten_in_a_row_ = 0;
     behind_ = reference_unchanged_ = since_reading_ = 0;
     is_first_period_ = true;
-    is_vanished_ = false;
     has_written_ = false;
     if (!find_interfaces() || !start_reference() || !check_first_reading()) return CallbackReturn::FAILURE;
     send_rest();
@@ -449,28 +448,15 @@ void PretouchController::read_sensor(pretouch_sample &sample) {
     counters_.reading = sample.reading;
 }
 
-// Convert a distance to the output of the sensor.
+// Convert a distance to the output of the sensor. Beyond the end of the curve, there is no object either.
 void PretouchController::take_distance(pretouch_sample &sample) {
-    const bool has_vanished = state_.sensing.running && state_.sensing.log_level > 0;
-    switch (counters_.seen) {
-    case Seen::reading:
-        sample.reading = output_at(sample.reading) + numbers_.sensing.offset;
-        is_vanished_ = false;
-        return;
-    case Seen::too_near:
+    if (counters_.seen == Seen::too_near) {
         sample.reading = std::numeric_limits<double>::quiet_NaN();  // refused, as if the sensor were saturated
-        return;
-    case Seen::no_object:
+    } else if (counters_.seen == Seen::no_object || sample.reading > curve_reach) {
         sample.reading = numbers_.sensing.offset;
-        // An object that recedes is measured until the end of the range. If it vanishes within the range, this is no motion,
-        // so it causes no force toward the object. The sensor works, and its next distance is a new start.
-        if (has_vanished) {
-            pretouch_start_sensing(&numbers_.sensing, &state_.sensing);
-            is_vanished_ = true;
-        }
-        if (!is_vanished_) return;
-        state_.sensing.quiet = -numbers_.sensing.period;  // as after a reading, once this period has passed
-        sample.fresh = 0;
+        sample.fresh = PRETOUCH_NO_OBJECT;  // the law restarts with the next distance
+    } else {
+        sample.reading = output_at(sample.reading) + numbers_.sensing.offset;
     }
 }
 

@@ -62,7 +62,7 @@ private:
     using Command = hardware_interface::LoanedCommandInterface *;
 
     // lifecycle
-    bool check_names() const;
+    bool check_names();
     bool check_parameters() const;
     void compare_joint_limits() const;
     bool fail(const std::string &reason) const;
@@ -119,7 +119,6 @@ private:
     double behind_ = 0;               // time by which the law is behind the clock [s]
     double written_ = 0;              // last command
     bool is_first_period_ = true, has_written_ = false;
-    bool is_vanished_ = false;        // whether an object vanished within the range, and none was seen since
     std::atomic<bool> is_without_reading_{false};
     uint64_t last_number_ = 0;
 

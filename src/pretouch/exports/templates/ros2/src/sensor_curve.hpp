@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 
 namespace pretouch_controller {
 
@@ -10,6 +11,7 @@ namespace pretouch_controller {
 constexpr double curve_start = $curve_start;  // smallest distance of the curve [m]
 constexpr double curve_step = $curve_step;    // [m]
 constexpr int curve_steps = $curve_steps;
+constexpr double curve_reach = $curve_reach;  // [m]; there is no curve beyond, thus no object
 constexpr double curve[curve_steps + 1] = {
 $curve_values
 };

@@ -15,13 +15,14 @@ FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 PAGES = (
     *("start.md", "tutorial.md", "explanation/method.md", "explanation/offset.md", "explanation/stability.md"),
     *("explanation/bounds.md", "explanation/surprises.md", "explanation/signs-and-units.md", "explanation/motion.md"),
-    *(f"how-to/{name}.md" for name in ("bounces", "crashes-while-tuning", "slow-sensor", "two-fingers", "which-part")),
+    *(f"how-to/{name}.md" for name in ("bounces", "crashes-while-tuning", "force-limit", "slow-sensor")),
+    *(f"how-to/{name}.md" for name in ("light-and-surfaces", "two-fingers", "which-part")),
     *(
         f"how-to/{name}.md"
         for name in ("ros2-control-admittance", "leg-landing", "notebook", "cluster", "teensy", "export/arduino")
     ),
 )
-NEGATIVE = ("Does not hold", "4 detections in 16 s")  # answers that end with exit status 1
+NEGATIVE = ("Does not hold", "Infeasible", "4 detections in 16 s")  # answers that end with exit status 1
 ELSEWHERE = {  # pages whose Python another test runs
     *("explanation/design.md", "explanation/gradients.md", "explanation/verification.md", "how-to/robust.md"),
     *(
@@ -82,7 +83,16 @@ def test_every_page_with_python_or_a_session_is_run_somewhere() -> None:
 
 
 QUESTIONS = (
-    *("bounces", "crashes-while-tuning", "slow-sensor", "two-fingers", "which-part", "ros2-control-admittance"),
+    *(
+        "bounces",
+        "crashes-while-tuning",
+        "force-limit",
+        "light-and-surfaces",
+        "slow-sensor",
+        "two-fingers",
+        "which-part",
+        "ros2-control-admittance",
+    ),
     *("leg-landing", "export", "notebook", "cluster"),
 )
 

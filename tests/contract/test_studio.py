@@ -172,8 +172,8 @@ def test_descriptions_and_refused_computations_leave_no_files(tmp_path, temporar
     file = tmp_path / "own.toml"
     file.write_text(scenario, encoding="utf-8")
     with running_studio(file) as server:
-        for text in (scenario, scenario.replace("42.2 mm", "42.3 mm"), "no TOML"):
-            for request in ("describe", "reservations", "simulate", "save"):
+        for text in (scenario, "no TOML"):
+            for request in ("describe", "reservations", "save"):
                 server.answer(request, {"text": text, "gain": -0.8})
         server.answer("jobs", {"verb": "verify", "text": "no TOML"})
         (folder,) = temporary.iterdir()
@@ -185,7 +185,8 @@ def test_a_killed_server_leaves_no_computation_and_the_next_one_removes_its_fold
     with running_studio() as server, running_studio() as other:
         text = scenario.replace("runs = 500", "runs = 100000")
         job = server.answer("jobs", {"verb": "verify", "text": text, "gain": -0.86})["job"]
-        while "running" not in server.answer(f"jobs/{job}", method="GET")["progress"]:
+        while "running" not in (answer := server.answer(f"jobs/{job}", method="GET"))["progress"]:
+            assert answer["state"] == "running", answer
             time.sleep(0.05)
         children = Path(f"/proc/{server.process.pid}/task/{server.process.pid}/children")
         computing = [int(pid) for pid in children.read_text().split()] if children.exists() else []

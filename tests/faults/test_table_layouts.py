@@ -585,3 +585,19 @@ def test_thousands_that_come_late_in_a_recording_are_found(tmp_path: Path) -> No
     path.write_text("\n".join(["Zeit (ms);ADC", *rows]) + "\n")
     with pytest.raises(InvalidInputError, match=r"1023 or 1\.023"):
         read_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("line", "layout", "distance", "output"),
+    [
+        ('1 1/4";900', {"column": "2", "distance_column": "1"}, 0.03175, 900.0),
+        ("1/8 in;9.60k", {"column": "2", "distance_column": "1"}, 0.003175, 9600.0),
+        ("4999 L:608 R:295", {"column": "L"}, None, 608.0),
+        ("5 L:608 R:295", {"column": "R", "distance_column": "column 1"}, 0.005, 295.0),
+    ],
+)
+def test_lines_of_the_bench_follow_the_rules_of_files(line: str, layout: dict[str, str], distance, output) -> None:
+    parser = LineParser("a sensor", LineFormat(**layout), from_middle=False)
+    (reading,) = parser.feed(f"{line}\n".encode())
+    assert reading.distance == (None if distance is None else pytest.approx(distance))
+    assert reading.output == output

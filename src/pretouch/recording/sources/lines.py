@@ -20,6 +20,7 @@ from pretouch.tables.dialect import BLANK, cells_of, delimiter_of_header, delimi
 from pretouch.tables.labels import labeled_cells
 from pretouch.tables.line_prefixes import without_stamp
 from pretouch.tables.names import is_length, split_title
+from pretouch.tables.number_forms import from_fraction
 from pretouch.tables.unit_words import unit_in_words
 
 from .source import SourceReading, is_usable
@@ -298,6 +299,7 @@ class LineParser:
             cell = cells.get(self._format.distance_column)
             if cell is None:
                 return None
+            cell = from_fraction(cell) or cell
             unit = unit_of(cell)
             if unit:
                 self._take_unit(unit)

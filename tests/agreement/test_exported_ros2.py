@@ -587,6 +587,36 @@ def test_a_number_that_is_none_is_refused_with_its_name(name: str, value: str, d
     assert name in " ".join([*answers, log])
 
 
+ZERO_IS_DEFINED = {
+    *("reading.delay", "effort.stiffness", "effort.damping", "effort.mass", "law.gain", "law.offset"),
+    *("law.contact_gain",),
+}
+
+
+@pytest.mark.parametrize("name", NUMBERS_OF)
+@pytest.mark.parametrize("value", ["0", "-0.0", "5e-324"])
+def test_zero_is_refused_with_its_name_or_gives_finite_commands(name: str, value: str, damper: Path) -> None:
+    """No gain is no force; no offset and no delay are those of an ideal sensor; other zeros are mistakes."""
+    given, output = (",".join([value] * 3), "wrench") if name == "wrench.axis" else (value, "effort")
+    written = [] if output == "wrench" else [f"command slide/{output}"]
+    lines = [*WIRED, f"param output {output}", *written, f"param {name} {given}", "configure 1000"]
+    *answers, log = drive(damper, *lines, "log")
+    is_refused = f"refused {name}" in answers or (answers[-1] == "failure" and name in log)
+    assert float(value) != 0 or is_refused == (name not in ZERO_IS_DEFINED), (answers, log)
+    if is_refused:
+        return
+    inputs = [
+        line
+        for i, reading in enumerate((2000, 2200, 2500, 2900, 2900), 1)
+        for line in (f"state proximity/reading {reading}", f"state proximity/count {i}", f"state contact/force {-i}")
+    ]
+    steps = [line for i in range(5) for line in (*inputs[3 * i : 3 * i + 3], "update 4")]
+    answers = [answer.split() for answer in drive(damper, *lines, "activate", *steps)[-5:]]
+    assert all(result == "ok" and np.isfinite(float(command)) for result, command in answers)
+    if float(value) == 0 and name != "law.gain":
+        assert any(float(command) < 0 for _, command in answers)
+
+
 @pytest.mark.parametrize(
     ("name", "told"),
     [("law.gian", "law.gain"), ("readng.delay", "reading.delay"), ("wrench.axes", "wrench.axis"), ("jiont", "joint")],

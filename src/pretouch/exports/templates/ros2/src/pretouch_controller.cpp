@@ -106,6 +106,10 @@ bool PretouchController::check_parameters() const {
     if (std::fabs(params_.joint_units_per_meter) < smallest_scale) {
         return fail("joint_units_per_meter is 0 or nearly 0; set the joint's motion per meter toward the object");
     }
+    if (!params_.contact_force.interface.empty() && params_.contact_force.scale == 0) {
+        return fail("contact_force.scale is 0, so a contact would never be seen; set the force per unit of "
+                    "contact_force.interface, or leave that empty");
+    }
     if (reads_interface() && params_.reading.new_when == "count" && params_.reading.count_interface.empty()) {
         return fail("reading.count_interface is empty, but reading.new_when is 'count'");
     }

@@ -346,3 +346,18 @@ def test_models_of_other_people_are_projected_and_compared(capsys: pytest.Captur
     found = models.examine(ROOT / "examples/robots/arm.urdf")
     assert {"reflected mass", "moved mass", "recoil share"} <= set(found["differences"])
     assert max(found["differences"].values()) <= models.SAME
+
+
+def test_live_topics_without_ros_are_skipped(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from benchmarks import live_topics
+
+    monkeypatch.setattr(sys, "argv", ["live_topics"])
+    monkeypatch.setattr(live_topics.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(SystemExit) as ended:
+        live_topics.main()
+    assert ended.value.code == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.partition(":")[0] for line in lines] == ["Kilted", "Jazzy", "Humble"]
+    assert all("skipped" in line for line in lines)

@@ -12,13 +12,13 @@ from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
-from pretouch.calibration.contact_check import WitnessCheck, check_on_readings, measurement_that_helps
 from pretouch.motion import DAMPER, ContactStatus, ContinuousLaw, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import SensorModel
 from pretouch.sensors.recessed import recess_in_words
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
+    from pretouch.calibration.contact_check import WitnessCheck
     from pretouch.calibration.result import OffsetEstimate
 
 
@@ -120,6 +120,8 @@ class Reservations(Value):
     def _measurement(self) -> str:
         """Advice on what to measure so that the readings allow fewer contact speeds."""
         near, far = max(self.supported[0], 0.0), min(self.supported[1], self.start)
+        from pretouch.calibration.contact_check import measurement_that_helps  # noqa: PLC0415 - fits, only with a calibration
+
         advice = measurement_that_helps(self.witness, self.report.offset, near, far)
         because = ""
         if self.witness is not None and self.witness.suspect is not None:
@@ -423,6 +425,8 @@ def reservations_of(report: CalibrationReport, answer: Any, *, subtracted: float
     )
     gain: Any = getattr(answer, "gain", None)
     if gain is not None and report.curves is not None and report.offset is not None and not scenario.obstacle.course:
+        from pretouch.calibration.contact_check import check_on_readings  # noqa: PLC0415 - fits, only with a calibration
+
         witness = check_on_readings(report.curves, report.offset.value, scenario, sensor, gain=gain, law=law)
         reservations = replace(reservations, witness=witness)
     if scenario.shape or (gain is not None and np.ndim(gain)):

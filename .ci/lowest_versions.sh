@@ -31,7 +31,7 @@ env -u CC -u CXX "$own" -m pytest -n "${JOBS:-2}" --dist worksteal -q -p no:cach
     $contract/test_snapshots.py \
     $contract/test_every_report.py::test_an_answer_and_its_report_are_complete \
     $contract/test_cli_sweep.py::test_the_dataset_goes_where_it_is_asked_for_and_stays \
-    $contract/test_cli_record.py::test_a_stage_records_a_calibration_that_fit_reads \
+    $contract/test_cli_record.py::test_an_unplugged_sensor_is_one_sentence_and_the_readings_are_kept \
     $contract/test_cli_record.py::test_a_live_topic_is_recorded_through_dds \
     $contract/test_robot_film.py::test_robot_writes_a_report_without_scripts_and_addresses \
     $contract/test_sweep_cluster.py::test_a_cluster_goes_on_with_what_one_process_has_begun \

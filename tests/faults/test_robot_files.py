@@ -15,14 +15,18 @@ pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 from pretouch.robots import (
     RobotFile,
     SensorSite,
+    SiteLaw,
     load_model,
     make_data,
     project,
     project_site,
+    simulate_robot,
     site_on_body,
 )
 from pretouch.robots.model import notes_of
+from pretouch.robots.scene import Ball, model_with_ball, put_ball
 from refusals import refused
+from robot_scenes import CURVE, controller
 
 ROOT = Path(__file__).parents[2]
 ARM = ROOT / "examples/robots/arm.xml"
@@ -578,6 +582,23 @@ def test_what_mujoco_ignores_in_a_file_is_a_warning(model_file, capfd) -> None:
         assert not any(n.startswith("PT621") for n in notes_of(load_model(model_file(text))))
     assert capfd.readouterr() == ("", "")
     assert mujoco.MjLogConfig.get().logfile == before
+
+
+@pytest.mark.parametrize(("place", "touches"), [("tool0:+x", True), ("tool0:+x:60mm", False)])
+def test_a_robot_of_a_urdf_file_meets_an_added_ball(place: str, touches: bool) -> None:
+    """The ball has its mass, although a URDF file has no masses by geoms. Ahead of all shapes, it touches nothing."""
+    robot = RobotFile(str(ARM.with_name("arm.urdf")), sites=(site_on_body(place),))
+    site = SensorSite(robot.sites[0].name, CURVE)
+    state = make_data(load_model(robot), {"shoulder": -0.7, "elbow": 1.4})
+    ball = Ball(distance=0.04, velocity=-0.3, mass=0.3)
+    model, data = put_ball(model_with_ball(robot, gravity=False), state, site, ball)
+    model.opt.timestep = 1e-3
+    assert model.body("pretouch ball").mass[0] == 0.3
+    result = simulate_robot(model, data, [SiteLaw(site=site, controller=controller())], contact_stiffness=1e4)
+    (contact,) = result.contacts[0]
+    assert contact.detection.obstacle_mass == pytest.approx(0.3)
+    assert (contact.peak_force > 0) == touches
+    assert any("no shape of the model" in text for text in result.warnings) != touches
 
 
 # --- the table

@@ -37,6 +37,10 @@ _PUSHES: Final = 0.05  # share of the momentum of the impact, from which drives 
 _EXPLAINED: Final = 1.1  # ratio of forces, in units of that of the impulses, up to which the drives explain it
 _ALIKE: Final = (0.8, 1.25)  # impulse until the peak, in units of the momentum of an impact: the masses are right
 _NOTHING: Final = 1e-9  # m
+_NO_SHAPE: Final = (
+    "no shape of the model is at the site, so that the object passes it without a force: take the site to a surface of "
+    "the robot, or add a shape to the model"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,9 +251,8 @@ def cause_of_force(run: RobotEncounterRun, force: float, stiffness: float) -> st
     if any(touch.time <= trace.time[peak] for touch in run.touches if touch.site != run.law.site.name):
         return "other bodies of the robot share the contact"
     if not first <= peak < end:
-        return (
-            f"the force peaks {format_quantity(float(trace.time[peak]) - contact.time, 's', 2)} later, in another touch"
-        )
+        later = f"{format_quantity(float(trace.time[peak]) - contact.time, 's', 2)} later, in another touch"
+        return f"the force peaks {later}" if forces[peak] > 0 else _NO_SHAPE
     mass = 1 / (1 / detection.reflected_mass + 1 / detection.obstacle_mass)
     duration = math.pi * math.sqrt(mass / stiffness)
     late = float(trace.time[peak] - trace.time[first])

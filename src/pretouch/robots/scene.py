@@ -185,7 +185,13 @@ def _add_ball(spec: Any, *, gravity: bool) -> None:
     library = mujoco()
     for key in list(spec.keys):  # they lack the positions of the ball
         spec.delete(key)
-    body = spec.worldbody.add_body(name=_NAME, gravcomp=0.0 if gravity else 1.0)
+    body = spec.worldbody.add_body(
+        name=_NAME,
+        gravcomp=0.0 if gravity else 1.0,
+        mass=MASS,
+        inertia=[0.4 * MASS * RADIUS**2] * 3,
+        explicitinertial=True,  # models of URDF files compute no masses from geoms
+    )
     body.add_freejoint()
     body.add_geom(
         name=_NAME,

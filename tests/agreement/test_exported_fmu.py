@@ -306,7 +306,7 @@ def random_master(rng: np.random.Generator, period: float) -> tuple[float, list[
         reading *= np.exp(rng.normal(0.01, 0.03))
         inputs = Sample(
             reading=float(reading),
-            fresh=rng.choice(list(Arrival), p=[0.3, 0.65, 0.05]),
+            fresh=Arrival(rng.choice(3, p=[0.3, 0.65, 0.05])),
             age=float(rng.choice([0.0, 0.3 * period])),
             contact_force=float(rng.choice([0.0, -2.0])),
             reference_position=float(rng.normal(0, 0.1)),

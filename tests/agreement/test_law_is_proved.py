@@ -62,7 +62,12 @@ def test_every_block_keeps_the_bounds_and_the_limits(
 @pytest.mark.parametrize(
     ("part", "old", "new"),
     [
-        ("START", "s->level = s->filtered = p->floor;", "s->level = s->filtered = 0;"),
+        ("START", "= 0;\n    s->level = s->filtered = p->floor;", "= 0;\n    s->level = s->filtered = 0;"),
+        (
+            "OBSERVE",
+            "OBJECT;\n        s->level = s->filtered = p->floor;",
+            "OBJECT;\n        s->level = s->filtered = 0;",
+        ),
         ("OBSERVE", "s->quiet = usable ? 0 : smaller(quiet, 2 * p->timeout);", "s->quiet = quiet;"),
         ("OBSERVE", "p->floor < above && above < (real)INFINITY ? above : p->floor;", "above;"),
         ("LAW", "larger(s->ramp - p->ramp_step, 0)", "s->ramp - p->ramp_step"),
@@ -70,7 +75,7 @@ def test_every_block_keeps_the_bounds_and_the_limits(
         ("DRIVE", "no_reference ? s->reference : sample->reference_position;", "sample->reference_position;"),
         ("OBSERVE", "s->measured = usable ? sample->age :", "s->measured = usable ? sample->reading :"),
     ],
-    ids=["first level", "quiet", "level", "ramp", "excursion", "reference", "no object"],
+    ids=["first level", "level without object", "quiet", "level", "ramp", "excursion", "reference", "no object"],
 )
 def test_a_fault_of_the_law_is_found(part: str, old: str, new: str, exports: dict[str, Path], tmp_path: Path) -> None:
     folder = shutil.copytree(exports["damper"], tmp_path / "law")

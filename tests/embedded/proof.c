@@ -95,19 +95,19 @@ static int is_push(const pretouch_push *push) { return isfinite(push->impulse) &
 
 static int is_number(pretouch_motion m) { return isfinite(m.position) && isfinite(m.velocity); }
 
-pretouch_motion any_motion(void);
-int any_flag(void);
+pretouch_motion nondet_motion(void);
+int nondet_flag(void);
 static int limit_as_proved(const pretouch_motion_limits *p, pretouch_motion now, pretouch_motion *wanted) {
     __CPROVER_assert(p == &D->limits && is_limited(now) && is_number(*wanted), "the motion can be limited");
-    *wanted = any_motion();
+    *wanted = nondet_motion();
     __CPROVER_assume(is_limited(*wanted));
-    return any_flag() != 0;
+    return nondet_flag() != 0;
 }
 
-pretouch_sample any_sample(void);
-pretouch_observation any_observation(void);
-pretouch_push any_push(void);
-design_state any_state(void);
+pretouch_sample nondet_sample(void);
+pretouch_observation nondet_observation(void);
+pretouch_push nondet_push(void);
+design_state nondet_state(void);
 
 int main(void) {
 #if defined(START)
@@ -117,16 +117,16 @@ int main(void) {
     __CPROVER_assert(law_invariant(&state.law), "the first state of the law is within bounds");
     __CPROVER_assert(drive_invariant(&state.drive), "the first state of the drive is within bounds");
 #elif defined(OBSERVE)
-    const pretouch_sample sample = any_sample();
-    design_state state = any_state();
+    const pretouch_sample sample = nondet_sample();
+    design_state state = nondet_state();
     pretouch_observation seen;
     __CPROVER_assume(sensing_invariant(&state.sensing));
     pretouch_observe(P, &state.sensing, &sample, &seen);
     __CPROVER_assert(sensing_invariant(&state.sensing), "the state of the sensing stays within bounds");
     __CPROVER_assert(is_observation(&seen), "the observation is within bounds");
 #elif defined(LAW)
-    const pretouch_observation seen = any_observation();
-    design_state state = any_state();
+    const pretouch_observation seen = nondet_observation();
+    design_state state = nondet_state();
     pretouch_push push;
     __CPROVER_assume(is_observation(&seen) && law_invariant(&state.law) && drive_invariant(&state.drive));
 #ifdef DRAG
@@ -137,17 +137,17 @@ int main(void) {
     __CPROVER_assert(law_invariant(&state.law), "the state of the law stays within bounds");
     __CPROVER_assert(is_push(&push), "impulse and force of the law are finite");
 #elif defined(LIMIT)
-    const pretouch_motion now = any_motion();
-    pretouch_motion wanted = any_motion();
+    const pretouch_motion now = nondet_motion();
+    pretouch_motion wanted = nondet_motion();
     __CPROVER_assume(is_limited(now) && is_number(wanted));
     const int limited = limit_motion(&D->limits, now, &wanted);
     __CPROVER_assert(is_limited(wanted), "the motion is within its limits");
     __CPROVER_assert(limited == 0 || limited == 1, "limit_motion returns a flag");
 #elif defined(DRIVE)
-    const pretouch_sample sample = any_sample();
-    const pretouch_observation seen = any_observation();
-    const pretouch_push push = any_push();
-    design_state state = any_state();
+    const pretouch_sample sample = nondet_sample();
+    const pretouch_observation seen = nondet_observation();
+    const pretouch_push push = nondet_push();
+    design_state state = nondet_state();
     pretouch_output out;
     __CPROVER_assume(is_observation(&seen) && is_push(&push) && drive_invariant(&state.drive));
     pretouch_drive(D, &state.drive, &seen, &push, &sample, &out);

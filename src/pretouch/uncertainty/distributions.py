@@ -345,15 +345,13 @@ class TruncatedNormal(Distribution):
 
         It is mu + sigma (phi(a) - phi(b)) / (Phi(b) - Phi(a)), accurate in both tails.
         """
-        from scipy.special import log_ndtr  # noqa: PLC0415 - SciPy, only when it is needed
-
         a, b = ((x - self.location) / self.deviation for x in self.support)
         if b - a < _NARROW:
             fall = (b * b - a * a) / 2
             share = 0.5 - fall / 12 if abs(fall) < _FLAT else 1 / fall - 1 / math.expm1(fall)
             return self.location + self.deviation * (a + (b - a) * share)
         a, b, sign = (-b, -a, -1.0) if a > 0 else (a, b, 1.0)  # Phi(b) - Phi(a) loses digits in the upper tail
-        mass = math.exp(log_ndtr(b)) - math.exp(log_ndtr(a))
+        mass = (math.erfc(-b / math.sqrt(2)) - math.erfc(-a / math.sqrt(2))) / 2
         density = (math.exp(-a * a / 2) - math.exp(-b * b / 2)) / math.sqrt(2 * math.pi)
         return self.location + sign * self.deviation * density / mass
 

@@ -145,7 +145,12 @@ def _findings(v: Verdict) -> Iterator[str]:
         if c.is_met and not any(c.statement in reason for reason in v.reasons):
             share, p = share_in_words(c.held), c.required.probability
             required = "every run" if p == 1 else f"{100 * p:g} %"
-            yield f"{c.label} within {format_quantity(c.limit, c.unit)} in {share} of {_runs(v)} ({required} required)"
+            free = c.name == "impact_force" and v.loop.contact is None
+            only = ", without what pushes during the impact: that needs [contact]" if free else ""
+            yield (
+                f"{c.label} within {format_quantity(c.limit, c.unit)} in {share} of {_runs(v)} ({required} required)"
+                f"{only}"
+            )
     if v.breakage is not None and not v.breakage.harder:  # otherwise, a warning says so
         yield v.breakage.text
 

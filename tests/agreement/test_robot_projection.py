@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from pretouch.errors import InvalidInputError
 from pretouch.robots import SensorSite, load_model, make_data, project_site
 from pretouch.robots.dynamics import RobotReducer, drivetrain_of, least_energy, posture_dynamics
 from random_robots import random_robot
@@ -195,6 +196,78 @@ def test_a_slide_on_a_sliding_base_recoils_by_its_share_of_the_mass() -> None:
     mujoco.mj_forward(model, data)
     assert float(data.site_xpos[0, 0]) - before == pytest.approx((1 - 1 / 4) * data.qpos[1], rel=1e-9)
 
+
+RECOILING = {
+    "free base": """<body><freejoint/><geom size="0.05" mass="1" contype="0" conaffinity="0"/><body pos="0.1 0 0">
+        <joint name="s" type="slide" axis="1 0 0" range="-0.1 0.1"/><geom size="0.02" mass="1"/>
+        <site name="tip" pos="0.02 0 0"/></body></body>""",
+    "passive hinge": """<body><joint name="s" type="slide" axis="1 0 0" range="-0.3 0.3"/><geom size="0.03" mass="1"/>
+        <body pos="0.05 0 0"><joint name="h" axis="0 1 0" range="-1 1" stiffness="0.5"/>
+        <inertial mass="0.2" pos="0 0 -0.1" diaginertia="0.0007 0.0007 0.0001"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.01"/><site name="tip" pos="0.01 0 {height}"/></body></body>""",
+    "passive shoulder": """<body><joint name="h" axis="0 0 1"/>
+        <inertial mass="2" pos="0.15 0 0" diaginertia="0.02 0.02 0.02"/><body pos="0.3 0 0">
+        <joint name="s" axis="0 0 1" range="-0.5 0.5"/><inertial mass="1" pos="0.1 0 0" diaginertia="0.01 0.01 0.01"/>
+        <site name="tip" pos="0.25 0 0" euler="0 0 90"/></body></body>""",
+}
+
+
+def recoiling(kind: str, height: float = -0.05) -> mujoco.MjModel:
+    body = RECOILING[kind].format(height=height)
+    return model_of(
+        f"""<mujoco><option gravity="0 0 0"/><worldbody>{body}</worldbody>
+        <actuator><motor joint="s" ctrlrange="-20 20"/></actuator></mujoco>"""
+    )
+
+
+@pytest.mark.parametrize("kind", RECOILING)
+def test_limits_with_a_recoil_are_those_of_the_site_itself(kind: str) -> None:
+    """MuJoCo accelerates the site, and presses it against what blocks it, with the motor at its limit."""
+    model = recoiling(kind)
+    data = make_data(model)
+    projection = project_site(model, data, SensorSite("tip", hold="axis"))
+    data.ctrl[:] = 20.0
+    mujoco.mj_forward(model, data)
+    free = projection.axis @ site_acceleration(model, data)
+    assert projection.acceleration.ahead == pytest.approx(free, rel=1e-9)
+    jacobian = np.zeros((3, model.nv))
+    mujoco.mj_jacSite(model, data, jacobian, None, 0)
+    data.qfrc_applied[:] = -projection.axis @ jacobian  # the obstacle pushes back with 1 N
+    mujoco.mj_forward(model, data)
+    pushed = projection.axis @ site_acceleration(model, data)
+    assert projection.force.ahead == pytest.approx(free / (free - pushed), rel=1e-9)
+    retreat = -float(model.jnt_range[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "s"), 0])
+    lever = 1 / projection.joint_motion["s"]  # motion of the site relative to the base per motion of the joint
+    if kind != "passive shoulder":  # along its path, a hinge turns the lever
+        assert projection.retreat == pytest.approx((1 - projection.recoil_share) * lever * retreat, rel=1e-6)
+    limits = {limit.name: limit.limit for limit in projection.constraints()}
+    assert limits == {"excursion": projection.retreat, "acceleration": projection.acceleration.least}
+
+
+def test_a_floating_arm_presses_with_all_its_joints_while_its_site_is_blocked() -> None:
+    """The torques that keep the blocked site at rest, by MuJoCo's inverse dynamics, are within their limits."""
+    model = model_of(FLOATING.format(base=2.0, gravity="0 0 -9.81"))
+    data = make_data(model, {"a": 0.6, "b": -1.1, "c": 0.05})
+    projection = project_site(model, data, SensorSite("tip", axis="+x"))
+    joints, jacobian = np.array([projection.joint_motion[n] for n in "abc"]), np.zeros((3, model.nv))
+    mujoco.mj_jacSite(model, data, jacobian, None, 0)
+
+    def response(values):  # accelerations of joints and site minus those wanted: torques and the rate of the joints
+        data.ctrl[:] = values[:3]
+        data.qfrc_applied[:] = -projection.force.ahead * projection.axis @ jacobian
+        mujoco.mj_forward(model, data)
+        return np.append(data.qacc[6:] - values[3] * joints, projection.axis @ site_acceleration(model, data))
+
+    start = response(np.zeros(4))
+    values = np.linalg.solve(np.column_stack([response(row) - start for row in np.eye(4)]), -start)
+    assert np.abs(values[:3]).max() == pytest.approx(9.0, rel=1e-9)
+
+
+def test_a_site_that_a_passive_joint_moves_the_other_way_has_no_numbers() -> None:
+    """Below the center of percussion, the flap swings back by more than the slide pushes it ahead."""
+    model = recoiling("passive hinge", -0.15)
+    with pytest.raises(InvalidInputError, match=r'passive joint h .* other way .* joints = \["s"\]'):
+        project_site(model, make_data(model), SensorSite("tip"))
 
 TWO_LINKS = """
 <mujoco><compiler angle="radian"/><option gravity="0 0 {gravity}"/><worldbody>

@@ -224,7 +224,7 @@ def test_the_answers_repeat_the_warnings_about_the_robot(verb, tmp_path, read) -
     answer = pt.design(task) if verb == "design" else pt.verify(task, changes=False)
     assert set(task.warnings) <= set(answer.warnings)
     assert "singularity" in str(answer)
-    assert "singularity" in pt.report.html.report_html(answer)
+    assert "singularity" in pt.report.report_html(answer)
     assert not read(BENT, FILE).warnings
 
 

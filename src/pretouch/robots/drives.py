@@ -61,6 +61,10 @@ class AxisLimits(Value):
         """The smaller of the limits toward and away from objects."""
         return min(self.ahead, self.back)
 
+    def scaled(self, factor: float) -> AxisLimits:
+        """Return the limits multiplied by a positive factor."""
+        return AxisLimits(factor * self.ahead, factor * self.back, self.reasons)
+
 
 @dataclass(frozen=True, slots=True)
 class Drives:
@@ -289,13 +293,23 @@ def speed_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) 
     return AxisLimits(ahead, back, (first, second))
 
 
-def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
-    """Return the largest static forces [N] along the axis of a sensor.
+def force_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) -> AxisLimits:
+    """Return the largest forces [N] with which a site at rest presses along its axis against what blocks it.
 
-    On a floating base, the force accelerates base and joints together, without motion between them.
+    The force accelerates a base that nothing holds away from the site. The driven joints follow along the axis, so that
+    the blocked site does not accelerate. Without such a base, no joint moves.
     """
-    columns = (dynamics.axis @ dynamics.full[:3] @ drives.tests)[:, None]
-    return _span(drives, columns, np.zeros((len(dynamics.inertia), 0)))
+    push, reduction = dynamics.axis @ dynamics.full[:3], dynamics.reduction
+    loose, count = reduction.loose, len(reduction.loose)
+    accelerations = np.zeros(len(push))  # of base and joints, per force
+    if loose.size:
+        accelerations[:count] = -loose @ np.linalg.solve(
+            loose.T @ dynamics.mass[:count, :count] @ loose, loose.T @ push[:count]
+        )
+        along = np.concatenate([reduction.motion @ motion.joints, motion.joints])
+        accelerations -= (push @ accelerations) / (push @ along) * along
+    columns = drives.tests.T @ (push + dynamics.mass @ accelerations)
+    return _span(drives, columns[:, None], np.zeros((len(dynamics.inertia), 0)))
 
 
 def missing_torques(drives: Drives, matter: BoolArray) -> FloatArray:

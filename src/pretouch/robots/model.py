@@ -225,6 +225,14 @@ def joint_label(model: Model, joint: int) -> str:
     return _name(model, "JOINT", joint) or f"number {joint}"
 
 
+def idle_actuators(model: Model, joint: int) -> list[str]:
+    """Return the actuators of a joint whose gear is 0, so that they never move it."""
+    kinds = mujoco().mjtTrn
+    on_joints = np.isin(model.actuator_trntype, [int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT)])
+    idle = on_joints & (np.asarray(model.actuator_trnid)[:, 0] == joint) & ~np.any(model.actuator_gear, axis=1)
+    return [_name(model, "ACTUATOR", int(i)) or f"number {i}" for i in np.flatnonzero(idle)]
+
+
 def is_scalar_joint(model: Model, joint: int) -> bool:
     """Return True if a joint is a hinge or a slide.
 

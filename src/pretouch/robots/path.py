@@ -54,7 +54,7 @@ class Excursion(Value):
     The path leads in one of the two directions.
 
     Args:
-        length: the distance [m], relative to the base of the robot.
+        length: the distance [m].
         reason: what ends the path, such as the range of a joint.
         joints: positions of the driven joints at the end [rad or m], shape (n,).
     """
@@ -67,6 +67,10 @@ class Excursion(Value):
     def is_singular(self) -> bool:
         """Whether no joint range, but a singular posture ends the path."""
         return self.reason in _SINGULAR_REASONS
+
+    def scaled(self, factor: float) -> Excursion:
+        """Return the path with its length multiplied by a positive factor."""
+        return replace(self, length=factor * self.length)
 
 
 def excursion(
@@ -97,7 +101,7 @@ def excursion(
         enough: length [m] at which the path may end, because it does not matter how much longer it is.
 
     Returns:
-        The length of the path and what ends it.
+        The length of the path, relative to the base of the robot, and what ends it.
     """
     check_posture(model, data, drivetrain)
     ranges, followers = ranges_of(model, drivetrain), limited_followers(model, drivetrain)

@@ -45,6 +45,8 @@ from .model import (
     Data,
     Model,
     check_model,
+    idle_actuators,
+    is_scalar_joint,
     joint_label,
     joint_speeds_of,
     mujoco,
@@ -71,26 +73,26 @@ class Projection(Described, Value):
     """Mass, excursion and limits of a robot along a sensor axis.
 
     The robot is in one posture. Lengths, speeds, accelerations and forces count along the axis: ahead is toward
-    objects, back is away from them. Excursion, speed and acceleration are those of the site relative to the base of the
-    robot. On a fixed base these are the motion itself.
+    objects, back is away from them. Excursion, speed, acceleration and force are those of the site itself. What a
+    floating base or a passive joint takes back by its recoil is subtracted.
 
     Args:
         site: the sensor site.
         axis: direction toward objects in the world frame, shape (3,).
         position: position of the site in the world frame [m], shape (3,).
         posture: positions of the driven joints by name [rad or m].
-        hold: what the joints hold while the site moves: pose, position or axis.
+        hold: what the joints hold while the site moves relative to the base: pose, position or axis.
         reflected_mass: mass that an impact along the axis meets [kg], 1 / (u^T J M^-1 J^T u). Drives do not count,
             because an impact is shorter than their response.
         moved_mass: effective mass of the motion along the axis for the drives [kg], which includes holding the other
-            directions.
+            directions. The motion is that relative to the base.
         recoil_share: share kappa of the motion that the recoil of a floating base takes back, 0 for a fixed base.
         excursion: longest paths along the axis inside all joint ranges, ahead and back.
         acceleration: largest accelerations from rest [m/s^2]; gravity and posture are taken into account.
         speed: largest constant speeds [m/s]; infinite without damping or given joint speeds.
-        force: largest static forces [N].
+        force: largest forces on a blocked site at rest [N]. A base that recoils accelerates away meanwhile.
         conditioning: 1 in the direction in which the joints move the site most easily, 0 at a singularity.
-        joint_motion: joint velocities per velocity along the axis by name [rad/m or 1].
+        joint_motion: joint velocities per velocity of the site relative to the base, by name [rad/m or 1].
         base: degrees of freedom that neither an actuator nor a constraint moves, such as those of a floating base.
         followers: joints without an actuator that constraints move with the driven joints, by name.
         turning: angle by which the axis of the sensor turns per motion of the site [rad/m], by the joints and by the
@@ -134,7 +136,7 @@ class Projection(Described, Value):
     def retreat(self) -> float:
         """The longest retreat of the site from objects [m].
 
-        It stays within all joint ranges, and is relative to the robot's base.
+        It stays within all joint ranges.
         """
         return self.excursion[1].length
 
@@ -142,8 +144,7 @@ class Projection(Described, Value):
         """Return the robot's limits as constraints of a design.
 
         The limits are excursion, speed and acceleration. The excursion is that of a retreat. Speed and acceleration
-        hold in both directions. On a floating base all are multiplied by 1 - kappa, because an encounter is described
-        in a frame in which the base recoils.
+        hold in both directions.
 
         Returns:
             The constraints, without those that the model does not limit.
@@ -151,7 +152,6 @@ class Projection(Described, Value):
         Raises:
             InvalidInputError: the robot has no excursion, speed or acceleration along the axis.
         """
-        share = 1 - self.recoil_share
         limits = {"excursion": self.retreat, "speed": self.speed.least, "acceleration": self.acceleration.least}
         for name, limit in limits.items():
             if not limit > 0:
@@ -159,7 +159,7 @@ class Projection(Described, Value):
                     f"{name}: the largest {name} of the site {self.site.name!r} along its axis {self.site.axis} is 0 "
                     "in this posture; choose another posture or axis"
                 )
-        return tuple(Constraint(name=n, limit=share * v) for n, v in limits.items() if math.isfinite(v))
+        return tuple(Constraint(name=n, limit=v) for n, v in limits.items() if math.isfinite(v))
 
     def task(self, scenario: Scenario, objective: Any = None, **options: Any) -> Task:
         """Return a design task with the limits of this robot.
@@ -316,9 +316,15 @@ def project_site(
     stated = {name: speed for name, speed in joint_speeds_of(model).items() if name in names}
     speeds = _speeds(dict(zip(names, units, strict=True)), {**stated, **(joint_speeds or {})})
     drives = drives_of(model, data, drivetrain, speeds)
+    share = _site_share(dynamics, motion)
+    if share <= _IMPOSSIBLE:
+        raise InvalidInputError(_reversed_motion(model, site, drivetrain, dynamics, motion))
     limits, weak = _limits(model, drives, drivetrain, dynamics, motion)
     ahead, back = (
-        excursion(model, data, drivetrain, site.direction, hold=motion.hold, ahead=side) for side in (True, False)
+        path.scaled(share)
+        for path in (
+            excursion(model, data, drivetrain, site.direction, hold=motion.hold, ahead=side) for side in (True, False)
+        )
     )
     places = np.asarray(model.jnt_qposadr)[drivetrain.joints]
     return Projection(
@@ -329,7 +335,7 @@ def project_site(
         hold=motion.hold,
         reflected_mass=dynamics.reflected_mass,
         moved_mass=motion.moved_mass,
-        recoil_share=motion.recoil_share if dynamics.reduction.loose.size else 0.0,
+        recoil_share=1 - share,
         excursion=(ahead, back),
         acceleration=limits[0],
         speed=limits[1],
@@ -337,8 +343,8 @@ def project_site(
         conditioning=motion.conditioning,
         joint_motion=dict(zip(names, motion.joints.tolist(), strict=True)),
         base=dynamics.reduction.loose.shape[1],
-        turning=motion.turning,
-        sideways=motion.sideways,
+        turning=motion.turning / share,
+        sideways=motion.sideways / share,
         followers=_followers(model, drivetrain, dynamics),
         support=describe_footholds(model, drivetrain.footholds),
         support_limit=support_limit(model, data, drivetrain, dynamics),
@@ -357,6 +363,54 @@ def project_site(
             *drive_warnings(drives, motion),
         ),
     )
+
+
+def _reversed_motion(
+    model: Model, site: SensorSite, drivetrain: Drivetrain, dynamics: PostureDynamics, motion: AxisMotion
+) -> str:
+    """Say that the recoil of a robot outweighs the motion of its site, what recoils, and what to do about it."""
+    passive = [
+        joint_label(model, joint)
+        for joint in _passive_joints(model, drivetrain, dynamics)
+        if is_scalar_joint(model, joint)
+    ]
+    moving = [joint_label(model, int(joint)) for joint in drivetrain.joints] + list(
+        _followers(model, drivetrain, dynamics)
+    )
+    named = ", ".join(f'"{name}"' for name in moving)
+    many, options = len(passive) > 1, " ".join(f"--joint {name}" for name in moving)
+    what = f"the passive joint{'s' if many else ''} {', '.join(passive)}" if passive else "the floating base"
+    remedy = (
+        f"lock {'them' if many else 'it'} with joints = [{named}] ({options})"
+        if passive
+        else 'hold it with base = "fixed", choose another posture'
+    )
+    return (
+        f"site {site.name!r}: {what} {'let' if many else 'lets'} the site move the other way than the "
+        f"drives push it along its axis {site.axis} ({1 - motion.recoil_share:.2g} times as far): {remedy}, or move "
+        "the site"
+    )
+
+
+def _site_share(dynamics: PostureDynamics, motion: AxisMotion) -> float:
+    """Return the motion of a site itself per motion relative to its base, 1 - kappa: 1 without a base that recoils."""
+    return 1 - motion.recoil_share if dynamics.reduction.loose.size else 1.0
+
+
+def _passive_joints(model: Model, drivetrain: Drivetrain, dynamics: PostureDynamics) -> list[int]:
+    """Return the joints that neither an actuator nor a constraint moves, also those of a floating base."""
+    free = np.abs(dynamics.reduction.loose).max(axis=1, initial=0.0) > _FOLLOWS
+    return list(dict.fromkeys(np.asarray(model.dof_jntid)[drivetrain.base[free]].tolist()))
+
+
+def _unexpected_passive_joints(model: Model, drivetrain: Drivetrain, dynamics: PostureDynamics) -> Iterator[str]:
+    """Yield the passive joints that are not a floating base on purpose: an actuator without effect also counts."""
+    root = set(np.asarray(model.dof_jntid)[drivetrain.root].tolist())
+    for joint in _passive_joints(model, drivetrain, dynamics):
+        idle = idle_actuators(model, joint)
+        if joint not in root or idle:
+            by = f" with gear 0 of {', '.join(idle)}" if idle else ""
+            yield joint_label(model, joint) + by
 
 
 def _short_retreat(back: Excursion, motion: AxisMotion) -> Iterator[str]:
@@ -430,11 +484,12 @@ def _limits(
 
 
 def _spans(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) -> tuple[AxisLimits, AxisLimits, AxisLimits]:
-    """Return the limits of acceleration, speed and force."""
+    """Return the limits of acceleration, speed and force of the site itself."""
+    share = _site_share(dynamics, motion)
     return (
-        acceleration_limits(drives, dynamics, motion),
-        speed_limits(drives, dynamics, motion),
-        force_limits(drives, dynamics),
+        acceleration_limits(drives, dynamics, motion).scaled(share),
+        speed_limits(drives, dynamics, motion).scaled(share),
+        force_limits(drives, dynamics, motion),
     )
 
 
@@ -488,9 +543,12 @@ def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, .
         return ()
     drives = drives_of(model, data, drivetrain, np.full(len(drivetrain.driven), math.inf))
 
+    share = abs(_site_share(dynamics, motion))
+
     def retreat(enough: float) -> float:
-        path = excursion(*(model, data, drivetrain, site.direction), hold=motion.hold, ahead=False, enough=enough)
-        return path.length
+        way = enough / share if share else math.inf
+        path = excursion(*(model, data, drivetrain, site.direction), hold=motion.hold, ahead=False, enough=way)
+        return share * path.length
 
     return (
         *posture_warnings(model, drivetrain, dynamics, motion, retreat, limited=drives.has_force_limits),
@@ -607,13 +665,15 @@ def posture_warnings(
             f"drives move along the sensor axis is {motion.conditioning**-2:.0f} times the mass along the easiest "
             "direction.",
         )
-    rates = ((TURN, motion.turning), (SIDEWAYS, motion.sideways))
+    share = abs(_site_share(dynamics, motion))
+    turning, sideways = (rate / share if share > _IMPOSSIBLE else 0.0 for rate in (motion.turning, motion.sideways))
+    rates = ((TURN, turning), (SIDEWAYS, sideways))
     straight = min((limit / rate for limit, rate in rates if rate > 0), default=math.inf)
     if math.isfinite(straight) and straight < retreat(_BEYOND * straight):
         yield caution(
             "PT504",
-            f"Per 100 mm of motion, the sensor turns by {math.degrees(motion.turning) / 10:.2g} deg and moves "
-            f"{format_quantity(motion.sideways / 10, 'm', 2)} off its axis: simulate the robot. After an excursion of "
+            f"Per 100 mm of motion, the sensor turns by {math.degrees(turning) / 10:.2g} deg and moves "
+            f"{format_quantity(sideways / 10, 'm', 2)} off its axis: simulate the robot. After an excursion of "
             f"{format_quantity(straight, 'm', 2)}, contact speeds may differ from the prediction by 3 % or more.",
         )
     if not limited:
@@ -636,12 +696,10 @@ def posture_warnings(
             "add an equality constraint if the joints are coupled. pretouch lets these motions keep their momentum, as "
             "those of passive joints.",
         )
-    free = np.abs(dynamics.reduction.loose).max(axis=1, initial=0.0) > _FOLLOWS
-    loose = np.setdiff1d(drivetrain.base[free], drivetrain.root)
-    passive = [joint_label(model, int(j)) for j in dict.fromkeys(np.asarray(model.dof_jntid)[loose].tolist())]
+    passive = list(_unexpected_passive_joints(model, drivetrain, dynamics))
     if passive:
         yield caution(
             "PT503",
-            f"No actuator moves these joints, so pretouch lets them move freely ({', '.join(passive)}): add actuators, "
-            "or lock the joints.",
+            "No actuator moves these joints, so pretouch lets them move freely "
+            f"({', '.join(passive)}): add actuators, or lock the joints.",
         )

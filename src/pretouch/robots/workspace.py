@@ -30,9 +30,9 @@ PLACE = "place"
 _VARIABLES: Final[dict[str, tuple[str, Callable[[Projection], float]]]] = {
     "reflected_mass": ("kg", lambda p: p.reflected_mass),
     "conditioning": ("1", lambda p: p.conditioning),
-    "retreat": ("m", lambda p: (1 - p.recoil_share) * p.retreat),
-    "available_acceleration": ("m/s^2", lambda p: (1 - p.recoil_share) * p.acceleration.least),
-    "available_speed": ("m/s", lambda p: (1 - p.recoil_share) * p.speed.least),
+    "retreat": ("m", lambda p: p.retreat),
+    "available_acceleration": ("m/s^2", lambda p: p.acceleration.least),
+    "available_speed": ("m/s", lambda p: p.speed.least),
 }
 
 

@@ -269,6 +269,7 @@ def test_a_site_that_a_passive_joint_moves_the_other_way_has_no_numbers() -> Non
     with pytest.raises(InvalidInputError, match=r'passive joint h .* other way .* joints = \["s"\]'):
         project_site(model, make_data(model), SensorSite("tip"))
 
+
 TWO_LINKS = """
 <mujoco><compiler angle="radian"/><option gravity="0 0 {gravity}"/><worldbody>
  <body><joint name="shoulder" axis="0 -1 0" range="-3 3"/><geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02"

@@ -204,7 +204,8 @@ RECOILING = {
     "passive hinge": """<body><joint name="s" type="slide" axis="1 0 0" range="-0.3 0.3"/><geom size="0.03" mass="1"/>
         <body pos="0.05 0 0"><joint name="h" axis="0 1 0" range="-1 1" stiffness="0.5"/>
         <inertial mass="0.2" pos="0 0 -0.1" diaginertia="0.0007 0.0007 0.0001"/>
-        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.01"/><site name="tip" pos="0.01 0 {height}"/></body></body>""",
+        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.01"/><site name="tip" pos="0.01 0 {height}"/>
+        </body></body>""",
     "passive shoulder": """<body><joint name="h" axis="0 0 1"/>
         <inertial mass="2" pos="0.15 0 0" diaginertia="0.02 0.02 0.02"/><body pos="0.3 0 0">
         <joint name="s" axis="0 0 1" range="-0.5 0.5"/><inertial mass="1" pos="0.1 0 0" diaginertia="0.01 0.01 0.01"/>

@@ -151,6 +151,54 @@ def outputs(noise: float = 6.0, relative: float = 0.01) -> tuple[np.ndarray, np.
     return signal + np.hypot(noise, relative * signal) * rng.standard_normal(len(time)), np.sin(time) > 0.2
 
 
+def counts(deviation: float, idle: float, seed: int, seconds: float = 2.0, lowest: float = 0.0) -> list[np.ndarray]:
+    """Return readings at 200 Hz, rounded to counts, before and while an object passes; and whether it is detected."""
+    time = np.arange(0, seconds + 3, 5e-3)
+    signal = np.where(time < seconds, 0, 500 * np.exp(-(((time - seconds - 1.5) / 0.5) ** 2)))
+    noise = deviation * np.random.default_rng(seed).standard_normal(len(time))
+    return [np.round(np.maximum(idle + signal + noise, lowest)), signal > 5, (signal > 0.05) & (signal <= 5)]
+
+
+def is_limited(deviation: float, idle: float, seed: int, seconds: float = 2.0, lowest: float = 0.0) -> bool:
+    readings, there, near = counts(deviation, idle, seed, seconds, lowest)
+    return noise_of(readings, np.ones(len(readings), bool), there, near, idle, approaches=near).limited
+
+
+@pytest.mark.parametrize("seconds", [1, 2, 10])
+@pytest.mark.parametrize("deviation", [0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 3.0])
+def test_rounded_noise_is_no_limit(deviation: float, seconds: float) -> None:
+    """The most frequent count repeats by chance, with the mean at a count or between two."""
+    for idle in (61.0, 61.2, 61.5):
+        assert not any(is_limited(deviation, idle, seed, seconds) for seed in range(10))
+
+
+@pytest.mark.parametrize("deviation", [1.5, 3.0, 6.0])
+def test_a_limit_within_the_noise_is_one(deviation: float) -> None:
+    """The sensor cannot give less than 61 counts, and its mean without this limit is 1 to 4 deviations below."""
+    for below in (1.0, 2.0, 4.0):
+        assert all(is_limited(deviation, 61 - below * deviation, seed, lowest=61) for seed in range(10))
+
+
+def test_rounded_noise_is_measured_without_an_object() -> None:
+    """It was called a limit, and its noise that of an object. Rounding adds 1/12 to the variance."""
+    rng = np.random.default_rng(3)
+    readings, there, _ = counts(0.7, 61.0, 17)
+    named = {"source": "b", "topic": "/adc", "message_type": "", "kind": "reading"}
+    readings[there] += np.round(5 * rng.standard_normal(there.sum()))
+    result = replay(low_floor(), Recording(stamps=np.arange(len(readings)) * 5_000_000, values=readings, **named))
+    assert not result.noise.limited
+    assert result.noise.noise == pytest.approx(np.sqrt(0.7**2 + 1 / 12), rel=0.15)
+    assert "lowest" not in tomllib.loads(result.chain)["chain"]
+    assert not any("while an object was there" in text for text in page_of(result).findings)
+
+
+def test_a_value_among_the_readings_of_an_object_is_frozen() -> None:
+    """Readings pass it on both sides, but they are not rarer farther away, as rounded noise would be."""
+    course = np.round(61 + 300 * np.sin(np.arange(6000) / 300))
+    values = np.where(np.arange(6000) % 1500 < 700, 61.0, course)
+    assert frozen_values(values) == (61.0,)
+
+
 def test_a_code_below_all_outputs_is_no_offset() -> None:
     readings, there = outputs()
     readings[~there] = -1000.0

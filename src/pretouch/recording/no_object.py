@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
@@ -31,6 +32,9 @@ _LOCAL: Final = 3.0  # times the largest of these steps, above which a change is
 _TYPICAL: Final = 5.0  # typical steps, which are noise, above which a change is a jump
 _MOSTLY: Final = 0.5  # share of jumps, above which a value is none of the distances around it
 _ROUNDING: Final = 1e-6  # relative, of numbers in single precision
+_BOTH_SIDES: Final = 5  # readings above and below a value, from which they can show noise around it
+_WIDEST: Final = 8  # steps to both sides of a value, beyond which readings are no noise that repeats one value
+_UNLIKELY: Final = 1e-3  # probability below which a rounded normal distribution is rejected
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,7 +189,8 @@ def are_like_distances(values: FloatArray) -> bool:
 def frozen_values(values: FloatArray) -> tuple[float, ...]:
     """Find values that repeat exactly, for much longer than any other value of the readings.
 
-    Noise is not measured over such readings. They are often those without an object.
+    Noise is not measured over such readings. They are often those without an object. The most frequent value of noise
+    that is rounded to whole steps is none of them.
 
     Args:
         values: the readings.
@@ -205,8 +210,48 @@ def frozen_values(values: FloatArray) -> tuple[float, ...]:
     for count in range(min(_MOST_FROZEN, len(levels) - 1), 0, -1):
         least, rest = longest[order[count - 1]], longest[order[count]]
         if least >= max(_FEWEST, _LONGER * rest):
-            return tuple(levels[order[:count]].tolist())
+            found = levels[order[:count]].tolist()
+            return tuple(value for value in found if not _is_rounded_noise(series, levels, value))
     return ()
+
+
+def _is_rounded_noise(series: FloatArray, levels: FloatArray, value: float) -> bool:
+    """Return True if a value is the most frequent one of normal noise that is rounded to whole steps.
+
+    A limit of the sensor has readings near it on one side only, and a code has none near it. Rounded noise has readings
+    on both sides, and the readings more than one step away are as rare as the shares of both sides say. This must hold
+    on one side at least, because a weak signal of an object adds readings to the other.
+
+    Args:
+        series: all finite readings.
+        levels: the different values of the readings, in ascending order.
+        value: the value.
+    """
+    place = int(np.searchsorted(levels, value))
+    if not 0 < place < len(levels) - 1:
+        return False
+    step = min(value - levels[place - 1], levels[place + 1] - value)
+    steps = (series - value) / step
+    steps = steps[np.abs(steps) < _WIDEST + 0.5]
+    below, above = steps[steps < -0.5], steps[steps > 0.5]
+    if min(len(below), len(above)) < _BOTH_SIDES or max(len(below), len(above)) > len(steps) / 2:
+        return False
+    normal = NormalDist()
+    # the standard deviation and the mean, in steps, follow from the shares of both sides
+    low, high = normal.inv_cdf(len(below) / len(steps)), normal.inv_cdf(1 - len(above) / len(steps))
+    fitted = NormalDist(-0.5 * (low + high) / (high - low), 1 / (high - low))
+    sides = (
+        (len(below), int((below < -1.5).sum()), fitted.cdf(-1.5) / fitted.cdf(-0.5)),
+        (len(above), int((above > 1.5).sum()), fitted.cdf(-1.5 + 2 * fitted.mean) / fitted.cdf(-0.5 + 2 * fitted.mean)),
+    )
+    return any(probability_of_at_least(far, count, share) >= _UNLIKELY for count, far, share in sides)
+
+
+def probability_of_at_least(successes: int, trials: int, probability: float) -> float:
+    """Return the probability of at least so many successes in independent trials."""
+    from scipy.special import bdtrc  # noqa: PLC0415 - SciPy, only when a value repeats
+
+    return 1.0 if successes <= 0 else float(bdtrc(successes - 1, trials, min(probability, 1.0)))
 
 
 def _idle_distances(values: FloatArray, frozen: tuple[float, ...]) -> Iterator[NoObject]:

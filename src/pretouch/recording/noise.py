@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,7 +12,7 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 
 from .drift import Drift, trend_of
-from .no_object import frozen_values
+from .no_object import frozen_values, probability_of_at_least
 from .timing import ROBUST
 
 _FEWEST: Final = 30  # readings that an estimate needs
@@ -24,6 +25,8 @@ _BINS: Final = 8  # levels of xi at which noise is estimated
 _FEWEST_LEVELS: Final = 6  # distinct readings: with fewer, equal steps may be chance
 _CLIPPED: Final = 5  # readings in a row at the largest value, from which it counts as a limit
 _ROUNDED: Final = 10.0  # rounding errors, above which a step is no rounding
+_LEAST_NOISE: Final = 0.5  # of the noise with an object: certainly present without one, unless the output is limited
+_UNLIKELY: Final = 1e-3  # probability below which so many equal readings are no rounded noise
 _WHOLE: Final = 0.02  # of a step: deviation of quantized readings from whole steps
 
 
@@ -106,7 +109,11 @@ def noise_of(
         wander = _spread(values - center, resolution)
     relative = None if noise is None else _relative(readings, finite & detecting, regular, offset, noise)
     # an output that is limited without an object has noise only with an object
-    both = _both_noises(readings, finite & detecting, regular, offset) if is_frozen(values) or coded.any() else None
+    both, limits = None, _limits(values)
+    if limits or coded.any():
+        both = _both_noises(readings, finite & detecting & ~np.isin(readings, limits), regular, offset)
+    if both is not None and not coded.any() and _is_rounding(values, both[0], resolution):
+        both = None
     noise, relative = both or (noise, relative)
     largest = float(readings[finite].max()) if finite.any() else None
     if coded.any():  # all other readings are those of an object, so they show no offset
@@ -239,16 +246,27 @@ def _both_noises(
     return float(np.sqrt(constant)), float(np.sqrt(slope))
 
 
-def is_frozen(values: FloatArray) -> bool:
-    """Return True if most readings have one value, which repeats exactly for longer than any other value.
-
-    Args:
-        values: readings without an object.
-    """
+def _limits(values: FloatArray) -> tuple[float, ...]:
+    """Return the values that most readings without an object have, because they repeat exactly."""
     frozen = frozen_values(values)
     if not frozen and len(values) >= _FEWEST and (values == values[0]).all():
-        return True
-    return bool(np.isin(values, frozen).mean() > 0.5) if frozen else False
+        return (float(values[0]),)
+    return frozen if frozen and np.isin(values, frozen).mean() > 0.5 else ()
+
+
+def _is_rounding(values: FloatArray, noise: float, resolution: float) -> bool:
+    """Return True if rounding alone explains how many readings without an object are equal.
+
+    Rounded readings are equal, too, if the noise is below their resolution. They show a limit only if there are more
+    of them than half of the noise with an object would allow.
+    """
+    if resolution <= 0:
+        return False
+    _, counts = np.unique(values, return_counts=True)
+    rounding = resolution**2 / 12  # variance that the noise with an object contains
+    spread = _LEAST_NOISE * float(np.sqrt(max(noise**2 - rounding, 0.0)))
+    share = math.erf(resolution / (2 * math.sqrt(2) * spread)) if spread > 0 else 1.0  # if the mean is a whole step
+    return probability_of_at_least(int(counts.max()), len(values), share) >= _UNLIKELY
 
 
 def _resolution(values: FloatArray) -> float:

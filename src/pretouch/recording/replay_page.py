@@ -439,7 +439,7 @@ def _sensor_rows(replay: Replay) -> Iterator[Row]:
     else:
         rows = (
             ("median without an object", noise.offset, chain.offset + chain.crosstalk),
-            ("noise without an object", noise.noise, chain.noise),
+            (f"noise {'with' if noise.limited else 'without'} an object", noise.noise, chain.noise),
             ("spread without an object, with drift", noise.wander, math.nan),
             ("resolution", noise.resolution, chain.resolution),
             ("largest reading", noise.largest, chain.highest),

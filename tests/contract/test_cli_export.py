@@ -15,6 +15,7 @@ from command_text import in_this_process as run
 
 import pretouch as pt
 from pretouch.cli.export import Target
+from pretouch.config.schema import keys_of
 from pretouch.control import Limits, VirtualDamper
 from pretouch.errors import InvalidInputError, OutputError, OutputExistsError
 from pretouch.exports import TARGETS, export
@@ -204,6 +205,16 @@ def test_files_with_a_parameter_for_the_gain_say_that_a_weaker_one_is_not_verifi
     export(pt.load_scenario(LOOP).replace(gain=-0.86), tmp_path / "law", target, verify=False)
     text = " ".join((tmp_path / "law" / path).read_text().split())
     assert re.search(r"weaker gain .*harder.* verification", text)
+
+
+@pytest.mark.parametrize("target", list(TARGETS))
+def test_a_written_page_names_keys_that_scenario_files_have(target: str, tmp_path: Path) -> None:
+    """The page of ROS 2 named a delay in [plant], which has none."""
+    export(pt.load_scenario(LOOP).replace(gain=-0.86), tmp_path / "law", target, verify=False)
+    pages = " ".join(" ".join(page.read_text().split()) for page in (tmp_path / "law").rglob("*.md"))
+    named = re.findall(r"(?:`(\w+)`|\bit) in `\[(\w+)\]`", pages)
+    assert all(key in keys_of(section) for key, section in named), named
+    assert len(named) >= (5 if target == "ros2" else 0)
 
 
 def test_an_empty_folder_is_used(tmp_path: Path) -> None:

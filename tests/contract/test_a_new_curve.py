@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
@@ -59,12 +60,21 @@ def planted() -> type[SensorModel]:
     return TwoSources
 
 
-@pytest.fixture
-def curve() -> Iterator[type[SensorModel]]:
-    made = planted()
-    yield made
-    del made
+@pytest.fixture(autouse=True)
+def forgotten(request: pytest.FixtureRequest) -> Iterator[None]:
+    """After a test, no other one of the same process sees its curves: neither pytest nor a cache holds them."""
+    yield
+    request.node.funcargs.clear()
+    for kept in gc.get_objects():
+        if isinstance(kept, type(lru_cache(len))):
+            kept.cache_clear()
     gc.collect()
+    assert not {"two-sources", "failing", "inconsistent", "bent"} & set(sensor_curves(foreign=True))
+
+
+@pytest.fixture
+def curve() -> type[SensorModel]:
+    return planted()
 
 
 def test_it_is_known_by_its_name_with_its_parameters_and_their_units(curve: type[SensorModel]) -> None:
@@ -106,8 +116,6 @@ def test_a_curve_that_is_defined_again_replaces_the_earlier_one(curve: type[Sens
     again = planted()
     assert again is not curve
     assert find_curve("two-sources") is again
-    del again
-    gc.collect()
 
 
 def test_a_file_takes_it_and_its_uncertainty(curve: type[SensorModel], tmp_path: Path) -> None:
@@ -189,7 +197,6 @@ def test_a_parameter_that_hardly_changes_it_has_a_derivative_too(size: float) ->
     found = pt.find_contact(SCENARIO, Bent(bend=2.0), -0.7).gradients
     by_bend, by_faint = (found.of("relative_velocity", f"sensor.{name}") for name in ("bend", "faint"))
     assert by_faint == pytest.approx(size * by_bend, rel=1e-3, abs=1e-7 * abs(by_bend))
-    gc.collect()
 
 
 def failing(kind: str, module: str) -> type[SensorModel]:
@@ -247,7 +254,6 @@ def test_a_fitted_curve_whose_slope_is_not_that_of_its_output_is_refused() -> No
     report = fit(readings, ("exponential-1", "inconsistent"))
     assert [fit.model for fit in report.fits] == ["exponential-1"]
     assert "derivative" in report.not_fitted["inconsistent"]
-    gc.collect()
 
 
 @pytest.mark.slow(keep=1)
@@ -266,7 +272,7 @@ def test_a_fitted_curve_whose_slope_is_not_that_of_its_output_is_refused() -> No
 )
 def test_a_family_whose_fit_fails_costs_no_other_its_fit(kind: str, reason: str, module: str) -> None:
     """One inside the package is ranked unasked."""
-    made = failing(kind, module)
+    failing(kind, module)
     distance = np.repeat(np.arange(2, 40) * 0.002, 3)
     noise = 1 + 2e-3 * np.random.default_rng(5).standard_normal(len(distance))
     outputs = 0.1 + 1.3e-5 / (distance + 0.0419) ** 3.32 * noise
@@ -279,5 +285,3 @@ def test_a_family_whose_fit_fails_costs_no_other_its_fit(kind: str, reason: str,
     assert len(report.fits) == len(set(model_names()) - {"failing"})
     with refused("calibration", error=pt.errors.ResultUnavailableError):
         pt.calibration.fit_sensor(readings, "failing")
-    del made
-    gc.collect()

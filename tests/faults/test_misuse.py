@@ -596,6 +596,7 @@ RESULTS = [
     "control.Observation",
     "control.Output",
     "control.Push",
+    "control.Arrival",
     "control.Status",
     "motion.ContactGradients",
     "motion.ContactState",

@@ -50,7 +50,7 @@ def test_a_base_that_turns_is_reported(inertia: float, height: float, warns: boo
     contact = result.contacts[0][0]
     assert (deviation(result) > 0.05) == warns
     codes = [text[:5] for text in result.warnings]
-    assert codes == ["PT504", "PT504", "PT507"] * warns  # of the projection, of the simulation, and of the comparison
+    assert codes == ["PT507", "PT504", "PT504"] * warns  # of the comparison, of the projection, and of the simulation
     assert any("its axis" in text for text in projection.warnings) == warns
     # with the projection's rate at the start; it grows while the slide moves off the base
     assert contact.axis_turn == pytest.approx(projection.turning * contact.excursion, rel=0.3, abs=1e-6)
@@ -157,6 +157,16 @@ def slide_scene(geom: str, **options):
     """The fixed slide, and an object that flies to its site."""
     text = SLIDE.format(base="", mass=1.0, gravity="0 0 0")
     return with_object(text, make_data(mujoco.MjModel.from_xml_string(text)), "tip", 0.3, geom=geom, **options)
+
+
+def test_a_contact_that_is_harder_than_without_mitigation_is_said_first() -> None:
+    """A positive gain pulls the robot toward the object; the object arrives at 0.3 m/s without it."""
+    scene = slide_scene('<geom size="0.035" mass="0.5" contype="3" conaffinity="3"/>')
+    harder = simulate_robot(*scene, [SiteLaw(site=TIP, controller=controller(0.7))])
+    assert abs(harder.simulated("tip", "relative_velocity")[0]) > 0.31
+    assert harder.unmitigated_speeds("tip") == pytest.approx([0.3], rel=1e-6)
+    assert "harder than without mitigation (0.3 m/s)" in str(harder).splitlines()[0]
+    assert "harder" not in str(simulate_robot(*scene, [SiteLaw(site=TIP, controller=controller())])).splitlines()[0]
 
 
 def compared(result: RobotSimulation) -> str:

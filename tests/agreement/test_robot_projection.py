@@ -483,7 +483,13 @@ def test_a_tendon_drives_two_joints_together() -> None:
     projection = project_site(model, data, SensorSite("tip"))
     data.ctrl[:] = 30.0
     mujoco.mj_forward(model, data)
-    assert projection.acceleration.ahead == pytest.approx(abs(float(data.qacc.sum())))
+    free = abs(float(data.qacc.sum()))
+    assert projection.acceleration.ahead == pytest.approx(free)
+    data.qfrc_applied[:] = -1.0  # an obstacle pushes back at the tip
+    mujoco.mj_forward(model, data)
+    assert projection.force.ahead == pytest.approx(free / (free - abs(float(data.qacc.sum()))))
+    data.qfrc_applied[:] = 0.0
+    mujoco.mj_forward(model, data)
     assert [projection.joint_motion[n] for n in "ab"] == pytest.approx((data.qacc / data.qacc.sum()).tolist())
     assert [text[:5] for text in projection.warnings] == ["PT558"]
     coupled = model_of(text.format('<equality><joint joint1="b" joint2="a" polycoef="0 1 0 0 0"/></equality>'))

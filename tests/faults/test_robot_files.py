@@ -12,6 +12,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 
+from pretouch.report.pages import page_of
 from pretouch.robots import (
     RobotFile,
     SensorSite,
@@ -199,6 +200,31 @@ def test_a_joint_that_follows_gets_no_motor(model_file) -> None:
     site = SensorSite("tool:+z", axis="+z")
     projection = project_site(model, make_data(model, {"shoulder": 0.2, "elbow": -0.4}), site)
     assert projection.followers == ("elbow",)
+
+
+def test_the_speed_limit_of_a_joint_that_follows_limits_the_joint_that_it_follows(model_file) -> None:
+    """The elbow turns twice as fast as the shoulder, and its limit of 3 rad/s ends at 1.5 rad/s of the shoulder."""
+    mimic = '<mimic joint="shoulder" multiplier="-2"/>'
+    text = TWO_LINKS.replace(
+        joint("elbow", "upper", "lower", x=0.4), joint("elbow", "upper", "lower", x=0.4, more=mimic)
+    )
+    model = load_model(model_file(text), sites=["tool:+z"])
+    site, posture = SensorSite("tool:+z", axis="+z", hold="axis"), {"shoulder": 0.2, "elbow": -0.4}
+    projection = project_site(model, make_data(model, posture), site)
+    rate = abs(projection.joint_motion["shoulder"])
+    assert projection.speed.least == pytest.approx(1.5 / rate)
+    assert projection.speed.reasons[0] == "speed of elbow"
+    slow = project_site(model, make_data(model, posture), site, joint_speeds={"elbow": 0.5})
+    assert slow.speed.least == pytest.approx(0.25 / rate)
+
+
+def test_an_effort_of_zero_is_taken_as_unlimited_and_said_below_the_table(model_file) -> None:
+    text = TWO_LINKS.replace('effort="50"', 'effort="0"', 1)
+    model = load_model(model_file(text), sites=["tool:+x"])
+    table = project(model, [SensorSite("tool:+x")], BENT)
+    (effort, limits) = (w for w in table.projections[0][1].warnings if w.startswith("PT502"))
+    assert "Effort 0 of shoulder is taken as unlimited" in effort
+    assert {effort.partition(": ")[2], limits.partition(": ")[2]} <= set(page_of(table).findings)
 
 
 def test_links_without_inertial_have_no_mass_and_their_joints_are_held(model_file) -> None:

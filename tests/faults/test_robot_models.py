@@ -233,6 +233,33 @@ def test_a_joint_without_speed_is_refused() -> None:
         project_site(model, make_data(model, keyframe="bent"), SensorSite("fingertip"), joint_speeds={"knee": 1.0})
 
 
+def slide_by(motor: str) -> Any:
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="base" type="slide" axis="1 0 0"/>
+        <geom size="0.05" mass="2"/><body pos="0.1 0 0"><joint name="s" type="slide" axis="1 0 0" range="-1 1"/>
+        <geom size="0.02" mass="1"/><site name="tip"/></body></body></worldbody>
+        <actuator>"""
+        + motor
+        + "</actuator></mujoco>"
+    )
+    return project_site(model, make_data(model), SensorSite("tip"))
+
+
+def test_drives_that_push_in_one_direction_only_are_named() -> None:
+    one = slide_by('<motor name="m" joint="s" ctrlrange="0 40"/>')
+    assert (one.acceleration.least, one.force.least) == pytest.approx((0.0, 0.0))
+    (warning,) = (text for text in one.warnings if text.startswith("PT627"))
+    assert "away from objects (control range of m)" in warning
+    assert not any("PT627" in text for text in slide_by('<motor joint="s" ctrlrange="-1 40"/>').warnings)
+
+
+def test_a_joint_whose_actuator_has_gear_zero_is_named_as_passive() -> None:
+    motors = '<motor joint="s" ctrlrange="-9 9"/><motor name="idle" joint="base" {}/>'
+    (warning,) = (text for text in slide_by(motors.format('gear="0"')).warnings if "PT503" in text)
+    assert "base with gear 0 of idle" in warning
+    assert not any("PT503" in text for text in slide_by(motors.format("")).warnings)
+
+
 def test_a_site_without_a_sensor_makes_no_task() -> None:
     model = load_model(ARM)
     projection = project_site(model, make_data(model, keyframe="bent"), SensorSite("fingertip"))

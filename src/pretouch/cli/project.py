@@ -24,6 +24,7 @@ from .terminal import conclude, option, print_text
 _ROWS = 12  # rows of the table without --verbose
 _REASONS = 5  # reasons for missing rows, likewise
 _WIDTH = 100
+_LINE = 120  # width of findings
 
 
 Sites = Annotated[
@@ -124,5 +125,6 @@ def _short(page: Page) -> str:
     counts.append((len(page.warnings), "warning"))
     texts = [f"{n} {what}{'s' if n > 1 else ''}" for n, what in counts if n > 0]
     listed = " and ".join((", ".join(texts[:-1]), texts[-1]) if len(texts) > 1 else texts)
-    ending = [*page.findings, *([f"{listed}: --verbose"] if texts else [])]
+    findings = [line for finding in page.findings for line in wrap(finding, _LINE)]
+    ending = [*findings, *([f"{listed}: --verbose"] if texts else [])]
     return "\n\n".join("\n".join(block) for block in ([page.headline], *blocks, ending) if block)

@@ -54,6 +54,7 @@ def simulate_robot_file(
         ScenarioFileError: the file names no robot model, or its encounter cannot be simulated on the robot.
     """
     from pretouch.robots import SiteLaw, simulate_robot  # noqa: PLC0415 - MuJoCo, only with a robot model
+    from pretouch.robots.deviations import with_curved_paths_last  # noqa: PLC0415
     from pretouch.robots.scene import Approach, make_scene  # noqa: PLC0415
 
     _, _, content = read_document(path)
@@ -91,7 +92,9 @@ def simulate_robot_file(
         contact_stiffness=stiffness,
         **options,
     )
-    return replace(result, notes=(scene.note, *result.notes), warnings=(*result.warnings, *scene.warnings))
+    return replace(
+        result, notes=(scene.note, *result.notes), warnings=with_curved_paths_last((*scene.warnings, *result.warnings))
+    )
 
 
 def _refuse_other_motion(path: Path, task: Task) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -32,6 +32,14 @@ DEVIATION: Final = 0.1
 _FORCE: Final = "peak force"
 _EQUAL: Final = 1e-9  # s, m, m/s or N: rounding
 _SATURATED: Final = 0.1  # of the time until contact; deviations above 5 % were seen from 15 % on
+
+
+def with_curved_paths_last(warnings: Iterable[str]) -> tuple[str, ...]:
+    """Return warnings with those about curved paths of the sensor at the end.
+
+    They are frequent and rarely the cause, and a terminal shows only the first warnings.
+    """
+    return tuple(sorted(warnings, key=lambda text: text.startswith("PT504")))
 
 
 def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteContact]]) -> Iterator[str]:

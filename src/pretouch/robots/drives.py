@@ -7,6 +7,7 @@ space of what the joints hold, and the forces and controls of the actuators.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -25,6 +26,7 @@ from .dynamics import (
     actuator_moment,
     constraint_rows,
     free_motions,
+    null_space,
 )
 from .model import Data, Model, joint_label, mujoco
 from .stance import forces_of
@@ -83,10 +85,11 @@ class Drives:
         lags: times by which the force follows the control [s], shape (rows,); infinite for an unknown one.
         names: names of the actuators.
         joint_names: names of the driven joints.
+        speed_names: names of the joints of base and driven joints.
         torques: smallest and largest torque of all actuators at each joint, shape (n, 2).
         load: generalized forces that hold the robot at rest against gravity and springs, shape (n + k,).
         friction: viscous damping of the joints, shape (n, n).
-        speeds: largest joint speeds, shape (n,).
+        speeds: largest speeds of base and joints, shape (m + n,). Those of the base limit what constraints move.
         reactions: generalized forces of the constraints and of the edges of the friction cones of the contacts on which
             the robot stands, shape (r, n + k). The drives need not apply them.
         pushes: whether each reaction can only push, as contacts do, shape (r,).
@@ -107,6 +110,7 @@ class Drives:
     lags: FloatArray
     names: tuple[str, ...]
     joint_names: tuple[str, ...]
+    speed_names: tuple[str, ...]
     torques: FloatArray
     load: FloatArray
     friction: FloatArray
@@ -139,14 +143,14 @@ class Drives:
         return np.where(self.servo & endless & joints & np.isfinite(ends), ends, 0.0)
 
 
-def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArray) -> Drives:
+def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: Mapping[str, float]) -> Drives:
     """Read a robot's actuator limits, and compute its joint load at rest.
 
     Args:
         model: the model.
         data: its state at rest, after `mj_forward`.
         drivetrain: its degrees of freedom.
-        speeds: largest speeds of the driven joints [rad/s or m/s], shape (n,); infinite for none.
+        speeds: largest speeds of joints by name [rad/s or m/s], also of those that follow by constraints.
 
     Returns:
         The drives. In free fall, gravity accelerates base and joints alike and loads no joint.
@@ -176,6 +180,7 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
     mass, reduction = robot.mass, robot.reduction
     tests, reactions, pushes = _reactions(model, data, drivetrain, reduction)
     following = np.vstack([reduction.forced, np.eye(len(driven))])
+    speed_names = tuple(joint_label(model, int(joint)) for joint in np.asarray(model.dof_jntid)[every])
     return Drives(
         moment=moment,
         lowest=forces[:, 0],
@@ -191,7 +196,8 @@ def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArr
         torques=torques,
         load=tests.T @ _weight(mass, reduction, np.array(data.qfrc_bias - data.qfrc_passive)[every]),
         friction=tests.T @ (np.asarray(model.dof_damping)[every, None] * following),
-        speeds=speeds,
+        speed_names=speed_names,
+        speeds=np.array([speeds.get(name, math.inf) for name in speed_names]),
         reactions=reactions,
         pushes=pushes,
         tests=tests,
@@ -296,20 +302,22 @@ def speed_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) 
 def force_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) -> AxisLimits:
     """Return the largest forces [N] with which a site at rest presses along its axis against what blocks it.
 
-    The force accelerates a base that nothing holds away from the site. The driven joints follow along the axis, so that
-    the blocked site does not accelerate. Without such a base, no joint moves.
+    The force accelerates what neither drives nor constraints hold away from the site, such as a floating base. The
+    driven joints follow along the axis, so that the blocked site does not accelerate. Without such a part, no joint
+    moves.
     """
-    push, reduction = dynamics.axis @ dynamics.full[:3], dynamics.reduction
-    loose, count = reduction.loose, len(reduction.loose)
+    push, reduction, joints = dynamics.axis @ dynamics.full[:3], dynamics.reduction, len(motion.joints)
+    following = np.vstack([reduction.motion, np.eye(joints)])
+    undriven = null_space(np.vstack([drives.moment, drives.reactions[~drives.pushes, :joints]]))
+    base = np.vstack([reduction.loose, np.zeros((joints, reduction.loose.shape[1]))])
+    free = np.hstack([base, following @ undriven])
     accelerations = np.zeros(len(push))  # of base and joints, per force
-    if loose.size:
-        accelerations[:count] = -loose @ np.linalg.solve(
-            loose.T @ dynamics.mass[:count, :count] @ loose, loose.T @ push[:count]
-        )
-        along = np.concatenate([reduction.motion @ motion.joints, motion.joints])
+    if free.size:
+        accelerations = -free @ np.linalg.solve(free.T @ dynamics.mass @ free, free.T @ push)
+        along = following @ motion.joints
         accelerations -= (push @ accelerations) / (push @ along) * along
     columns = drives.tests.T @ (push + dynamics.mass @ accelerations)
-    return _span(drives, columns[:, None], np.zeros((len(dynamics.inertia), 0)))
+    return _span(drives, columns[:, None], np.zeros((joints, 0)))
 
 
 def missing_torques(drives: Drives, matter: BoolArray) -> FloatArray:
@@ -392,7 +400,8 @@ def _span(
     coupled = np.flatnonzero(drives.gain != 0)
     law = np.hstack([drives.damping[:, None] * (drives.moment @ moving), np.eye(rows), -np.diag(drives.gain)])[coupled]
     torques = np.hstack([np.zeros((joints, count)), drives.moment.T, np.zeros((joints, rows))])
-    speeds = np.hstack([moving, np.zeros((joints, 2 * rows))])
+    followed = drives.following @ moving
+    speeds = np.hstack([followed, np.zeros((len(followed), 2 * rows))])
     limits = np.vstack([torques, -torques, speeds, -speeds])
     bounds = np.concatenate([drives.torques[:, 1], -drives.torques[:, 0], drives.speeds, drives.speeds])
     finite = np.isfinite(bounds)
@@ -447,8 +456,10 @@ def _limiting(drives: Drives, result: Any, count: int, bounds: IntArray, prices:
     names = [f"force range of {drives.names[i]}" for i in np.flatnonzero(forces)]
     names += [f"control range of {drives.names[i]}" for i in np.flatnonzero(controls)]
     for bound in bounds[np.abs(prices) > least]:
-        kind = "torque range" if bound < 2 * joints else "speed"
-        names.append(f"{kind} of {drives.joint_names[int(bound) % joints]}")
+        if bound < 2 * joints:
+            names.append(f"torque range of {drives.joint_names[int(bound) % joints]}")
+        else:
+            names.append(f"speed of {drives.speed_names[int(bound - 2 * joints) % len(drives.speeds)]}")
     if ends[count - int(drives.pushes.sum()) : count].any():
         names.append("contacts that only push and rub")
     return ", ".join(dict.fromkeys(names))

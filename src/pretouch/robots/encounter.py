@@ -23,6 +23,7 @@ from .deviations import (
     report_problems,
     report_rising_forces,
     report_touches,
+    with_curved_paths_last,
 )
 from .model import Data, Model, check_model, mujoco, site_index, with_opaque_geoms
 from .obstruction import beam_warnings, take_to_surface
@@ -108,25 +109,27 @@ def simulate_robot(
         predictions=predictions,
         touches=touches,
         robot_forces=tuple(result.robot_force for result in results),
-        warnings=(
-            *report_problems([result.problems for result in results]),
-            *report_touches(touches_elsewhere(touches)),
-            *report_rising_forces([result.passed_peak for result in results]),
-            *moved,
-            *_warnings(
-                scene,
-                ComparedRuns(
-                    model=scene.model,
-                    drivetrains=scene.drivetrains,
-                    laws=scene.laws,
-                    contacts=contacts,
-                    predictions=predictions,
-                    touches=touches,
-                    robot_forces=[result.robot_force for result in results],
-                    stiffness=stiffness,
-                    trace_of=_Tracer(scene, seed),
+        warnings=with_curved_paths_last(
+            (
+                *report_problems([result.problems for result in results]),
+                *report_touches(touches_elsewhere(touches)),
+                *report_rising_forces([result.passed_peak for result in results]),
+                *moved,
+                *_warnings(
+                    scene,
+                    ComparedRuns(
+                        model=scene.model,
+                        drivetrains=scene.drivetrains,
+                        laws=scene.laws,
+                        contacts=contacts,
+                        predictions=predictions,
+                        touches=touches,
+                        robot_forces=[result.robot_force for result in results],
+                        stiffness=stiffness,
+                        trace_of=_Tracer(scene, seed),
+                    ),
                 ),
-            ),
+            )
         ),
         laws=tuple(laws),
         model=scene.model,

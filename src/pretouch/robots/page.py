@@ -9,11 +9,13 @@ from pretouch._core.blocks import Cell, Measured, Page, PageTable
 from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import with_context
 
+from .deviations import with_curved_paths_last
 from .drives import AxisLimits
 from .projection import Projection
 from .table import ProjectionRow, ProjectionTable
 
 _NO_LIMIT = "no limit"
+_OF_COLUMNS = ("PT502", "PT627")  # warnings that explain columns of the table, which the terminal always shows
 _FAST = (
     "The model limits torques but no speed. If your drives have limits, set joint_speeds, such as "
     '{ elbow = "90 deg/s" }.'
@@ -74,6 +76,7 @@ def table_page(table: ProjectionTable) -> Page:
     reasons = tuple(_missing(table.rows))
     head = ("site", "posture", "axis", "mass", "retreat", "ahead", "acceleration", "speed", "force", "conditioning")
     common = [w for w in (rows[0][1].warnings if rows else ()) if all(w in p.warnings for _, p in rows)]
+    listed = dict.fromkeys(w for _, p in rows for w in p.warnings if w.startswith(_OF_COLUMNS))
     warnings = dict.fromkeys(common) | dict.fromkeys(
         with_context(f"{row.site}, {row.posture}, {row.axis}", warning)
         for row, p in rows
@@ -83,8 +86,8 @@ def table_page(table: ProjectionTable) -> Page:
     return Page(
         kind="Robot model",
         headline=f"{table.model}: {_count(len(rows), 'projection')} of {_count(sites, 'site')}.",
-        warnings=tuple(warnings),
-        findings=(_FAST,) if fast else (),
+        warnings=with_curved_paths_last(warnings),
+        findings=(*((_FAST,) if fast else ()), *(warning.partition(": ")[2] for warning in listed)),
         blocks=(
             PageTable(head=head, rows=tuple(_cells(*row) for row in rows), brief=True),
             *((PageTable(head=("site", "without numbers", "reason"), rows=reasons, brief=True),) if reasons else ()),

@@ -20,7 +20,7 @@ from pretouch.control import Controller
 from pretouch.designs import Constraint, Task
 from pretouch.motion import Scenario
 
-from .deviations import SIDEWAYS, TURN
+from .deviations import SIDEWAYS, TURN, with_curved_paths_last
 from .drives import (
     AxisLimits,
     Drives,
@@ -63,6 +63,7 @@ POOR: Final = 0.2
 """Conditioning below which a projection warns, because the moved mass exceeds 25 times the lightest one."""
 
 _IMPOSSIBLE: Final = 1e-6  # conditioning below which a motion along the axis is rounding
+_NOTHING: Final = 1e-9  # m/s^2 or N: rounding of a limit of 0
 _SHORT: Final = 1e-3  # m: a retreat that is too short to reduce an impact
 _BEYOND: Final = 1.001  # a path that is longer than another one need not be followed farther
 _FOLLOWS: Final = 1e-8  # motion of a joint per motion of the others, below which it is rounding
@@ -312,9 +313,10 @@ def project_site(
             + "; choose another axis or posture"
         )
     names = [joint_label(model, int(joint)) for joint in drivetrain.joints]
-    units = [f"{unit_of_joint(model, int(joint))}/s" for joint in drivetrain.joints]
-    stated = {name: speed for name, speed in joint_speeds_of(model).items() if name in names}
-    speeds = _speeds(dict(zip(names, units, strict=True)), {**stated, **(joint_speeds or {})})
+    movable = [int(joint) for joint in (*drivetrain.joints, *_follower_joints(model, drivetrain, dynamics))]
+    units = {joint_label(model, joint): f"{unit_of_joint(model, joint)}/s" for joint in movable}
+    stated = {name: speed for name, speed in joint_speeds_of(model).items() if name in units}
+    speeds = {**stated, **_speeds(units, joint_speeds or {})}
     drives = drives_of(model, data, drivetrain, speeds)
     share = _site_share(dynamics, motion)
     if share <= _IMPOSSIBLE:
@@ -350,17 +352,20 @@ def project_site(
         support_limit=support_limit(model, data, drivetrain, dynamics),
         unsupported_mass=_unsupported_mass(model, data, drivetrain, dynamics),
         lag=_longest_lag(drives, motion),
-        warnings=(
-            *notes_of(model),
-            *moved,
-            *weak,
-            *_object_warnings(model, data, site, index),
-            *posture_warnings(
-                model, drivetrain, dynamics, motion, lambda _: back.length, limited=drives.has_force_limits
-            ),
-            *_short_retreat(back, motion),
-            *_falling_warnings(model, data, drivetrain),
-            *drive_warnings(drives, motion),
+        warnings=with_curved_paths_last(
+            (
+                *notes_of(model),
+                *moved,
+                *weak,
+                *([] if weak else _missing_directions(limits[0], limits[2])),
+                *_object_warnings(model, data, site, index),
+                *posture_warnings(
+                    model, drivetrain, dynamics, motion, lambda _: back.length, limited=drives.has_force_limits
+                ),
+                *_short_retreat(back, motion),
+                *_falling_warnings(model, data, drivetrain),
+                *drive_warnings(drives, motion),
+            )
         ),
     )
 
@@ -493,6 +498,31 @@ def _spans(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) -> tup
     )
 
 
+def _missing_directions(acceleration: AxisLimits, force: AxisLimits) -> Iterator[str]:
+    """Yield a warning about drives that can move a site in one direction only, or not at all."""
+    names = ("toward objects", "away from objects")
+    still = {
+        name: reasons
+        for name, accelerates, presses, *reasons in zip(
+            names,
+            (acceleration.ahead, acceleration.back),
+            (force.ahead, force.back),
+            acceleration.reasons,
+            force.reasons,
+            strict=True,
+        )
+        if min(accelerates, presses) <= _NOTHING
+    }
+    if still:
+        reasons = ", ".join(dict.fromkeys(reason for pair in still.values() for reason in pair if reason))
+        yield caution(
+            "PT627",
+            f"The drives cannot push the site {' or '.join(still)} ({reasons or 'limits of the actuators'}): correct "
+            "these limits if the real drives push both ways, or choose another posture. The table shows 0, the smaller "
+            "limit of both directions.",
+        )
+
+
 def _weakness(model: Model, drives: Drives, drivetrain: Drivetrain, missing: FloatArray) -> Iterator[str]:
     """Yield a warning about the joints of a site that the drives cannot hold at rest."""
     parts = []
@@ -541,7 +571,7 @@ def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, .
     motion = axis_motion(dynamics, site.hold)
     if motion is None:
         return ()
-    drives = drives_of(model, data, drivetrain, np.full(len(drivetrain.driven), math.inf))
+    drives = drives_of(model, data, drivetrain, {})
 
     share = abs(_site_share(dynamics, motion))
 
@@ -607,9 +637,12 @@ def drive_warnings(drives: Drives, motion: AxisMotion) -> Iterator[str]:
 
 def _followers(model: Model, drivetrain: Drivetrain, dynamics: PostureDynamics) -> tuple[str, ...]:
     """Return the joints that constraints move with the driven joints."""
+    return tuple(joint_label(model, joint) for joint in _follower_joints(model, drivetrain, dynamics))
+
+
+def _follower_joints(model: Model, drivetrain: Drivetrain, dynamics: PostureDynamics) -> list[int]:
     moved = drivetrain.base[(np.abs(dynamics.reduction.forced) > _FOLLOWS).any(axis=1)]
-    joints = dict.fromkeys(np.asarray(model.dof_jntid)[moved].tolist())
-    return tuple(joint_label(model, int(joint)) for joint in joints)
+    return list(dict.fromkeys(np.asarray(model.dof_jntid)[moved].tolist()))
 
 
 def _at_rest(model: Model, data: Data) -> Data:
@@ -620,19 +653,18 @@ def _at_rest(model: Model, data: Data) -> Data:
     return copy
 
 
-def _speeds(units: Mapping[str, str], limits: Mapping[str, Any]) -> FloatArray:
-    """Return the largest speed of each driven joint."""
+def _speeds(units: Mapping[str, str], limits: Mapping[str, Any]) -> dict[str, float]:
+    """Return the largest speeds of joints that move, by name."""
     for name in limits:
         if name not in units:
             raise InvalidInputError(
                 f"joint_speeds: found {name!r}, expected driven joints: {', '.join(units)}", value=name
             )
-    speeds = np.full(len(units), math.inf)
-    for i, (name, unit) in enumerate(units.items()):
-        if name in limits:
-            label = f"joint_speeds {name}"
-            speeds[i] = positive(to_si(limits[name], unit, name=label), label, unit)
-    return speeds
+    labels = {name: f"joint_speeds {name}" for name in limits}
+    return {
+        name: positive(to_si(limits[name], units[name], name=label), label, units[name])
+        for name, label in labels.items()
+    }
 
 
 def posture_warnings(

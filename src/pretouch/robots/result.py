@@ -198,6 +198,19 @@ class RobotSimulation(Described, Value):
         rows = self.predictions[self._index(site)]
         return np.array([math.nan if c is None else getattr(c, quantity) for c in rows])
 
+    def unmitigated_speeds(self, site: str) -> FloatArray:
+        """Return the contact speed of a site in each run if the robot did not react to its sensor [m/s].
+
+        It follows from distance, velocity and acceleration at the first detection. It is NaN without a detection before
+        contact, and 0 if the object would not reach the robot.
+        """
+        detections = [None if math.isnan(c.time) else c.detection for c in self.contacts[self._index(site)]]
+        squares = [
+            math.nan if d is None else max(d.relative_velocity**2 - 2 * d.acceleration * d.distance, 0.0)
+            for d in detections
+        ]
+        return np.sqrt(squares)
+
     def order(self, run: int = 0) -> tuple[str, ...]:
         """Return the sites that touched an object, in order of contact."""
         times = [(contacts[run].time, name) for name, contacts in zip(self.sites, self.contacts, strict=True)]

@@ -440,6 +440,16 @@ def _complete(spec: Any, robot: RobotFile, source: PreparedUrdf | None) -> list[
         )
     if not len(spec.actuators):
         notes += _add_motors(spec, [n for n in scalar if not robot.joints or n in robot.joints])
+        motors = {actuator.target for actuator in spec.actuators}
+        unlimited = [] if source is None else [name for name in source.without_effort if name in motors]
+        if unlimited:
+            notes.append(
+                caution(
+                    "PT502",
+                    f"Effort 0 of {', '.join(unlimited)} is taken as unlimited, as MuJoCo reads it: set <limit effort> "
+                    "to what these drives can apply. Acceleration and force have no limit otherwise.",
+                )
+            )
     if robot.joints:
         _lock_joints(spec, [n for n in scalar if n not in robot.joints], robot.posture or {})
     if robot.base is not None:

@@ -109,7 +109,7 @@ class RunScene:
         still = library.MjData(model)
         still.qpos[:] = data.qpos
         library.mj_forward(model, still)
-        drives = drives_of(model, still, drivetrains[0], np.full(len(drivetrains[0].driven), math.inf))
+        drives = drives_of(model, still, drivetrains[0], {})
         return cls(
             model=copied,
             data=start,

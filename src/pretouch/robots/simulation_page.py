@@ -20,6 +20,8 @@ _ROWS = (
     ("energy of the impact", "energy", "J"),
 )
 
+_HARDER = 1.01  # ratio of contact speeds above which a contact is harder than without mitigation
+
 _KEY_FIGURES = (
     ("contact speed", "relative_velocity", "m/s"),
     ("peak contact force", "peak_force", "N"),
@@ -76,10 +78,22 @@ def _headline(result: RobotSimulation, order: tuple[str, ...], elsewhere: Sequen
     if not order:
         return "No site touched an object" + (" in the first run." if any(result.touches) else ".")
     speeds = [format_quantity(abs(_mean(result.simulated(name, "relative_velocity"))), "m/s", 3) for name in order]
+    harder = [_harder(result, name) for name in order]
     if len(order) == 1:
-        return f"The site {order[0]} touches the object at {speeds[0]}."
+        return f"The site {order[0]} touches the object at {speeds[0]}{harder[0]}."
+    speeds = [speed + more for speed, more in zip(speeds, harder, strict=True)]
     listed = ", ".join(f"{name} at {speed}" for name, speed in zip(order, speeds, strict=True))
     return f"Touches in the order {', '.join(order)}. Contact speeds: {listed}."
+
+
+def _harder(result: RobotSimulation, site: str) -> str:
+    """Return a clause on a contact that is faster than one of a robot that does not react, else an empty text."""
+    simulated, unmitigated = (
+        abs(_mean(values)) for values in (result.simulated(site, "relative_velocity"), result.unmitigated_speeds(site))
+    )
+    if not simulated > _HARDER * unmitigated:
+        return ""
+    return f", harder than without mitigation ({format_quantity(unmitigated, 'm/s', 3)})"
 
 
 def _hit(touch: BodyContact) -> str:

@@ -43,6 +43,7 @@ class PreparedUrdf:
     Args:
         text: the text for MuJoCo.
         speeds: largest speeds of joints by name [rad/s or m/s].
+        without_effort: joints whose effort limit is 0 in the file, which MuJoCo takes as no limit.
         missing: meshes that do not exist, as the file names them, each with whether it is a collision shape.
         unreadable: meshes in formats that MuJoCo does not read, likewise.
         held: joints that are held because the links beyond them have no mass.
@@ -52,6 +53,7 @@ class PreparedUrdf:
 
     text: str
     speeds: dict[str, float]
+    without_effort: tuple[str, ...]
     missing: tuple[tuple[str, bool], ...]
     unreadable: tuple[tuple[str, bool], ...]
     held: tuple[str, ...]
@@ -103,7 +105,8 @@ def prepare_urdf(
     compiler.attrib.update(_COMPILER)
     return PreparedUrdf(
         text=Xml.tostring(root, encoding="unicode"),
-        speeds=dict(_speeds(root)),
+        speeds={name: speed for name, speed in _joint_limits(root, "velocity") if speed > 0},
+        without_effort=tuple(name for name, effort in _joint_limits(root, "effort") if effort == 0),
         missing=missing,
         unreadable=unreadable,
         held=held,
@@ -329,16 +332,16 @@ def _mass(link: Any) -> float:
         return 0.0  # MuJoCo reports it
 
 
-def _speeds(root: Any) -> Iterator[tuple[str, float]]:
-    """Yield the joints with a positive speed limit."""
+def _joint_limits(root: Any, quantity: str) -> Iterator[tuple[str, float]]:
+    """Yield the joints whose limit of a quantity, such as the velocity, is stated, with its value."""
     for joint in root.findall("joint"):
         limit = joint.find("limit")
+        value = None if limit is None else limit.get(quantity)
         try:
-            speed = 0.0 if limit is None else float(limit.get("velocity", "0"))
+            if value is not None:
+                yield joint.get("name", ""), float(value)
         except ValueError:
             continue
-        if speed > 0:
-            yield joint.get("name", ""), speed
 
 
 def _expand_xacro(path: Path, folders: Packages, arguments: Mapping[str, str]) -> str:

@@ -7,6 +7,7 @@ the inverse weights of the model. These are made small here.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import pytest
 from pretouch.robots import SensorSite, SiteLaw, make_data, project_site, simulate_robot
 from pretouch.robots.dynamics import drivetrain_of, falls, posture_dynamics
 from random_robots import random_robot
+from refusals import refused
 from robot_scenes import CURVE, SLIDE, controller, share, with_object
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
@@ -233,6 +235,37 @@ def test_a_passive_joint_on_a_fixed_base_does_not_fall() -> None:
     assert contact.detection.acceleration == pytest.approx(0.0, abs=0.01)
     assert contact.sideways < 1e-6
     assert share(result.simulated("tip", "relative_velocity"), result.predicted("tip", "relative_velocity")) < 0.02
+
+
+@pytest.mark.parametrize("joins", ["equality", "tendon", "motor", ""])
+def test_the_other_finger_of_a_gripper_is_no_object(joins: str, tmp_path) -> None:
+    """The palm is fixed, so that the fingers are separate kinematic trees. A finger that nothing joins is an object."""
+    from pretouch.robots.scene import Approach, make_scene
+
+    parts = {
+        "equality": '<equality><joint joint1="b" joint2="a"/></equality>',
+        "tendon": '<tendon><fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef="-1"/></fixed></tendon>'
+        '<equality><tendon tendon1="t"/></equality>',
+        "motor": '<actuator><motor joint="b"/></actuator>',
+        "": "",
+    }
+    text = f"""<mujoco><option gravity="0 0 0"/><worldbody>
+        <body pos="-0.05 0 0"><joint name="a" type="slide" axis="1 0 0" range="-0.04 0.04"/>
+        <geom size="0.01" mass="0.1"/><site name="tip" pos="0.01 0 0"/></body>
+        <body pos="0.05 0 0"><joint name="b" type="slide" axis="-1 0 0" range="-0.04 0.04"/>
+        <geom name="other" size="0.01" mass="0.1"/></body></worldbody>
+        <actuator><motor joint="a" ctrlrange="-9 9"/></actuator>{parts[joins]}</mujoco>"""
+    path = tmp_path / "robot.xml"
+    path.write_text(text)
+    model, data = (m := mujoco.MjModel.from_xml_string(text)), make_data(m)
+    approach = Approach(distance=0.02, obstacle_velocity=-0.3, robot_velocity=0.0, mass=math.nan, radius=0.01)
+    made = make_scene(path, model, data, TIP, approach)
+    assert ("added ball" in made.note) == bool(joins)
+    assert ("'other'" in made.note) == (not joins)
+    if joins:
+        with refused("obstacle position", value="other") as error:
+            make_scene(path, model, data, TIP, replace(approach, radius=0.05))
+        assert "object_radius" in str(error.value)
 
 
 def test_a_ball_falls_with_a_robot_that_falls_only(tmp_path) -> None:

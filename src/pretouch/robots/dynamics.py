@@ -223,6 +223,13 @@ def _linked(model: Model, data: Data, tree: IntArray) -> IntArray:
     return np.flatnonzero(np.isin(trees, list(linked)))
 
 
+def robot_trees(model: Model, data: Data, drivetrain: Drivetrain) -> frozenset[int]:
+    """Return the kinematic trees of a robot: those that constraints join to its site, and all that actuators drive."""
+    driven = np.asarray(actuator_moment(model, data).any(axis=0))
+    driven[np.concatenate([drivetrain.driven, drivetrain.base])] = True
+    return frozenset(np.asarray(model.dof_treeid)[driven].tolist())
+
+
 def _root_of(model: Model, site: int, driven: IntArray) -> IntArray:
     """Return the degrees of freedom between the world and the first driven joint on the way to a site."""
     chain: list[int] = []

@@ -11,6 +11,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import caution
 
+from .dynamics import drivetrain_of, robot_trees
 from .geometry import TOLERANCE, covering, distance_to, geom_label, move_site, way_out
 from .model import Data, Model, mujoco, names_of, site_index
 from .sight import FARTHEST, FLUSH, Sight
@@ -132,9 +133,9 @@ def beam_warnings(model: Model, data: Data, index: int, sight: Sight) -> Iterato
         sight: its beam.
     """
     carrier, bodies = int(model.site_bodyid[index]), np.asarray(model.geom_bodyid)
-    trees = np.asarray(model.body_treeid)
+    trees, own = np.asarray(model.body_treeid), robot_trees(model, data, drivetrain_of(model, data, index))
     start, rays = np.array(data.site_xpos[index]) + FLUSH * sight.axis(data), sight.rays(data)
-    for geom in np.flatnonzero(trees[bodies] == trees[carrier]):
+    for geom in np.flatnonzero((trees[bodies] == trees[carrier]) | np.isin(trees[bodies], list(own))):
         hits = [distance_to(model, data, int(geom), start, ray) for ray in rays]
         near = min((hit for hit in hits if hit >= 0), default=FARTHEST) + FLUSH
         if near >= FARTHEST:

@@ -14,15 +14,15 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 
-from .dynamics import drivetrain_of, falls
+from .dynamics import drivetrain_of, falls, robot_trees
 from .geometry import move_site, way_out
 from .model import Data, Model, mujoco, names_of, site_index, with_opaque_geoms
 from .obstruction import take_to_surface
 from .robot_file import RobotFile, compile_robot, robot_file
-from .sight import FARTHEST, Glance, Sight
+from .sight import FARTHEST, Sight
 from .site import SensorSite
 
 RADIUS: Final = 0.035
@@ -84,10 +84,11 @@ def make_scene(
 ) -> RobotScene:
     """Return the scene of a robot's encounter with an object.
 
-    Without a suitable object on the sensor's axis, a ball is added. An object of the model that can move gets its
-    velocity along the axis. If the object is fixed, a robot on a floating base gets the opposite velocity. The ball is
-    added if the sensor sees no object within 0.5 m, or only one that stays where it is although the robot does not
-    approach. The ball moves without gravity; with a robot on a floating base, it falls.
+    Without a suitable object on the sensor's axis, a ball is added. Parts of the robot are no objects, also those that
+    constraints of the model join to it or actuators drive, such as the other finger of a gripper. An object of the
+    model that can move gets its velocity along the axis. If the object is fixed, a robot on a floating base gets the
+    opposite velocity. The ball is added if the sensor sees no object within 0.5 m, or only one that stays where it is
+    although the robot does not approach. The ball moves without gravity; with a robot on a floating base, it falls.
 
     Args:
         robot: the file of the model.
@@ -105,13 +106,16 @@ def make_scene(
     sight = Sight(model, site, index, curve, FARTHEST)
     drivetrain = drivetrain_of(model, data, index)
     glance, axis, base = sight.glance(data), sight.axis(data), drivetrain.root
-    moving = _moving(model, index, glance)
-    if not 0 < glance.distance <= FARTHEST or not (len(moving) or len(base) or approach.robot_velocity):
+    tree = int(model.body_treeid[model.geom_bodyid[glance.geom]]) if glance.geom >= 0 else -1
+    own = tree >= 0 and tree in robot_trees(model, data, drivetrain)
+    moving = np.flatnonzero((np.asarray(model.dof_treeid) == tree) & (tree >= 0) & (not own))
+    unseen = own or not 0 < glance.distance <= FARTHEST
+    if unseen or not (len(moving) or len(base) or approach.robot_velocity):
         weight = MASS if math.isnan(approach.mass) else min(approach.mass, _HEAVY)
         radius = RADIUS if math.isnan(approach.radius) else approach.radius
         ball = Ball(distance=approach.distance, velocity=approach.obstacle_velocity, mass=weight, radius=radius)
         scene = put_ball(model_with_ball(robot, gravity=falls(model, data, drivetrain)), data, site, ball)
-        _refuse_ball_inside(*scene)
+        _refuse_ball_inside(*scene, radius)
         sizes = f"radius {format_quantity(radius, 'm')} and mass {format_quantity(weight, 'kg')}"
         return RobotScene(*scene, f"The object is an added ball with {sizes}.", warnings)
     if len(moving):
@@ -130,26 +134,20 @@ def make_scene(
     return RobotScene(model, data, note, warnings)
 
 
-def _refuse_ball_inside(model: Model, data: Data) -> None:
-    """Raise an error if the added ball overlaps something that is fixed in the scene."""
+def _refuse_ball_inside(model: Model, data: Data, radius: float) -> None:
+    """Raise an error if the added ball overlaps something."""
     ball, names = model.geom(_NAME).id, names_of(model, "geom")
     for contact in data.contact:
         other = int(contact.geom[0] if contact.geom[1] == ball else contact.geom[1])
-        if ball in contact.geom and contact.dist < -_INSIDE and model.body_treeid[model.geom_bodyid[other]] < 0:
+        if ball in contact.geom and contact.dist < -_INSIDE:
+            fixed = int(model.body_treeid[model.geom_bodyid[other]]) < 0
             raise InvalidInputError(
-                f"obstacle position: the ball that is added at this distance overlaps the geom "
-                f"{names[other] or f'number {other}'} by {format_quantity(-float(contact.dist), 'm', 2)}; choose "
-                "another distance or posture, or let the robot approach this geom",
+                f"obstacle position: the ball of radius {format_quantity(radius, 'm')} that is added at this distance "
+                f"overlaps the geom {names[other] or f'number {other}'} by "
+                f"{format_quantity(-float(contact.dist), 'm', 2)}; choose a smaller object_radius in [robot], or "
+                f"another distance or posture{', or let the robot approach this geom' if fixed else ''}",
                 value=names[other],
             )
-
-
-def _moving(model: Model, site: int, glance: Glance) -> IntArray:
-    """Return the degrees of freedom of an object ahead of a sensor. Fixed objects and robot parts have none."""
-    if glance.geom < 0:
-        return np.zeros(0, dtype=np.int64)
-    tree, own = (int(model.body_treeid[body]) for body in (model.geom_bodyid[glance.geom], model.site_bodyid[site]))
-    return np.flatnonzero((np.asarray(model.dof_treeid) == tree) & (tree != own) & (tree >= 0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

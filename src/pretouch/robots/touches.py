@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pretouch._core.numbers import IntArray
 
-from .dynamics import Drivetrain, actuator_moment
+from .dynamics import Drivetrain, robot_trees
 from .geometry import distance_to
 from .model import Data, Model
 from .result import BodyContact
@@ -132,11 +132,11 @@ def _robot_bodies(
     trees, roots = np.asarray(model.body_treeid), np.asarray(model.body_rootid)
     drivetrain = drivetrains[0]
     degrees = np.concatenate([drivetrain.driven, drivetrain.base])
-    robot_trees = set(np.asarray(model.dof_treeid)[degrees].tolist())
-    moving = frozenset(np.flatnonzero(np.isin(trees, list(robot_trees))).tolist())
+    own_trees = np.asarray(model.dof_treeid)[degrees]
+    moving = frozenset(np.flatnonzero(np.isin(trees, own_trees)).tolist())
     ancestors = {body for carrier in carriers for body in _ancestors(model, carrier)}
     own_roots = {int(roots[carrier]) for carrier in carriers}
-    driven_trees = robot_trees | set(np.asarray(model.dof_treeid)[actuator_moment(model, data).any(axis=0)].tolist())
+    driven_trees = robot_trees(model, data, drivetrain)
     own = {
         body
         for body in range(1, model.nbody)

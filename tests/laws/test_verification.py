@@ -489,6 +489,7 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(
         said,
     )
     assert found is not None
+    assert "suffices for this gain" in said  # a gain that is designed for the nearer start may need a higher one
     moved, floor, place = (float(number) for number in found.groups())
     assert moved > 1
     loop, gain = task.loop, pt.design(task.replace(evaluate=None)).gain

@@ -39,6 +39,10 @@ _TRIES: Final = 4  # number of higher floors that are tried
 _LEAST: Final = 1e-9  # m: a smaller motion counts as this motion in a power law
 _FARTHEST: Final = 2.0  # m
 _ROUNDING: Final = 1e-6  # relative error of a motion that ends at the object
+_OF_THIS_GAIN: Final = (
+    "It suffices for this gain. A gain that is designed for the nearer start can be larger and need a higher floor: "
+    "design and verify again until this warning ends."
+)
 
 
 class _Scan(NamedTuple):
@@ -65,7 +69,7 @@ class RestMotion(Value):
         distance: the distance to the object at which the motion is largest [m].
         motion: the largest motion [m].
         duration: the simulated time [s].
-        quiet_floor: a floor of the controller with which the motion stays below 1 mm; None if none was found.
+        quiet_floor: a floor with which the same gain keeps the motion below 1 mm; None if none was found.
         detected_from: the distance from which objects are detected with this floor [m]; None without a floor.
     """
 
@@ -142,7 +146,7 @@ def rest_in_words(rest: RestMotion | None, law: Any) -> Iterator[str]:
         "PT406",
         f"{rest.text}: a controller floor of {rest.quiet_floor:g} instead of {law.conditioning.floor:g} limits this to "
         f"{still}, but detects objects only at {format_quantity(rest.detected_from, 'm', 3)}, where the encounter must "
-        f"then start. The floor is the detection threshold above the offset. {place}",
+        f"then start. The floor is the detection threshold above the offset. {_OF_THIS_GAIN} {place}",
     )
 
 

@@ -238,11 +238,45 @@ def test_limits_with_a_recoil_are_those_of_the_site_itself(kind: str) -> None:
     pushed = projection.axis @ site_acceleration(model, data)
     assert projection.force.ahead == pytest.approx(free / (free - pushed), rel=1e-9)
     retreat = -float(model.jnt_range[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "s"), 0])
-    lever = 1 / projection.joint_motion["s"]  # motion of the site relative to the base per motion of the joint
-    if kind != "passive shoulder":  # along its path, a hinge turns the lever
-        assert projection.retreat == pytest.approx((1 - projection.recoil_share) * lever * retreat, rel=1e-6)
+    if kind == "free base":
+        assert projection.retreat == pytest.approx((1 - projection.recoil_share) * retreat, rel=1e-6)
     limits = {limit.name: limit.limit for limit in projection.constraints()}
     assert limits == {"excursion": projection.retreat, "acceleration": projection.acceleration.least}
+
+
+def test_the_range_of_a_passive_joint_that_recoils_ends_the_retreat() -> None:
+    """Momentum: the flap turns by m c / (I + m c^2) per motion of the slide, and its range ends at 1 deg."""
+    model = recoiling("passive hinge")
+    projection = project_site(model, make_data(model), SensorSite("tip"))
+    turn = 0.2 * 0.1 / (0.0007 + 0.2 * 0.1**2)  # rad/m
+    expected = (1 - 0.05 * turn) * math.radians(1) / turn
+    assert projection.retreat == pytest.approx(expected, rel=1e-3)
+    assert projection.excursion[1].passive == ("h",)
+    assert any("PT503" in text and "recoil takes h to the end" in text for text in projection.warnings)
+    wide = recoiling("passive hinge")
+    wide.jnt_range[1] = (-9.0, 9.0)
+    assert project_site(wide, make_data(wide), SensorSite("tip")).retreat > 20 * expected
+
+
+def test_a_path_with_a_recoil_is_no_longer_than_that_of_momentum() -> None:
+    """Momentum couples the passive shoulder to the elbow. The site moves until it would turn back, or to a range."""
+    model = recoiling("passive shoulder")
+    model.jnt_range[1] = (-2.5, 2.5)
+    projection = project_site(model, make_data(model, {"s": -1.2}), SensorSite("tip", hold="axis"))
+    mass, jacobian = np.zeros((2, 2)), np.zeros((3, 2))
+    for path, way in zip(projection.excursion, (1.0, -1.0), strict=True):
+        data, moved, step = make_data(model, {"s": -1.2}), 0.0, 2e-3
+        while True:
+            mujoco.mj_fullM(model, data, mass)
+            mujoco.mj_jacSite(model, data, jacobian, None, 0)
+            rates = np.array([-mass[0, 1] / mass[0, 0], 1.0]) * np.sign(projection.joint_motion["s"]) * way
+            rate = way * float(projection.axis @ jacobian @ rates)
+            if rate < 0 or abs(data.qpos[1]) > 2.5:
+                break
+            moved += step * rate
+            data.qpos += step * rates
+            mujoco.mj_forward(model, data)
+        assert 0.8 * moved < path.length < 1.01 * moved
 
 
 def test_a_floating_arm_presses_with_all_its_joints_while_its_site_is_blocked() -> None:

@@ -57,20 +57,30 @@ class Excursion(Value):
         length: the distance [m].
         reason: what ends the path, such as the range of a joint.
         joints: positions of the driven joints at the end [rad or m], shape (n,).
+        passive: joints without an actuator that recoil, if the end of their range ends the path.
+        own: motion [m] of the site itself along the path; the recoil of the robot takes the rest.
     """
 
     length: float
     reason: str
     joints: FloatArray
+    passive: tuple[str, ...] = ()
+    own: float = math.inf
 
     @property
     def is_singular(self) -> bool:
         """Whether no joint range, but a singular posture ends the path."""
         return self.reason in _SINGULAR_REASONS
 
-    def scaled(self, factor: float) -> Excursion:
-        """Return the path with its length multiplied by a positive factor."""
-        return replace(self, length=factor * self.length)
+    def of_site(self, share: float) -> Excursion:
+        """Return the path with the length that the site itself moves.
+
+        A prediction assumes the share at the start on the whole path. Where the share falls, the motion ends earlier.
+
+        Args:
+            share: motion of the site itself per motion relative to the base at the start; 1 without a recoil.
+        """
+        return self if share == 1.0 else replace(self, length=min(share * self.length, self.own))
 
 
 def excursion(
@@ -88,7 +98,8 @@ def excursion(
     The path ends where the joint ranges allow no further motion. The path starts in the posture of `data` and is a
     solution of q' = (joint motion along the axis), with the least kinetic energy. A joint that reaches the end of its
     range stays there, and the others continue if they can. Every point of the path is inside the ranges, also those of
-    joints without an actuator that constraints move with the others. Collisions of the robot with itself or its
+    joints without an actuator that constraints move with the others. A passive joint recoils along the path, which ends
+    at the end of its range. Collisions of the robot with itself or its
     surroundings are not considered.
 
     Args:
@@ -111,6 +122,8 @@ def excursion(
     u = np.array(data.site_xmat[drivetrain.site]).reshape(3, 3) @ direction
     reducer = RobotReducer(model, scratch, (drivetrain.base, drivetrain.driven), drivetrain.site)
     path = _Path(model, scratch, drivetrain, reducer, places, u if ahead else -u, ranges, hold, followers)
+    path = replace(path, recoiling=_recoiling(model, drivetrain, path.dynamics_at(np.array(data.qpos)[places])))
+    places = np.concatenate([places, path.recoiling.places])
     if model.neq:  # a loop at its dead center is as heavy in every direction
         start = path.moved_mass(np.array(data.qpos)[places])
         path = replace(path, heaviest=start / SINGULAR**2)
@@ -159,6 +172,19 @@ def limited_followers(model: Model, drivetrain: Drivetrain) -> Followers:
     return Followers(joints, np.asarray(model.jnt_qposadr)[joints].astype(np.int64), degrees, ranges)
 
 
+def _recoiling(model: Model, drivetrain: Drivetrain, dynamics: PostureDynamics) -> Followers:
+    """Return the passive joints of the base that recoil along a path, with a range or without one."""
+    of_degree = np.asarray(model.dof_jntid)[drivetrain.base]
+    loose = np.abs(dynamics.reduction.loose).max(axis=1, initial=0.0) > _STILL
+    degrees = np.flatnonzero(loose & np.isin(of_degree, _scalar_joints(model)))
+    joints = of_degree[degrees].astype(np.int64)
+    ranges = np.array([range_of(model, int(joint)) for joint in joints]).reshape(-1, 2)
+    return Followers(joints, np.asarray(model.jnt_qposadr)[joints].astype(np.int64), degrees, ranges)
+
+
+_NONE: Final = Followers(*(np.zeros(0, dtype=np.int64),) * 3, np.zeros((0, 2)))
+
+
 def _scalar_joints(model: Model) -> list[int]:
     return [joint for joint in range(model.njnt) if is_scalar_joint(model, joint)]
 
@@ -182,7 +208,8 @@ def check_posture(model: Model, data: Data, drivetrain: Drivetrain) -> None:
 class _Path:
     """A path of a sensor site along a fixed direction in space.
 
-    Joints are locked by their number: driven joints first, then the followers with a range.
+    Joints are locked by their number: driven joints first, then the followers with a range. Arrays called `joints` have
+    the positions of the driven joints, then those of the passive joints that recoil.
     """
 
     model: Model
@@ -194,6 +221,7 @@ class _Path:
     ranges: FloatArray
     hold: str
     followers: Followers
+    recoiling: Followers = _NONE
     heaviest: float = math.inf
     last: dict[bytes, PostureDynamics] = field(default_factory=dict)
 
@@ -202,16 +230,25 @@ class _Path:
         motion = self._motion(joints, ())
         return math.inf if motion is None else float(motion.moved_mass)
 
+    def dynamics_at(self, joints: FloatArray) -> PostureDynamics:
+        """Return the dynamics of the robot at a point of the path. Its arrays change with the next one."""
+        return self._posture(joints)
+
     def follow(self, joints: FloatArray, enough: float) -> Excursion:
         """Integrate the path from one joint limit to the next."""
         from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import
 
+        own, count, limits = 0.0, len(self.ranges), np.vstack([self.ranges, self.recoiling.ranges]).T
         size, length, locked = float(self.model.stat.extent), 0.0, self._blocked(joints, ())
         travel, hinges = _travel(self.model, self.drivetrain)
         farthest, longest = min(_REACH * size + travel, enough), _STEP * (size if hinges else size + travel)
         while True:
             if locked is None or self._motion(joints, locked) is None:
-                return Excursion(length, self._reason(joints), joints)
+                return Excursion(length, self._reason(joints), joints[:count], own=own)
+            ends = self._recoil_ends(joints, locked)
+            if ends.any():
+                passive = tuple(joint_label(self.model, int(joint)) for joint in self.recoiling.joints[ends])
+                return Excursion(length, f"end of the range of {', '.join(passive)}", joints[:count], passive, own)
             solution = solve_ivp(
                 lambda _, q, locked=locked: self._rates(q, locked),
                 (length, farthest),
@@ -224,11 +261,12 @@ class _Path:
                     self._event(lambda q, locked=locked: self._conditioning(q, locked) - SINGULAR),
                 ),
             )
-            length, joints = float(solution.t[-1]), np.clip(solution.y[:, -1], *self.ranges.T)
+            own += self._own_motion(solution, locked)
+            length, joints = float(solution.t[-1]), np.clip(solution.y[:, -1], *limits)
             if solution.status != 1:
-                return Excursion(length, "longer than the robot can reach", joints)
+                return Excursion(length, "longer than the robot can reach", joints[:count], own=own)
             if len(solution.t_events[1]):
-                return Excursion(length, _BECOMES_SINGULAR, joints)
+                return Excursion(length, _BECOMES_SINGULAR, joints[:count], own=own)
             locked = self._blocked(joints, locked)
 
     def _posture(self, joints: FloatArray) -> PostureDynamics:
@@ -240,7 +278,8 @@ class _Path:
         return self.last[key]
 
     def _dynamics(self, joints: FloatArray) -> PostureDynamics:
-        self.data.qpos[self.places] = joints
+        self.data.qpos[self.places] = joints[: len(self.ranges)]
+        self.data.qpos[self.recoiling.places] = joints[len(self.ranges) :]
         update_posture(self.model, self.data)
         close_loops(self.model, self.data, self.drivetrain)
         return dynamics_along(self.model, self.data, self.drivetrain, self.direction, self.reducer)
@@ -266,25 +305,54 @@ class _Path:
 
     def _positions(self, joints: FloatArray) -> FloatArray:
         """Return the positions of driven joints and followers in the last posture."""
-        return np.concatenate([joints, np.array(self.data.qpos)[self.followers.places]])
+        return np.concatenate([joints[: len(self.ranges)], np.array(self.data.qpos)[self.followers.places]])
 
     def _rates(self, joints: FloatArray, locked: tuple[int, ...]) -> FloatArray:
         motion = self._motion(joints, locked)
-        return np.zeros(len(joints)) if motion is None else motion.joints
+        if motion is None:
+            return np.zeros(len(joints))
+        return np.concatenate([motion.joints, self._recoil(self._posture(joints)) @ motion.joints])
+
+    def _own_motion(self, solution: Any, locked: tuple[int, ...]) -> float:
+        """Return how far the site itself moves along a part of the path [m]."""
+        if not self._posture(solution.y[:, -1]).reduction.loose.size:
+            return float(np.ptp(solution.t))
+        motions = [self._motion(joints, locked) for joints in np.ascontiguousarray(solution.y.T)]
+        shares = [0.0 if motion is None else 1 - motion.recoil_share for motion in motions]
+        return float(np.trapezoid(shares, solution.t))
+
+    def _recoil(self, dynamics: PostureDynamics) -> FloatArray:
+        """Return the velocities of the passive joints that recoil per velocity of the driven joints, shape (k, n)."""
+        rows = dynamics.reduction.motion[self.recoiling.degrees]
+        return np.where(np.abs(rows) > _STILL, rows, 0.0)
+
+    def _recoil_ends(self, joints: FloatArray, locked: tuple[int, ...]) -> BoolArray:
+        """Return which of the passive joints that recoil are at the end of their range and would leave it."""
+        rates, (low, high) = self._rates(joints, locked)[len(self.ranges) :], self.recoiling.ranges.T
+        positions = joints[len(self.ranges) :]
+        return np.asarray(
+            ((positions <= low + 2 * _TOLERANCE) & (rates < -_STILL))
+            | ((positions >= high - 2 * _TOLERANCE) & (rates > _STILL))
+        )
 
     def _conditioning(self, joints: FloatArray, locked: tuple[int, ...]) -> float:
         motion = self._motion(joints, locked)
         return 0.0 if motion is None else self._share(motion)
 
     def _share(self, motion: AxisMotion) -> float:
-        """Return the conditioning of a motion, which also falls where a loop becomes singular."""
-        return min(float(motion.conditioning), SINGULAR * math.sqrt(self.heaviest / motion.moved_mass))
+        """Return the conditioning of a motion.
+
+        It also falls where a loop becomes singular, and where the recoil of the robot takes back the whole motion.
+        """
+        loop = SINGULAR * math.sqrt(self.heaviest / motion.moved_mass)
+        return min(float(motion.conditioning), loop, 1 - float(motion.recoil_share))
 
     def _slack(self, joints: FloatArray, locked: tuple[int, ...]) -> float:
         """Return the smallest distance [rad or m] to a joint limit. Only moving joints count."""
         moves = self._moving(self._posture(joints))
         moves[list(locked)] = False
-        q, (low, high) = self._positions(joints)[moves], self._every_range[moves].T
+        q = np.concatenate([self._positions(joints)[moves], joints[len(self.ranges) :]])
+        low, high = np.vstack([self._every_range[moves], self.recoiling.ranges]).T
         return float(np.minimum(q - low, high - q).min(initial=math.inf) + _TOLERANCE)
 
     def _blocked(self, joints: FloatArray, locked: tuple[int, ...]) -> tuple[int, ...] | None:

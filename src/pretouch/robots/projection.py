@@ -323,7 +323,7 @@ def project_site(
         raise InvalidInputError(_reversed_motion(model, site, drivetrain, dynamics, motion))
     limits, weak = _limits(model, drives, drivetrain, dynamics, motion)
     ahead, back = (
-        path.scaled(share)
+        path.of_site(share)
         for path in (
             excursion(model, data, drivetrain, site.direction, hold=motion.hold, ahead=side) for side in (True, False)
         )
@@ -362,12 +362,24 @@ def project_site(
                 *posture_warnings(
                     model, drivetrain, dynamics, motion, lambda _: back.length, limited=drives.has_force_limits
                 ),
+                *_passive_ends(back),
                 *_short_retreat(back, motion),
                 *_falling_warnings(model, data, drivetrain),
                 *drive_warnings(drives, motion),
             )
         ),
     )
+
+
+def _passive_ends(back: Excursion) -> Iterator[str]:
+    """Yield a warning if the range of a joint that recoils ends the retreat of a site."""
+    if back.passive:
+        yield caution(
+            "PT503",
+            f"After a retreat of {format_quantity(back.length, 'm', 3)}, the recoil takes {', '.join(back.passive)} to "
+            "the end of its range, where pretouch ends the retreat: lock this joint, or widen its range. Beyond, the "
+            "mass and the motion of the site change.",
+        )
 
 
 def _reversed_motion(
@@ -578,7 +590,7 @@ def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, .
     def retreat(enough: float) -> float:
         way = enough / share if share else math.inf
         path = excursion(*(model, data, drivetrain, site.direction), hold=motion.hold, ahead=False, enough=way)
-        return share * path.length
+        return share * path.length  # a path that ends at this length may be shorter for the site itself
 
     return (
         *posture_warnings(model, drivetrain, dynamics, motion, retreat, limited=drives.has_force_limits),

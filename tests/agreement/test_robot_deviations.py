@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -166,6 +167,7 @@ def test_a_contact_that_is_harder_than_without_mitigation_is_said_first() -> Non
     assert abs(harder.simulated("tip", "relative_velocity")[0]) > 0.31
     assert harder.unmitigated_speeds("tip") == pytest.approx([0.3], rel=1e-6)
     assert "harder than without mitigation (0.3 m/s)" in str(harder).splitlines()[0]
+    assert "The object is a ball." in str(replace(harder, notes=("The object is a ball.",)))  # also in the full text
     assert "harder" not in str(simulate_robot(*scene, [SiteLaw(site=TIP, controller=controller())])).splitlines()[0]
 
 

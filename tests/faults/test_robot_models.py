@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -243,6 +244,15 @@ def slide_by(motor: str) -> Any:
         + "</actuator></mujoco>"
     )
     return project_site(model, make_data(model), SensorSite("tip"))
+
+
+def test_a_site_that_a_held_direction_stops_names_the_option_hold() -> None:
+    model = load_model(ARM)
+    stretched = project_site(model, make_data(model), SensorSite("fingertip", axis="+z", hold="pose"))
+    ahead, back = stretched.excursion
+    with refused("excursion") as error:
+        replace(stretched, excursion=(ahead, replace(back, length=0.0))).constraints()
+    assert 'hold = "axis"' in str(error.value)
 
 
 def test_drives_that_push_in_one_direction_only_are_named() -> None:

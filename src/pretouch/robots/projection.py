@@ -141,6 +141,15 @@ class Projection(Described, Value):
         """
         return self.excursion[1].length
 
+    @property
+    def _freer_hold(self) -> str:
+        """Advice to hold less if holding other directions makes the posture singular, else an empty text."""
+        return (
+            f', or hold = "axis" instead of {self.hold!r}'
+            if self.excursion[1].is_singular and self.hold != "axis"
+            else ""
+        )
+
     def constraints(self) -> tuple[Constraint, ...]:
         """Return the robot's limits as constraints of a design.
 
@@ -158,7 +167,7 @@ class Projection(Described, Value):
             if not limit > 0:
                 raise InvalidInputError(
                     f"{name}: the largest {name} of the site {self.site.name!r} along its axis {self.site.axis} is 0 "
-                    "in this posture; choose another posture or axis"
+                    f"in this posture; choose another posture or axis{self._freer_hold if name == 'excursion' else ''}"
                 )
         return tuple(Constraint(name=n, limit=v) for n, v in limits.items() if math.isfinite(v))
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Film, Measured, Page, PageTable, Picture
+from pretouch._core.blocks import Cell, Film, Listing, Measured, Page, PageTable, Picture
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 
@@ -41,6 +41,7 @@ def robot_page(result: RobotSimulation) -> Page:
         lead="robot",
         findings=result.notes,
         blocks=(
+            Listing(items=result.notes, brief=True) if result.notes else None,
             Film(
                 figure="robot_film",
                 of=result,

@@ -19,6 +19,7 @@ from pretouch.designs import DesignStatus, GainDesign, Task, design_gain
 from pretouch.designs.gain import designed_number
 from pretouch.designs.task import with_file_location
 from pretouch.motion import ContactResult
+from pretouch.motion.page_sections import approach_step
 from pretouch.simulation import ClosedLoop
 from pretouch.simulation.law import TunableLaw
 from pretouch.simulation.result import refuse_too_many_runs
@@ -357,8 +358,9 @@ def chosen_gain(task: Task) -> float:
 def _why_no_gain(task: Task) -> str:
     """Explain why a design found no gain, and recommend a remedy."""
     status = design_gain(task.replace(evaluate=None)).status
-    if status is DesignStatus.NO_CONTACT and task.scenario.relative_velocity > 0:
-        return "the object moves away from the robot. Give the obstacle a negative velocity"
+    step = approach_step(task.scenario)
+    if status is DesignStatus.NO_CONTACT and step:
+        return f"no gain within the bounds ends in contact. {step[0].upper()}{step[1:]}"
     reason = (
         "the design is infeasible" if status is DesignStatus.INFEASIBLE else "no gain within the bounds ends in contact"
     )

@@ -15,6 +15,7 @@ from command_text import command
 
 import pretouch as pt
 from pretouch.errors import ScenarioFileError
+from pretouch.report.pages import page_of
 from pretouch.robots import SensorSite, load_model, make_data, project_site
 from refusals import refused
 
@@ -104,6 +105,25 @@ def test_a_task_has_the_limits_of_the_robot() -> None:
     assert task.sensor == SENSOR
     assert task.scenario == SCENARIO  # a fixed base does not recoil
     assert pt.design(task).gain == pytest.approx(-0.7463, abs=1e-4)
+
+
+def test_an_infeasible_design_names_what_in_the_robot_model_limits_it() -> None:
+    model = load_model(ARM)
+    model.actuator_forcerange[:], model.actuator_ctrlrange[:] = (-0.01, 0.01), (-0.01, 0.01)
+    model.opt.gravity[:] = 0.0
+    projection = project_site(model, make_data(model, keyframe="bent"), SensorSite("fingertip", SENSOR))
+    task = projection.task(SCENARIO, OBJECTIVE, bounds=(-10.0, -1.0))
+    (limit,) = (limit for limit in task.limits if limit.name == "acceleration")
+    assert limit.source == projection.acceleration.reason != ""
+    design = pt.design(task)
+    assert design.status == "infeasible"
+    (raised,) = (one for relaxation in design.relaxations for one in relaxation.limits if one.name == "acceleration")
+    assert raised.source == limit.source
+    assert f"(limit: {limit.source})" in page_of(design).next_step
+    assert "raise the limit" not in page_of(design).next_step
+    tighter = pt.Constraint(name="acceleration", limit=limit.limit / 2)
+    own = pt.design(projection.task(SCENARIO, OBJECTIVE, bounds=(-10.0, -1.0), constraints=[tighter]))
+    assert "raise the limit of acceleration" in page_of(own).next_step
 
 
 def test_the_tighter_one_of_two_limits_remains() -> None:

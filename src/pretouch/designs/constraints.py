@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from pretouch._core.errors import InvalidInputError
@@ -27,6 +27,8 @@ class Constraint:
             acceleration), `impact_force` (peak force of the impact), `gain` (magnitude of the law's number, such as
             |D_p|, as `GainLimit.allowed`). Or a `ContactQuantity`.
         limit: the largest allowed magnitude > 0, in SI.
+        source: what in a robot model sets the limit, such as "control range of elbow"; empty for a limit of the user.
+            Constraints are equal without regard to it.
 
     Examples:
         >>> Constraint(name="excursion", limit=0.2).unit
@@ -35,6 +37,7 @@ class Constraint:
 
     name: str
     limit: float
+    source: str = field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:
         check_types(self)

@@ -38,12 +38,14 @@ class RaisedLimit(Value):
         unit: its SI unit.
         limit: the limit of the task.
         raised: the smallest value that suffices, rounded up to three significant digits.
+        source: what in a robot model sets the limit; empty for a limit of the user.
     """
 
     name: str
     unit: str
     limit: float
     raised: float
+    source: str = ""
 
     def __str__(self) -> str:
         limit, raised = (format_quantity(value, self.unit, 4) for value in (self.limit, self.raised))
@@ -154,8 +156,18 @@ def relax_trials(trials: Trials, nearest: FloatArray) -> tuple[Relaxation, ...]:
 def relaxations_in_words(relaxations: Sequence[Relaxation]) -> Iterator[str]:
     """Yield each relaxation as a request, such as `raise the limit of excursion from 60 mm to 61.2 mm`."""
     for relaxation in relaxations:
-        several = "s" if len(relaxation.limits) > 1 else ""
-        yield f"raise the limit{several} of {' and of '.join(map(str, relaxation.limits))}"
+        stated = [str(limit) for limit in relaxation.limits if not limit.source]
+        parts = [f"raise the limit{'s' if len(stated) > 1 else ''} of {' and of '.join(stated)}"] if stated else []
+        own = [limit for limit in relaxation.limits if limit.source]
+        if own:
+            parts.append(f"change the robot model or its posture so that it allows {' and '.join(map(_of_robot, own))}")
+        yield " and ".join(parts)
+
+
+def _of_robot(limit: RaisedLimit) -> str:
+    """Describe a raised limit of a robot model, such as `3 m/s² of acceleration instead of 1 m/s² (limit: ...)`."""
+    before, raised = (format_quantity(value, limit.unit, 4) for value in (limit.limit, limit.raised))
+    return f"{raised} of {limit.name} instead of {before} (limit: {limit.source})"
 
 
 def _relaxation(
@@ -163,7 +175,11 @@ def _relaxation(
 ) -> Relaxation:
     limits = (
         RaisedLimit(
-            name=c.name, unit=number.entry(c.quantity).unit, limit=c.limit, raised=round_up(float(r) / HELD * c.limit)
+            name=c.name,
+            unit=number.entry(c.quantity).unit,
+            limit=c.limit,
+            raised=round_up(float(r) / HELD * c.limit),
+            source=c.source,
         )
         for c, r in zip(constraints, ratios, strict=True)
     )

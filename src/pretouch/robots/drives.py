@@ -63,6 +63,11 @@ class AxisLimits(Value):
         """The smaller of the limits toward and away from objects."""
         return min(self.ahead, self.back)
 
+    @property
+    def reason(self) -> str:
+        """What limits the smaller one of both directions."""
+        return self.reasons[0 if self.ahead <= self.back else 1]
+
     def scaled(self, factor: float) -> AxisLimits:
         """Return the limits multiplied by a positive factor."""
         return AxisLimits(factor * self.ahead, factor * self.back, self.reasons)

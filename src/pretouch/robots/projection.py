@@ -169,7 +169,13 @@ class Projection(Described, Value):
                     f"{name}: the largest {name} of the site {self.site.name!r} along its axis {self.site.axis} is 0 "
                     f"in this posture; choose another posture or axis{self._freer_hold if name == 'excursion' else ''}"
                 )
-        return tuple(Constraint(name=n, limit=v) for n, v in limits.items() if math.isfinite(v))
+        sources = {"excursion": self.excursion[1].reason, "speed": self.speed.reason}
+        sources["acceleration"] = self.acceleration.reason
+        return tuple(
+            Constraint(name=n, limit=v, source=sources[n] or "robot model")
+            for n, v in limits.items()
+            if math.isfinite(v)
+        )
 
     def task(self, scenario: Scenario, objective: Any = None, **options: Any) -> Task:
         """Return a design task with the limits of this robot.

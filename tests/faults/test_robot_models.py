@@ -253,6 +253,8 @@ def test_a_site_that_a_held_direction_stops_names_the_option_hold() -> None:
     with refused("excursion") as error:
         replace(stretched, excursion=(ahead, replace(back, length=0.0))).constraints()
     assert 'hold = "axis"' in str(error.value)
+    (limit,) = (limit for limit in stretched.constraints() if limit.name == "excursion")
+    assert limit.source == 'the posture becomes singular with hold = "pose"; try hold = "axis"'
 
 
 def test_drives_that_push_in_one_direction_only_are_named() -> None:

@@ -144,11 +144,7 @@ class Projection(Described, Value):
     @property
     def _freer_hold(self) -> str:
         """Advice to hold less if holding other directions makes the posture singular, else an empty text."""
-        return (
-            f', or hold = "axis" instead of {self.hold!r}'
-            if self.excursion[1].is_singular and self.hold != "axis"
-            else ""
-        )
+        return ', or hold = "axis"' if self.excursion[1].is_singular and self.hold != "axis" else ""
 
     def constraints(self) -> tuple[Constraint, ...]:
         """Return the robot's limits as constraints of a design.
@@ -169,7 +165,8 @@ class Projection(Described, Value):
                     f"{name}: the largest {name} of the site {self.site.name!r} along its axis {self.site.axis} is 0 "
                     f"in this posture; choose another posture or axis{self._freer_hold if name == 'excursion' else ''}"
                 )
-        sources = {"excursion": self.excursion[1].reason, "speed": self.speed.reason}
+        end = self.excursion[1].reason + (f' with hold = "{self.hold}"; try hold = "axis"' if self._freer_hold else "")
+        sources = {"excursion": end, "speed": self.speed.reason}
         sources["acceleration"] = self.acceleration.reason
         return tuple(
             Constraint(name=n, limit=v, source=sources[n] or "robot model")

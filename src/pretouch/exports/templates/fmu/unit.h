@@ -46,7 +46,7 @@ typedef struct {
     double start, time;            /* of the simulation, and of the end of the last step [s] */
     double periods;                /* number of periods of the law that have begun */
     double waiting, age, measured; /* the newest reading that the law has not seen: value, age at a time [s], this time [s] */
-    int32_t is_waiting;            /* what it is: 0, PRETOUCH_READING or PRETOUCH_NO_OBJECT */
+    int32_t is_waiting;            /* 0, PRETOUCH_READING or PRETOUCH_NO_OBJECT */
     int32_t no_object;             /* input: whether the sensor sees no object */
     pretouch_parameters$suffix parameters;
     pretouch_design_state state;

@@ -248,7 +248,7 @@ function [s, force] = deliver(p, s, seen, impulse)
         s.rest = s.steady * p.hold;
         s.fading = 1;
     end
-    if seen.no_object % what was measured is still delivered; nothing follows it, and the next object owes nothing
+    if seen.no_object % the impulse of the measured motion still acts; nothing follows it, and the next object owes nothing
         s.ahead = 0;
         s.fading = 0;
     end

@@ -393,7 +393,7 @@ def test_a_verdict_is_json_of_finite_numbers() -> None:
 def test_what_a_controller_reports_is_said_in_words() -> None:
     loop = loop_of(noise=1e-3, highest=0.4, conditioning={"saturation": 0.4})
     found = verdict(loop, gain=-0.7463, runs=20, changes=False)
-    assert any("of the runs the sensor was saturated" in text for text in found.warnings)
+    assert any("of the runs: readings of a saturated sensor were ignored" in text for text in found.warnings)
     blind = loop_of(conditioning={"floor": 0.1})
     found = verdict(blind, gain=-0.7463, runs=2, changes=False)
     assert any("The floor of 0.1 detects the object only at " in text for text in found.warnings)
@@ -461,7 +461,7 @@ def test_a_late_detection_is_laid_to_the_sensor_or_to_its_floor() -> None:
         found = verdict(loop, gain=-0.3, runs=40, changes=False)
         return " ".join(text for text in found.warnings if "detected late" in text or text.startswith("PT421"))
 
-    assert ", because the sensor is too slow for an earlier reading. The mean start distance" in said(0.05, **slow)
+    assert "use a faster sensor. The cause: the sensor is too slow for an earlier reading." in said(0.05, **slow)
     assert "detects the object only at 20 mm, but the encounter starts at 42.2 mm: " in said(0.02)
     assert "a first reading takes 24.83 ms, and at larger distances" in said(0.02, **slow)
 

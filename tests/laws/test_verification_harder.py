@@ -13,8 +13,7 @@ from pretouch.motion import DAMPER
 from pretouch.report.pages import page_of
 from pretouch.simulation.stability import passage
 from pretouch.verification import Effect
-from pretouch.verification.contact_speed import higher_in_words
-from pretouch.verification.effect import SensorSpeed, chase_in_words
+from pretouch.verification.effect import SensorSpeed, chase_in_words, higher_in_words
 from pretouch.verification.stability import limit_of
 from refusals import refused
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, verdict

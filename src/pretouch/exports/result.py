@@ -1,21 +1,15 @@
-"""Define the result of exporting a control law, and the report on it."""
+"""Define the result of exporting a control law."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pretouch._core.blocks import Cell, Page, PageSection, PageTable
 from pretouch._core.display import Described
 from pretouch._core.files import plain
 from pretouch._core.values import Value
-from pretouch._core.warning_codes import caution
 from pretouch.verification import Verdict
-from pretouch.verification.page import verdict_page
-
-from .law_design import UNKNOWN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -89,38 +83,3 @@ class Export(Described, Value):
 
     def __repr__(self) -> str:
         return f"<Export: {len(self.files)} files in {self.folder}>"
-
-
-def _warnings(export: Export) -> Iterator[str]:
-    """Yield warnings about missing limits and about the verification."""
-    if export.is_written and export.verdict is None:
-        for text in export.attraction:
-            yield caution("PT316", f"{text}.")
-        if export.is_idle:
-            yield caution("PT316", "The number of the law is 0, so the law never moves the robot.")
-        yield caution(
-            "PT316",
-            f"The exported law is not verified: run pretouch verify before you use it. Unknown are {UNKNOWN}.",
-        )
-    if export.is_written and not export.is_limited:
-        yield caution(
-            "PT416",
-            "The law limits neither force nor motion, so a faulty sensor can move the robot as far as its drive "
-            "allows: set largest_force and largest_excursion in [controller].",
-        )
-    if export.verdict is not None:
-        yield from verdict_page(export.verdict).warnings
-
-
-def export_page(export: Export) -> Page:
-    """Create the report on the export of a control law."""
-    rows: list[tuple[str, Cell]] = [(path.name, str(path)) for path in export.files]
-    return Page(
-        kind=f"Export as {export.kind}",
-        headline=export.headline,
-        status="exported" if export.is_written else "not exported",
-        good=export.is_written,
-        warnings=tuple(_warnings(export)),
-        next_step=export.next_step,
-        blocks=(PageSection(title="Files", blocks=(PageTable(rows=tuple(rows)),)),) if rows else (),
-    )

@@ -12,14 +12,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
-from pretouch._core.blocks import Cell, Page, PageSection, PageTable
 from pretouch._core.display import Described
 from pretouch._core.errors import InvalidInputError, SourceError
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch._core.warning_codes import caution
-from pretouch.calibration.result import uncertainty_in_words
 
 from .record_distances import DistancePlan, RecordDisplay
 from .record_file import RecordFile
@@ -117,32 +114,6 @@ def kept(readings: int, distances: int, empty: int, path: object) -> str:
     """Return a clause on the number of readings in a calibration file."""
     where = f"{distances} distance{'' if distances == 1 else 's'}"
     return f"{path} has {readings} readings at {where} and {empty} readings without an object"
-
-
-def recording_page(recording: RecordedCalibration) -> Page:
-    """Create the report page on a calibration recording."""
-    judgment = recording.judgment
-    figures: list[tuple[str, Cell]] = []
-    if judgment.report is not None and judgment.report.best is not None:
-        slope = judgment.report.best.middle_slope
-        figures.append(("slope g in the middle", f"{slope.value:.4g} 1/m"))
-    if judgment.uncertainty is not None:
-        figures.append(("largest uncertainty of g; 95 %", uncertainty_in_words(judgment.uncertainty)))
-    missing = ", ".join(format_quantity(d, "m") for d in judgment.missing.all)
-    if missing and not judgment.is_enough:
-        figures.append(("missing distances", missing))
-    resume = "continue with --resume" if not judgment.is_enough else ""
-    rows: tuple[tuple[Cell, ...], ...] = (("readings that count", recording.path), ("all readings", recording.raw))
-    return Page(
-        kind="RecordedCalibration",
-        headline=recording.headline,
-        status="enough" if judgment.is_enough else "not enough",
-        good=judgment.is_enough,
-        key_figures=tuple(figures),
-        warnings=tuple(caution("PT602", note) for note in recording.notes),
-        next_step=resume or f"pretouch fit {recording.path}",
-        blocks=(PageSection(title="Files", blocks=(PageTable(rows=rows, brief=True),)),),
-    )
 
 
 def record_calibration(

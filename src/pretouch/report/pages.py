@@ -19,7 +19,7 @@ Rows: TypeAlias = dict[type[Described], Callable[[Any], Page]]
 
 def _motion() -> Rows:
     from pretouch.motion.contact import ContactResult, Motion
-    from pretouch.motion.notebook import contact_page, motion_page, scenario_page
+    from pretouch.motion.page import contact_page, motion_page, scenario_page
     from pretouch.motion.scenario import Scenario
 
     return {Scenario: scenario_page, ContactResult: contact_page, Motion: motion_page}
@@ -66,7 +66,8 @@ def _design_robust() -> Rows:
 def _verification() -> Rows:
     from pretouch.verification.candidates import CandidateComparison
     from pretouch.verification.candidates_page import candidates_page
-    from pretouch.verification.encounter import SimulatedEncounter, encounter_page
+    from pretouch.verification.encounter import SimulatedEncounter
+    from pretouch.verification.encounter_page import encounter_page
     from pretouch.verification.page import verdict_page
     from pretouch.verification.result import Verdict
 
@@ -84,7 +85,8 @@ def _robots() -> Rows:
 
 
 def _recording() -> Rows:
-    from pretouch.recording.record_session import RecordedCalibration, recording_page
+    from pretouch.recording.record_page import recording_page
+    from pretouch.recording.record_session import RecordedCalibration
     from pretouch.recording.replay_page import replay_page
     from pretouch.recording.result import Replay
 
@@ -92,7 +94,8 @@ def _recording() -> Rows:
 
 
 def _export() -> Rows:
-    from pretouch.exports.result import Export, export_page
+    from pretouch.exports.page import export_page
+    from pretouch.exports.result import Export
 
     return {Export: export_page}
 

@@ -26,8 +26,7 @@ from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
 from pretouch.uncertainty.ensemble import check_nominal
 
-from .contact_speed import contact_speeds
-from .effect import EFFECT, Effect, VerdictStatus, effect_of
+from .effect import EFFECT, Effect, VerdictStatus, contact_speeds, effect_of
 
 USUAL_MARGIN: Final = 2.0  # gain margin: 6 dB
 ROOM: Final = 0.03  # share of a limit; a smaller margin counts as narrow

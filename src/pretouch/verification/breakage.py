@@ -9,7 +9,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.blocks import Measured, PageSection, PageTable, Paragraph
 from pretouch._core.numbers import FloatArray
 from pretouch._core.progress import note_work
 from pretouch._core.units import format_quantity
@@ -20,10 +19,10 @@ from pretouch.control.laws import release_for_noise
 from pretouch.simulation import ClosedLoop, Disturbance, SimulationResult
 
 from .appraisal import Draws
-from .contact_speed import contact_speeds
+from .effect import contact_speeds
 from .stability import rounded_up, with_settings
 
-_PLACES: Final = (0.9, 0.7, 0.5, 0.3, 0.1)  # shares of the start distance at which a disturbance begins
+PLACES: Final = (0.9, 0.7, 0.5, 0.3, 0.1)  # shares of the start distance at which a disturbance begins
 _RUNS: Final = 8  # encounters for each disturbance, which the compiled loop runs side by side
 _HARDER: Final = 0.02  # share of a speed; a smaller increase does not count
 _LEAST: Final = 1e-3  # m/s: a smaller increase does not count either
@@ -210,7 +209,7 @@ def _simulated(loop: ClosedLoop, draws: Draws, gain: float, unmitigated: Simulat
     controller: Any = loop.law
     count = min(_RUNS, draws.task.verify.runs)
     free = contact_speeds(unmitigated)[:count]
-    places = [place * float(draws.distance[:count].mean()) for place in _PLACES]
+    places = [place * float(draws.distance[:count].mean()) for place in PLACES]
     short = replace(loop, follow_time=min(loop.follow_time, loop.law.period))
     stuck, back, farthest = _runs(
         short, draws, gain, count, [Disturbance(kind="stuck", distance=place) for place in places]
@@ -308,42 +307,3 @@ def breakage_in_words(breakage: Breakage | None) -> Iterator[str]:
         f"{worst.name}. The robot moves toward the object at up to {format_quantity(worst.speed, 'm/s', 3)}, if this "
         f"begins at a distance of {where}.",
     )
-
-
-def breakage_section(breakage: Breakage | None) -> PageSection | None:
-    """Return the report section on sensors that fail."""
-    if breakage is None:
-        return None
-    head = ("disturbance", "toward the object at most", "begins at", "hardest contact", "harder than unmitigated")
-    rows = tuple(
-        (
-            one.name,
-            Measured(one.speed, "m/s", 3),
-            Measured(one.distance, "m", 3),
-            Measured(one.contact_speed, "m/s", 3),
-            f"{one.harder} of {one.runs} runs",
-        )
-        for one in breakage.results
-    )
-    shares = ", ".join(f"{100 * place:g}" for place in _PLACES)
-    note = (
-        f"Each disturbance begins at {shares} % of the start distance. Speeds toward the object are beyond that of the "
-        "reference, until the first contact. Readings that are stuck cause no force, so that only the admittance moves "
-        "the robot. The last column counts the runs with a harder contact than without mitigation and than with such "
-        "readings."
-    )
-    if breakage.bound:
-        note += f" The bound is {format_quantity(breakage.bound, 'm/s', 3)}."
-    if breakage.return_rate:
-        note += (
-            f" It contains the return to the reference: at most {format_quantity(breakage.return_rate, '1/s', 3)} "
-            f"times the excursion before, which is up to {format_quantity(breakage.excursion, 'm', 3)}."
-        )
-    if breakage.jump:
-        note += (
-            " A jump of the readings that largest_rate still allows causes at most "
-            f"{format_quantity(breakage.jump, 'm/s', 3)}: |D_p| times largest_rate times the sum of sensor period "
-            "and half of fade_time, divided by the virtual mass."
-        )
-    table = PageTable(head=head, rows=rows, note=note, brief=True)
-    return PageSection(title="If the sensor fails", blocks=(Paragraph(text=f"{breakage.text}.", brief=True), table))

@@ -4,55 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
-from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import unit_of, words_for
-from pretouch._core.warning_codes import caution
-from pretouch.calibration import CalibrationReport
-from pretouch.control import Controller, Status
-from pretouch.designs import GainDesign, ImpactModel, Task, quantity_of
+from pretouch.designs import ImpactModel, Task, quantity_of
 from pretouch.designs.quantities import size_of
 from pretouch.designs.robust.required import least_probability, limits_of
-from pretouch.motion import ContactResult, Scenario
+from pretouch.motion import ContactResult
 from pretouch.motion.page_sections import mounting_in_words
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.simulation.closed_loop import loop_sentences
-from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
+from pretouch.simulation.detection import DetectionRange, moved_on, time_at
+from pretouch.uncertainty.ensemble import uncertainty_in_words
 
-from .appraisal import Draws, LoopOutcomes, foreseen_impact
-from .at_rest import RestMotion, rest_in_words
-from .breakage import Breakage, breakage_in_words
-from .effect import SIGNIFICANT, mean_and_error
-from .encounter_parts import detection_step
-from .result import Comparison, LimitCheck, Reached, RunSpread
+from .appraisal import LoopOutcomes, LoopProblem, foreseen_impact
+from .effect import mean_and_error
+from .result import ApproachCheck, Comparison, LimitCheck, Reached, RunSpread
 
 _COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
-_HIDDEN: Final = "at larger distances the reading is below the floor"
-_SHARE: Final = 0.1  # a cause is named if it explains at least this share of the time to detection
-_LATE: Final = 0.95  # a first detection below this share of the start distance is late
-_FORCE_APART: Final = 1.25  # smallest ratio of simulated to predicted impact force that causes a warning
 _ROUNDING: Final = 1e-9  # relative rounding error of a force
 _NEAR_END: Final = 0.9  # share of the horizon after which a predicted contact may come too late for the runs
-_TRACED: Final = 8  # runs that are examined step by step
-_FLAGS: Final = {
-    Status.SATURATED: "the sensor was saturated",
-    Status.INVALID: "readings were not numbers, too old or out of order",
-    Status.IMPLAUSIBLE: "readings changed faster than largest_rate allows",
-    Status.LOST: "the sensor signal was lost",
-    Status.FORCE_LIMITED: "the virtual force was limited",
-    Status.MOTION_LIMITED: "a limit of [controller] reduced the motion: widen the limits or use a weaker gain",
-    Status.INPUT_FAULT: "contact force or reference were not numbers",
-}
-_BROKEN_CABLE: Final = (
-    "With a broken cable, the reading falls to 0. For the controller, the object suddenly recedes, and the robot "
-    "follows. With this largest_rate, the controller rejects a change of ln xi that exceeds largest_rate times one "
-    "sensor period. The sensor is lost if this lasts. A smaller change, from a weak signal to 0, is believed. "
-    "The recommended value is twice the largest rate |d ln xi / dt| of the sensor signal xi in an approach, plus noise."
-)
 
 
 def compare_quantities(
@@ -182,198 +157,34 @@ def _force(task: Task) -> Iterator[str]:
     )
 
 
-def cautions_of(
-    draws: Draws,
-    runs: tuple[SimulationResult, SimulationResult],
-    comparisons: tuple[Comparison, ...],
-    design: GainDesign,
-    *,
-    at_rest: RestMotion | None,
-    starts: tuple[str, ...],
-    largest_rate: float,
-    breakage: Breakage | None,
-) -> tuple[str, ...]:
-    """Return the warnings of a verification.
-
-    Args:
-        draws: the encounters.
-        runs: the runs with the gain and without mitigation.
-        comparisons: the quantities, predicted and simulated.
-        design: the ideal design.
-        at_rest: how far noise moves a robot at rest.
-        starts: a warning if the controller detects the object elsewhere than the encounter starts.
-        largest_rate: a largest plausible rate of ln xi for the controller [1/s].
-        breakage: what the robot does if the sensor fails.
+def check_approach(
+    problem: LoopProblem, detection: DetectionRange | None, predicted: ContactResult, gain: float
+) -> ApproachCheck | None:
+    """Repeat the runs from the detection distance, if it lies clearly beyond the start of the encounter.
 
     Returns:
-        The warnings, each with its code.
+        The result; None if the runs begin there anyway, or if the sensor curve does not reach farther.
     """
-    loop = draws.task.loop
-    return (
-        *_no_ideal_gain(design),
-        *starts,
-        *_other_admittance(loop, draws.task.scenario),
-        *_failing_sensor(loop, largest_rate, breakage),
-        *_detection(loop, draws, runs[0]),
-        *rest_in_words(at_rest, loop.law),
-        *_push(loop, *runs),
-        *_impact(comparisons),
-        *_flag_warnings(loop, runs[0]),
-        *_unknown_calibration(draws.task.calibration),
-        *draws.task.warnings,
+    draws = problem.draws
+    task: Task = draws.task
+    if detection is None or not detection.is_early or detection.moved is None:
+        return None
+    begins = detection.start if task.loop.start_distance is None else float(np.max(task.loop.start_distance))
+    if not detection.distance > begins or not task.start_warnings(gain):
+        return None
+    times = _earlier(time_at(draws.scenarios, detection.distance))
+    farther = replace(draws, scenarios=moved_on(draws.scenarios, times), ensemble=None)
+    loop = replace(task.loop, horizon=task.loop.horizon + float(-times.min()), start_distance=None)
+    outcomes = replace(problem, draws=farther).appraise(loop, gain)
+    return ApproachCheck(
+        start=detection.start,
+        distance=detection.distance,
+        cures=detection.cures,
+        limits=check_limits(task, outcomes, predicted, gain),
+        is_harder=outcomes.effect is not None and outcomes.effect.is_harder,
     )
 
 
-def _no_ideal_gain(design: GainDesign) -> Iterator[str]:
-    if design.gain is None:
-        headline = design.headline.removesuffix(".")
-        yield caution("PT401", f"The ideal design has no gain ({headline[:1].lower()}{headline[1:]}).")
-
-
-def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
-    virtual: Any = getattr(loop.law, "admittance", None)
-    a, names = scenario.admittance, ("mass", "damping", "stiffness")
-    if virtual is None or all(np.allclose(getattr(virtual, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
-        return
-    own, other = (
-        f"virtual mass {one.mass:g} kg, damping {one.damping:g} N s/m, stiffness {one.stiffness:g} N/m"
-        for one in (virtual, a)
-    )
-    text = "The controller and the prediction use different admittances: use the same admittance in both."
-    yield caution("PT402", f"{text} Controller: {own}. Prediction: {other}.")
-
-
-def _failing_sensor(loop: ClosedLoop, largest_rate: float, breakage: Breakage | None) -> Iterator[str]:
-    """Yield a warning if a sensor that fails moves the robot toward the object."""
-    jumps = tuple(_recession(loop, largest_rate))
-    if breakage is not None and breakage.harder and not (jumps and breakage.is_prevented_by_rate):
-        jumps = tuple(breakage_in_words(breakage))
-    yield from jumps
-
-
-def _recession(loop: ClosedLoop, largest_rate: float) -> Iterator[str]:
-    law, chain = loop.law, loop.chain
-    if not isinstance(law, Controller) or law.conditioning.largest_rate is not None:
-        return
-    if loop.continuous is not None and loop.continuous.damping(1.0, -1.0, 1.0) == 0:  # no force if the object recedes
-        return
-    if getattr(law.law, "approach_only", False):  # the same
-        return
-    if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
-        remedy = f"set largest_rate of the controller to {format_quantity(largest_rate, '1/s', 3)}"
-        text = f"A broken sensor cable makes the robot jump toward the object: {remedy}."
-        yield caution("PT404", f"{text} {_BROKEN_CABLE}")
-
-
-def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iterator[str]:
-    seen, s = np.isfinite(result.detection_time), draws.scenarios
-    if not seen.all():
-        share = _percent(1 - float(seen.mean()))
-        yield caution("PT405", f"The object was never detected in {share} of the runs: {detection_step(loop)}.")
-    free = np.all(s.plant.position == s.reference.position) and np.all(s.plant.velocity == s.reference.velocity)
-    if not (seen.any() and free):
-        return
-    # Until detection there is no virtual force, so the robot follows its reference.
-    t = np.asarray(result.detection_time)
-    obstacle = np.asarray(s.obstacle.position_at(t)) - s.obstacle.position
-    reference = (np.asarray(s.reference.velocity) + 0.5 * s.reference.acceleration * t) * t
-    distance = (draws.distance + obstacle - reference)[seen]
-    start, late = float(draws.distance[seen].mean()), float(t[seen].mean())
-    why = _why_late(loop, late)
-    at = loop.detection(draws.task.scenario, draws.task.sensor)
-    if why == _HIDDEN and at is not None and at.is_late:  # PT421 warns unless this has no effect
-        return
-    if distance.mean() < _LATE * start:
-        near, far = format_quantity(float(distance.mean()), "m"), format_quantity(start, "m")
-        yield caution(
-            "PT405",
-            f"The object is detected late, at a mean distance of {near}, because {why}. The mean "
-            f"start distance is {far}. The mean time until detection is {format_quantity(late, 's')}.",
-        )
-
-
-def _why_late(loop: ClosedLoop, late: float) -> str:
-    """Return the cause of a late detection, as a clause."""
-    chain = loop.chain
-    phase = chain.period / 2 if chain.random_phase else chain.phase
-    wait = phase + chain.exposure + chain.delay + loop.law.period / 2
-    if late - wait < _SHARE * late:
-        return "the sensor is too slow for an earlier reading"
-    return _HIDDEN if wait < _SHARE * late else f"a first reading takes {format_quantity(wait, 's')}, and {_HIDDEN}"
-
-
-def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> Iterator[str]:
-    """Yield a warning if a push after impact increases the force."""
-    contact, both = loop.contact, result.touched & unmitigated.touched
-    if contact is None or not both.any():
-        return
-    peak, free, impact, free_impact = (
-        np.asarray(values)[both]
-        for values in (result.peak_force, unmitigated.peak_force, result.impact_force, unmitigated.impact_force)
-    )
-    more, error = mean_and_error(peak - free)
-    chance = max(SIGNIFICANT * error if np.isfinite(error) else 0.0, _ROUNDING * float(free.mean()))
-    if more <= chance or not np.any(peak > (1 + _ROUNDING) * impact):
-        return
-    driven = contact.obstacle_mass == np.inf
-    pushing = "the robot's drive and the driven obstacle push" if driven else "the robot's drive pushes"
-    newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
-    after = f"{pushing} with a mean peak force of {newton[0]}, compared with {newton[1]} without mitigation"
-    impact_itself = f"a mean force of {newton[2]}, compared with {newton[3]} without mitigation"
-    yield caution("PT407", f"After the impact, {after}. The impact itself has {impact_itself}.")
-
-
-def _impact(comparisons: tuple[Comparison, ...]) -> Iterator[str]:
-    force = next((c for c in comparisons if c.name == "impact_force"), None)
-    if force is None or not force.predicted or force.simulated is None:
-        return
-    times = force.simulated.mean / force.predicted
-    if 1 / _FORCE_APART < times < _FORCE_APART:
-        return
-    pushed = "the robot's drive and the obstacle push while the bodies are in contact"
-    why = pushed if times > 1 else "the contact loses energy, or the robot yields during it"
-    yield caution(
-        "PT408",
-        f"The simulated impact force is {times:.3g} times the predicted force of an elastic impact, because {why}.",
-    )
-
-
-def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
-    if not isinstance(loop.law, Controller):  # the flags of custom laws are unknown
-        return
-    for flag, text in _FLAGS.items():
-        share = float(np.mean((np.asarray(result.flags) & int(flag)) != 0))
-        if share > 0:
-            yield caution("PT409", f"In {_percent(share)} of the runs {text}.")
-    stale = _stale(result)
-    if stale > 0:
-        yield caution(
-            "PT410",
-            f"After detection of the object, the expected sensor reading was missing in {_percent(stale)} of the "
-            "controller steps.",
-        )
-
-
-def _stale(result: SimulationResult) -> float:
-    """Return the share of controller steps whose expected reading is missing. Only steps after detection count."""
-    late = count = 0
-    for i in range(min(result.shape[0], _TRACED)):
-        flags = result.trace(i).flags.astype(np.int64)
-        flags = flags[np.maximum.accumulate((flags & int(Status.DETECTING)) != 0)]
-        late, count = late + int(((flags & int(Status.STALE)) != 0).sum()), count + len(flags)
-    return late / count if count else 0.0
-
-
-def _percent(share: float) -> str:
-    return share_in_words(share) if share >= 1e-4 else "less than 0.01 %"
-
-
-def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
-    """Yield a warning if the calibration has too few readings."""
-    if report is None or report.best is None or report.curves is not None:
-        return
-    yield caution(
-        "PT411",
-        f"The calibration has only {len(report.window.distances)} usable distances, too few to check whether "
-        "the calibration is good enough: record readings at more distances.",
-    )
+def _earlier(times: FloatArray) -> FloatArray:
+    """Return the times before the start [s]; 0 for an object that does not approach or starts farther away."""
+    return np.asarray(np.where(np.isnan(times), 0.0, np.minimum(times, 0.0)))

@@ -1,4 +1,4 @@
-"""Compare simulated contact speeds with and without impact mitigation.
+"""Compare contact speeds of simulated runs with and without impact mitigation.
 
 The speeds are also compared with those of an infinitely fast sensor.
 """
@@ -16,12 +16,10 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch._core.warning_codes import caution
 from pretouch.control import Controller
 from pretouch.motion import LawNumber
 from pretouch.simulation import ClosedLoop, SimulationResult
 
-from .contact_speed import contact_speeds, higher_in_words, is_harder
 from .stability import NOISES, controller_at
 
 OFTEN: Final = 0.05  # share of the runs above which harder contact counts as frequent
@@ -33,6 +31,42 @@ _SHOWN_SHARE: Final = 5e-4  # relative: a smaller change of a speed is not repor
 _FAULTS: Final = ("jitter", "dropout", "misfit", "drift", "resolution", "distance_resolution")
 _MOST: Final = 0.95  # share of the runs
 _LEAST_SPEED: Final = 1e-9  # m/s: smaller speeds are not divided by
+UNSEEN: Final = 5e-5  # relative: a smaller difference does not show in four digits
+
+
+def contact_speeds(result: SimulationResult) -> FloatArray:
+    """Return the speed at contact of each run, 0 without contact [m/s]."""
+    return np.where(result.touched, np.abs(result.relative_velocity), 0.0)
+
+
+def is_harder(run: SimulationResult, free: SimulationResult) -> bool:
+    """Return True if contact in one run is harder with the gain than without mitigation."""
+    return bool(contact_speeds(run) > contact_speeds(free) * (1 + UNSEEN))
+
+
+def percent(share: float) -> str:
+    """Return the magnitude of a relative change as a percentage.
+
+    Below 100 %, the text has two digits.
+    """
+    size = abs(100 * share)
+    return f"{size:.0f} %" if size >= 99.5 else f"{size:.2g} %"
+
+
+def higher_in_words(excess: float, other: str = "") -> str:
+    """Return a relative change of a speed in words.
+
+    Examples:
+        >>> higher_in_words(0.12, "predicted"), higher_in_words(5.39, "predicted"), higher_in_words(-0.22)
+        ('12 % higher than predicted', '6.4 times as high as predicted', '22 % lower')
+    """
+    if excess >= 1:
+        times = 1 + excess
+        text, link = f"{times:.0f}" if times >= 99.5 else f"{times:.2g}", "as"
+        text = f"{text} times as high"
+    else:
+        text, link = f"{percent(excess)} {'higher' if excess > 0 else 'lower'}", "than"
+    return f"{text} {link} {other}" if other else text
 
 
 class VerdictStatus(StrEnum):
@@ -214,40 +248,6 @@ def mean_and_error(values: FloatArray) -> tuple[float, float]:
     return float(np.mean(values)), float(error)
 
 
-def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
-    """Yield warnings if a gain is harmful.
-
-    A harmful gain makes the robot chase the object, or makes contact harder.
-    """
-    yield from (caution("PT403", f"{text}.") for text in chase_in_words(number, gain))
-    speed, before = _speeds(run, free)
-    if is_harder(run, free):
-        yield caution(
-            "PT403",
-            f"With this gain, contact is harder than without mitigation: the contact speed is {_text(speed)} "
-            f"instead of {_text(before) if free.touched else 'no contact'}.",
-        )
-
-
-def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
-    """Yield a warning if a gain has no effect.
-
-    A gain of 0 causes no warning.
-    """
-    speed, before = _speeds(run, free)
-    if gain and before * (1 - EFFECT) < speed and not is_harder(run, free):
-        yield caution(
-            "PT415",
-            f"The {number.name} has no effect in this run: the contact speed is {_text(speed)} with this "
-            f"{number.name} and {_text(before)} without mitigation.",
-        )
-
-
-def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float]:
-    """Return the contact speeds with and without mitigation [m/s]. The speed is 0 without contact."""
-    return float(contact_speeds(run)), float(contact_speeds(free))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorSpeed(Value):
     """Contact speeds with the real and an infinitely fast sensor.
@@ -355,7 +355,3 @@ def compare_with_fast_sensor(
     harder = float(np.quantile(ratio, _MOST)) - 1
     means = {"speed": float(speed.mean()), "fast": float(ideal.mean())}
     return SensorSpeed(rate=loop.chain.rate, **means, excess=harder, tolerance=tolerance)
-
-
-def _text(velocity: float) -> str:
-    return format_quantity(velocity, "m/s", 3)

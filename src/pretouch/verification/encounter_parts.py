@@ -1,30 +1,26 @@
-"""Summarize one simulated encounter of robot and object: contact, time of detection and warnings."""
+"""Summarize one simulated encounter of robot and object: contacts, time of detection and flags."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.numbers import finite_or_none
+from pretouch._core.numbers import FloatArray, finite_or_none
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import unit_of, words_for
-from pretouch._core.warning_codes import caution
-from pretouch.control import Controller, Status
+from pretouch.control import Status
 from pretouch.designs.impact import ImpactModel
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
-from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
+from pretouch.simulation import LoopTrace, SimulationResult
 
-from .contact_speed import UNSEEN, higher_in_words, is_harder, percent
+from .effect import UNSEEN, higher_in_words, is_harder, percent
 
-_LATE: Final = 0.1  # a detection is late if more than this share of the change of ln xi until contact has happened
-_PASSING: Final = 0.01  # gaps of the readings are reported if they are longer than this share of the approach
-_STRONG: Final = 1.5  # smallest ratio of simulated to predicted virtual force that causes a warning
 _AT_CONTACT: Final = ("time", "relative_velocity", "position")
 _LARGEST: Final = ("largest_excursion", "largest_virtual_force")
 _RUN: Final = (
@@ -129,12 +125,9 @@ class ReportedFlag(Value):
         return self.meaning != _OWN
 
     @property
-    def is_trouble(self) -> bool:
-        """True if the flag reports a problem.
-
-        Problems are faulty or missing inputs, or a limited force or motion.
-        """
-        return self.meaning not in _NO_TROUBLE
+    def status(self) -> Status | None:
+        """The flag; None for a user-defined one."""
+        return Status[self.name.upper().replace("-", "_")] if self.has_meaning else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +161,6 @@ class Detection(Value):
 
 
 _OWN: Final = "a user-defined flag"
-_NO_TROUBLE: Final = frozenset({Status.DETECTING.meaning, Status.IN_CONTACT.meaning, _OWN})
 
 
 def compare_contacts(
@@ -243,17 +235,26 @@ def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, s
     if math.isnan(run.detection_time):
         return None
     distance = float(trace.distance[int(np.abs(trace.time - run.detection_time).argmin())])
-    low, high = sensor.valid_range
-    inside = (min(max(d, low), high) for d in (float(scenario.distance), distance, 0.0))
-    start, detected, touch = (float(sensor.log_output(d)) for d in inside)
-    whole = touch - start
+    missed = float(missed_share(sensor, np.float64(scenario.distance), np.float64(distance)))
     return Detection(
         time=run.detection_time,
         distance=distance,
         start_distance=float(scenario.distance),
-        missed_share=min(max((detected - start) / whole, 0.0), 1.0) if whole else None,
+        missed_share=finite_or_none(missed),
         time_left=run.time - run.detection_time if run.touched else None,
     )
+
+
+def missed_share(sensor: SensorModel, start: Any, distance: Any) -> FloatArray:
+    """Return the share of the change of ln xi from a start to contact that happens before a detection, 0 to 1.
+
+    It is NaN for a flat curve.
+    """
+    low, high = sensor.valid_range
+    first, detected, touch = (np.asarray(sensor.log_output(np.clip(d, low, high))) for d in (start, distance, 0.0))
+    whole = touch - first
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(whole != 0, np.clip((detected - first) / whole, 0.0, 1.0), np.nan))
 
 
 def run_as_dict(run: SimulationResult) -> dict[str, Any]:
@@ -328,85 +329,6 @@ def _force_sentence(run: SimulationResult, free: SimulationResult, grows: bool) 
     text += f" instead of {_force(free.impact_force)} without mitigation" if free.touched else ""
     text += f", later up to {_force(run.peak_force)}" if grows else ""
     return text + (f", {run.contacts} contacts." if run.contacts > 1 else ".")
-
-
-def detection_step(loop: ClosedLoop) -> str:
-    """Recommend what to change if the controller never detects the object."""
-    law, latency = loop.law, loop.chain.latency
-    timeout = law.conditioning.numbers(law.period).timeout if isinstance(law, Controller) else math.inf
-    if latency <= timeout:
-        return "check floor, offset and sensor range"
-    late, limit = format_quantity(latency, "s"), format_quantity(timeout, "s")
-    return (
-        f"set timeout of the controller well above {late}, because it ignores readings older than {limit}, and each "
-        f"reading arrives {late} after its measurement"
-    )
-
-
-def cautions_in_words(
-    loop: ClosedLoop,
-    run: SimulationResult,
-    detection: Detection | None,
-    flags: tuple[ReportedFlag, ...],
-    contacts: tuple[LoopContact, ...],
-    *,
-    grows: bool,
-    floor_is_late: bool,
-) -> Iterator[str]:
-    """Yield the warnings about a simulated run.
-
-    They concern detection, controller flags and contacts. If the floor already explains a late detection, another
-    warning says so.
-    """
-    if detection is None:
-        yield caution(
-            "PT405",
-            f"The object was never detected, so there was no virtual force: {detection_step(loop)}.",
-        )
-    elif detection.missed_share is not None and detection.missed_share > _LATE and not floor_is_late:
-        distance, start = (format_quantity(d, "m") for d in (detection.distance, detection.start_distance))
-        text = (
-            f"The object is detected late, at a distance of {distance}, so the first "
-            f"{100 * detection.missed_share:.2g} % of the signal change had no effect: lower the floor, or use a "
-            "faster sensor."
-        )
-        terms = (
-            "The floor is the detection threshold of the controller. The signal change is the change of the sensor "
-            "signal ln xi from the start to contact."
-        )
-        yield caution("PT405", f"{text} {terms} The prediction assumes detection at the start distance of {start}.")
-    approach = run.time if run.touched else run.end_time
-    for flag in flags:
-        if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
-            yield caution(
-                "PT409",
-                f"Before contact, the controller reported: {flag.meaning}. This state began after {_time(flag.since)} "
-                f"and lasted for {_time(flag.approach_duration)} in total.",
-            )
-    if run.contacts > 1:
-        hardest = max(contacts, key=lambda contact: -contact.relative_velocity)
-        which = f"the one after {_time(hardest.time)}, at {_speed(hardest.relative_velocity)},"
-        which = "the first" if hardest is contacts[0] else which
-        listed = len(contacts)
-        beyond = f"; only the first {listed} are listed" if run.contacts > listed else ""
-        yield caution("PT413", f"There are {run.contacts} contacts; {which} is the fastest{beyond}.")
-    if grows:
-        yield caution(
-            "PT407",
-            f"After the impact, the contact force grows to {_force(run.peak_force)}, because a push or another "
-            "contact is stronger than the first impact.",
-        )
-
-
-def force_in_words(force: QuantityComparison) -> Iterator[str]:
-    """Yield a warning if the virtual force far exceeds its prediction."""
-    if force.relative_difference is not None and force.relative_difference > _STRONG - 1:
-        loop, predicted = (_force(abs(value or 0.0)) for value in (force.loop, force.predicted))
-        yield caution(
-            "PT414",
-            f"The virtual force reaches {loop} on the simulated loop, but only {predicted} is predicted: check the "
-            "noise and the gain margin. Noise, slow readings or a loop close to instability cause such peaks.",
-        )
 
 
 def ending_in_words(status: Any) -> str:

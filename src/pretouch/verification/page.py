@@ -22,12 +22,12 @@ from pretouch.simulation.closed_loop import loop_section
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
 from .appraisal import USUAL_MARGIN
-from .breakage import breakage_section
+from .breakage_page import breakage_section
 from .effect import VerdictStatus
-from .encounter_parts import detection_step
 from .improvement_page import advice_section, changes_section, gain_section
 from .reasons import runs_advised
 from .result import Comparison, LimitCheck, RunSpread, Verdict
+from .run_warnings import detection_step
 from .stability import StabilityCheck, rounded_up
 
 Row = tuple[Cell, ...]

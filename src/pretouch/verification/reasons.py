@@ -13,8 +13,7 @@ from pretouch.designs.robust.required import least_probability, runs_to_show
 from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import ROOM, USUAL_MARGIN
-from .contact_speed import higher_in_words
-from .effect import LOST, OFTEN, Effect, VerdictStatus, chase_in_words
+from .effect import LOST, OFTEN, Effect, VerdictStatus, chase_in_words, higher_in_words
 from .result import LimitCheck, Verdict
 from .stability import rounded_up
 

@@ -27,16 +27,16 @@ from pretouch.simulation.stability import passage
 
 from .advice import find_advice
 from .appraisal import LoopProblem, draw_encounters, foreseen_impact, predicted_contact
-from .approach import check_approach
 from .at_rest import motion_at_rest
 from .breakage import check_breakage
 from .calibration_check import check_calibration
-from .checks import assumptions_of, cautions_of, check_limits, check_reached, compare_quantities
+from .checks import assumptions_of, check_approach, check_limits, check_reached, compare_quantities
 from .effect import VerdictStatus, compare_with_fast_sensor, effect_of, without_noise
 from .encounter import SimulatedEncounter
 from .improvement import Verified, find_improvements
 from .reasons import judged, no_gain_with_margin
 from .result import Verdict
+from .run_warnings import cautions_of
 from .stability import NOISES, check_stability, limit_of, plausible_rate, rates_for_margins, stability_margin
 
 _ONE_ADMITTANCE: Final = "a controller runs with one"

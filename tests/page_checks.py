@@ -70,9 +70,14 @@ class Page(HTMLParser):
         return " ".join(" ".join(self.text).split())
 
 
+def as_written(page: str) -> str:
+    """Return HTML with the symbols and minus signs that the program writes: `D_p` and `-`."""
+    return re.sub("\u2212(?=[\\d.\u221e])", "-", re.sub("<sub>(.*?)</sub>", r"_\1", page)).replace("\u2264", "<=")
+
+
 def parse(page: str) -> Page:
     parser = Page()
-    parser.feed(page)
+    parser.feed(as_written(page))
     parser.close()
     return parser
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from html.parser import HTMLParser
 
+from page_checks import as_written
+
 
 class _Tables(HTMLParser):
     """Collects the rows of all tables of a page, each with the title above it."""
@@ -36,14 +38,14 @@ class _Tables(HTMLParser):
 def table(page: str, title: str) -> list[list[str]]:
     """Return all rows below a title of a page (HTML), the heads of its tables included."""
     tables = _Tables()
-    tables.feed(page)
+    tables.feed(as_written(page))
     return [cells for above, cells in tables.rows if above == title]
 
 
 def row(page: str, label: str, title: str | None = None) -> list[str]:
     """Return the cells behind a label: the one row of a page (HTML) that starts with it, below this title if given."""
     tables = _Tables()
-    tables.feed(page)
+    tables.feed(as_written(page))
     found = [cells[1:] for above, cells in tables.rows if cells[0] == label and title in {None, above}]
     assert len(found) == 1, f"{len(found)} rows {label!r} in {sorted({cells[0] for _, cells in tables.rows})}"
     return found[0]

@@ -19,6 +19,7 @@ from figure_checks import assert_legible
 from page_checks import assert_sound
 from page_rows import line, row, table
 from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.vocabulary import words_for
 from pretouch.cli import main
 from pretouch.designs.drag import drag_by, drag_trade_off
 from pretouch.designs.drag.page import drag_page
@@ -202,7 +203,11 @@ def test_the_weakest_by_force_shows_its_force() -> None:
 
 def test_what_does_not_hold_is_said() -> None:
     broken = pt.design(OTHERS["a limit"])
-    assert row(report_html(broken), "acceleration", "Constraints") == ["2.016 m/s\u00b2", "1 m/s\u00b2", "exceeded"]
+    assert row(report_html(broken), "largest plant acceleration", "Constraints") == [
+        "2.016 m/s\u00b2",
+        "1 m/s\u00b2",
+        "exceeded",
+    ]
     assert not broken.holds
     pushed = pt.design(OTHERS["pushed"])
     assert "accelerates toward the robot at 0.5 m/s\u00b2" in str(pushed)
@@ -272,7 +277,7 @@ def test_a_drag_keeps_the_limit_that_it_is_made_for(effect: str, name: str, limi
     )
     found = pt.design(task)
     assert found.holds
-    cells = row(report_html(found), name, "Constraints")
+    cells = row(report_html(found), words_for(task.limits[0].quantity), "Constraints")
     assert shown(cells[:2]) == near(limit, limit)
     assert cells[2] == "met"
     assert row(report_html(found), "gain", "Constraints") == ["", "0.1 N s", "does not apply: a limit of D_p"]

@@ -12,7 +12,7 @@ from urllib.parse import unquote
 import pytest
 
 from letter_samples import CODE, bad, comparisons, finding, good, reproduction
-from page_checks import EVIL, assert_sound, parse
+from page_checks import EVIL, as_written, assert_sound, parse
 from pretouch._core.blocks import tables_of
 from pretouch._core.errors import OutputExistsError
 from pretouch._core.files import is_own_unchanged, plain
@@ -57,7 +57,9 @@ def test_each_verdict_has_its_own_word_and_shape_and_is_counted(page: str) -> No
     words = parse(page).words
     for agreement, count in good().counts.items():
         assert f"{agreement.shape} {count} {agreement.meaning}" in words
-    rows = [unescape(re.sub("<[^>]*>", " ", row)).split() for row in re.findall(r"<tr.*?</tr>", page, re.DOTALL)]
+    rows = [
+        unescape(re.sub("<[^>]*>", " ", row)).split() for row in re.findall(r"<tr.*?</tr>", as_written(page), re.DOTALL)
+    ]
     for c in comparisons():
         row = next(row for row in rows if row[: len(c.name.split())] == c.name.split())
         assert [c.printed in row, c.ours in row, c.off_by in row] == [True, True, True]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import re
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from matplotlib.figure import Figure
 from figure_checks import assert_legible, visible_texts
 from page_checks import EVIL, assert_sound, parse
 from page_rows import row, table
+from pretouch._core.blocks import Code, Measured, Named, Paragraph
 from pretouch._core.errors import OutputExistsError
 from pretouch._core.files import is_own_unchanged
 from pretouch.calibration import Calibration, CalibrationReport, fit
@@ -37,6 +39,7 @@ from pretouch.designs import (
 )
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario
 from pretouch.report import plots, report_html, write_report
+from pretouch.report.blocks_html import blocks_as_html, cell_as_html
 from pretouch.report.style import log_ticks, scale_for
 from pretouch.sensors import ExponentialFirstOrder, InversePower, Recessed
 from refusals import refused
@@ -259,7 +262,7 @@ def test_design_report_contains_the_numbers_of_the_design(letter: GainDesign) ->
 
 def test_infeasible_report_names_the_limits_and_what_is_achievable() -> None:
     page = report_html(DESIGNS["infeasible"]())
-    for name, limit in (("excursion", "50 mm"), ("relative_velocity", "0.05 m/s")):
+    for name, limit in (("largest excursion", "50 mm"), ("relative velocity at contact", "0.05 m/s")):
         value, held, margin, state, least = row(page, name, "Constraints")
         assert held == limit
         assert state in {"met", "exceeded"}
@@ -270,9 +273,9 @@ def test_infeasible_report_names_the_limits_and_what_is_achievable() -> None:
 
 def test_a_report_says_which_limit_is_active_and_which_is_met() -> None:
     page = report_html(DESIGNS["constrained"]())
-    assert row(page, "excursion", "Constraints")[:2] == ["80 mm", "80 mm"]
-    states = {name: row(page, name, "Constraints")[3] for name in ("excursion", "virtual_force")}
-    assert states == {"excursion": "active", "virtual_force": "met"}
+    assert row(page, "largest excursion", "Constraints")[:2] == ["80 mm", "80 mm"]
+    states = {name: row(page, name, "Constraints")[3] for name in ("largest excursion", "largest virtual force")}
+    assert states == {"largest excursion": "active", "largest virtual force": "met"}
 
 
 def test_fit_reports_are_sound(usable: CalibrationReport, useless: CalibrationReport) -> None:
@@ -352,19 +355,28 @@ def test_logarithmic_axes_have_some_ticks_and_not_too_many(low: float, high: flo
     assert all(low <= tick <= high for tick in ticks)
 
 
-def test_a_report_begins_with_answer_figure_numbers_limits_and_next_step_and_folds_the_rest() -> None:
+def test_a_report_begins_with_answer_numbers_figure_limits_and_next_step_and_folds_what_does_not_explain_it() -> None:
     design = design_gain(load_scenario(EXAMPLES / "approach.toml"))
     page = report_html(design)
     assert_sound(page)
-    order = [page.index(part) for part in ('class="answer"', "<figure>", 'class="tiles"', "limit 200 mm: met", "Next:")]
+    parts = ('class="answer"', 'class="tiles"', "<figure>", "limit 200 mm: met", "Next:", "<details")
+    order = [page.index(part) for part in parts]
     assert order == sorted(order)
-    first_section = page.index("<details id=")
-    assert order[-1] < page.index("<nav") < first_section
-    sections = re.findall(r'<details id="([^"]+)">\n<summary><h2>(.*?)</h2></summary>', page)
-    assert [title for _, title in sections][-1] == "Provenance"
-    assert re.findall(r'<li><a href="#([^"]+)">', page[page.index("<nav") : first_section]) == [a for a, _ in sections]
-    assert "<details open" not in page[:first_section]
+    sections = re.findall(r'<details( open)?>\n<summary><h2>(.*?)</h2></summary>\n<div id="[^"]+">', page)
+    assert len(sections) == page.count("<summary><h2>")
+    assert [title for is_open, title in sections if is_open] == ["The contact", "Constraints"]
+    assert sections[-1] == ("", "Provenance")
+    assert page.count(">The contact<") == 1, "a section is listed once"
     assert page.count('id="motion-all"') == 1, "the first figure is drawn once"
+
+
+def test_symbols_and_numbers_of_the_text_look_as_in_the_figures_and_copied_text_stays() -> None:
+    text = 'use --gain "-0.5 N*s" or `D_p = -1`, with D_p = -0.5 N s, x_d and F_p <= -2 (first-order)'
+    shown = "".join(blocks_as_html((Paragraph(text=text), Code(text="gain = -1")), str))
+    assert "D<sub>p</sub> = \u22120.5 N s, x<sub>d</sub> and F<sub>p</sub> \u2264 \u22122 (first-order)" in shown
+    assert all(copied in shown for copied in ("&quot;-0.5 N*s&quot;", "<code>D_p = -1</code>", "gain = -1"))
+    cells = (Measured(-0.5, "m"), Measured(-math.inf), Named("gain", "D_p"), "-")
+    assert list(map(cell_as_html, cells)) == ["\u2212500 mm", "\u2212\u221e", "gain D<sub>p</sub>", "\u2013"]
 
 
 def test_a_narrow_screen_shows_panels_and_cards_and_a_dark_one_inverts_figures() -> None:

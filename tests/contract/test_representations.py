@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+from page_checks import as_written
 from pretouch.designs.robust.outcomes import RobustTradeOff
 from verification_samples import NOISY, velocity_limit, verdict
 
@@ -77,7 +78,7 @@ def test_notebooks_show_a_table_of_inputs_and_results_and_the_figure_of_what_has
         (motion, (f"{1e3 * motion.time[-1]:.4g} ms",), True),
         (pt.design(task), ("-0.7463 N s",), True),
     ):
-        html = value._repr_html_()
+        html = as_written(value._repr_html_())
         assert "<table>" in html
         assert all(word in html for word in words), (type(value), words)
         assert ("<img alt=" in html) == has_figure

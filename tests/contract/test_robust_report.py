@@ -249,7 +249,7 @@ def test_what_fresh_samples_refuse_is_a_warning(one: RobustDesign) -> None:
     warned = replace(one, validation=replace(v, limits=(missed,), reached=0.75))
     assert [split_code(text)[1][:30] for text in warned.warnings] == [
         "25 % of the fresh encounters e",
-        "the relative_velocity limit is",
+        "the limit of the relative velo",
     ]
     assert all(f"warning {text}\n" in str(warned) for text in warned.warnings)
     assert line(str(warned), "relative velocity at contact").endswith(" missed")

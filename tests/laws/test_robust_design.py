@@ -190,7 +190,7 @@ def test_a_constraint_that_must_always_hold_holds_in_every_sample() -> None:
 def test_what_no_gain_holds_is_infeasible(size: float) -> None:
     found = design(constraints=[limit("relative_velocity", size, 0.9), limit("excursion", 0.1, 0.9)])
     assert (found.status, found.gain, found.value, found.validation) == (DesignStatus.INFEASIBLE, None, None, None)
-    assert str(found).startswith("Infeasible: the relative_velocity cannot be limited to ")
+    assert str(found).startswith("Infeasible: the relative velocity at contact cannot be limited to ")
     told = found.to_dict()
     assert told["status"] == "infeasible"
     least = next(entry for entry in told["reachable"] if entry["name"] == "relative_velocity")

@@ -236,7 +236,7 @@ def test_no_gain_is_a_verdict_without_numbers() -> None:
     assert found.status is NO_GAIN
     assert found.gain is found.predicted is found.reached is found.mitigated is None
     assert found.comparisons == found.limits == found.changes == ()
-    assert "relative_velocity cannot be limited to" in found.headline
+    assert "relative velocity at contact cannot be limited to" in found.headline
     assert re.search(r", with D_p = -[\d.]+ N s\.$", found.headline)
     assert as_json(found.to_dict())
 

@@ -160,12 +160,14 @@ class PageSection(Value):
         blocks: the blocks of the section; None is skipped.
         titled: whether terminal output shows the title as well.
         anchor: id for links; empty for none.
+        opened: whether a report shows the section open, because it explains the answer.
     """
 
     title: str
     blocks: tuple[Any, ...]
     titled: bool = False
     anchor: str = ""
+    opened: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "blocks", tuple(block for block in self.blocks if block is not None))

@@ -169,7 +169,7 @@ def _picture(report: CalibrationReport) -> Picture:
 def _readings(report: CalibrationReport) -> PageSection:
     head = ("", "value", "reason, source or meaning")
     table = PageTable(head=head, rows=tuple(_reading_rows(report)), wraps=True, brief=True)
-    return PageSection(title="Window, offset and noise", blocks=(table,))
+    return PageSection(title="Window, offset and noise", blocks=(table,), opened=True)
 
 
 def _reading_rows(report: CalibrationReport) -> Iterator[Row]:

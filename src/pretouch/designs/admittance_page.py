@@ -33,6 +33,7 @@ def admittance_page(design: AdmittanceDesign) -> Page:
     )
     admittance = PageSection(
         title="The admittance",
+        opened=True,
         blocks=(
             PageTable(head=head, rows=tuple(_rows(design)), brief=True),
             picture if design.certificate is not None else None,

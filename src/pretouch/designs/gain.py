@@ -201,17 +201,19 @@ def _conflict(design: GainDesign) -> str:
         value, limit = (format_quantity(x or 0.0, one.unit) for x in (one.value, one.limit))
         margin = design.problem.task.stability_margin
         bounded = "within the bounds" if margin is None else f"within the bounds and the gain margin of {margin:g}"
-        return f"the {one.name} cannot be limited to {limit}: its smallest value {bounded} is {value}, with {gain}"
+        words = n.entry(one.quantity).words
+        return f"the {words} cannot be limited to {limit}: its smallest value {bounded} is {value}, with {gain}"
     nearest = " and ".join(
-        f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
+        f"{n.entry(o.quantity).words} {value} (limit {limit})"
         for o in exceeded
+        for value, limit in [[format_quantity(x or 0.0, o.unit) for x in (o.value, o.limit)]]
     )
     alone = (
-        f"the smallest {o.name} within the bounds is {format_quantity(o.best_value or 0.0, o.unit)}"
+        f"the {n.entry(o.quantity).words} within the bounds is at least {format_quantity(o.best_value or 0.0, o.unit)}"
         for o in exceeded
         if not o.achievable
     )
-    names = " and ".join(o.name for o in exceeded)
+    names = " and ".join(n.entry(o.quantity).words for o in exceeded)
     together = f"the limits of {names} cannot be met together; the {n.name} {gain} violates the limits least: {nearest}"
     return "; ".join((together, *alone))
 

@@ -10,7 +10,18 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Film, Measured, Named, Page, PageSection, PageTable, Paragraph, Picture, named
+from pretouch._core.blocks import (
+    Cell,
+    Film,
+    Measured,
+    Named,
+    Page,
+    PageSection,
+    PageTable,
+    Paragraph,
+    Picture,
+    named,
+)
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import QUANTITIES, words_for
@@ -168,7 +179,7 @@ def _contact(design: GainDesign) -> PageSection:
     names = [*ContactState.names(), *(("drive_force", "impact_force") if design.impact is not None else ())]
     names += [term.quantity for term in design.definition.terms] + [c.quantity for c in design.constraints]
     table = PageTable(head=head, rows=tuple(_contact_rows(runs, names, design.impact)), note=note, brief=True)
-    return PageSection(title="The contact", blocks=(table,))
+    return PageSection(title="The contact", blocks=(table,), opened=True)
 
 
 def _contact_rows(runs: list[ContactResult], names: list[str], impact: ImpactModel | None) -> Iterator[Row]:
@@ -201,7 +212,7 @@ def _change(before: float, value: float) -> str:
 def _constraints(design: GainDesign) -> PageSection:
     head = ("constraint", "value", "limit", "margin", "state", "smallest value of any gain")
     rows = tuple(_constraint_row(o, design.number) for o in design.constraints)
-    return PageSection(title="Constraints", blocks=(PageTable(head=head, rows=rows, brief=True),))
+    return PageSection(title="Constraints", blocks=(PageTable(head=head, rows=rows, brief=True),), opened=True)
 
 
 def _constraint_row(o: ConstraintOutcome, number: LawNumber) -> Row:
@@ -212,7 +223,12 @@ def _constraint_row(o: ConstraintOutcome, number: LawNumber) -> Row:
         exceeded = o.margin is not None and o.margin < 0 and not o.active
         state = "exceeded" if exceeded else "active" if o.active else "met"
         state = state if o.achievable else "cannot be met"
-    return o.name, *(Measured(v, o.unit) for v in (o.value, o.limit, o.margin)), state, least
+    return (
+        number.entry(o.quantity).words,
+        *(Measured(v, o.unit) for v in (o.value, o.limit, o.margin)),
+        state,
+        least,
+    )
 
 
 def _trade_off(design: GainDesign) -> PageSection:

@@ -43,5 +43,5 @@ def export_page(export: Export) -> Page:
         good=export.is_written,
         warnings=tuple(_warnings(export)),
         next_step=export.next_step,
-        blocks=(PageSection(title="Files", blocks=(PageTable(rows=tuple(rows)),)),) if rows else (),
+        blocks=(PageSection(title="Files", blocks=(PageTable(rows=tuple(rows)),), opened=True),) if rows else (),
     )

@@ -60,7 +60,9 @@ def letter_page(report: LetterReport) -> Page:
         warnings=tuple(_failures(report)),
         blocks=(
             _overview(report) if parts else None,
-            PageSection(title="Findings", anchor="findings", titled=True, blocks=chapters) if findings else None,
+            PageSection(title="Findings", anchor="findings", titled=True, blocks=chapters, opened=True)
+            if findings
+            else None,
             PageSection(title="Printed numbers that disagree", titled=True, blocks=(listing,))
             if disagreements
             else None,

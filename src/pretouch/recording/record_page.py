@@ -32,5 +32,5 @@ def recording_page(recording: RecordedCalibration) -> Page:
         key_figures=tuple(figures),
         warnings=tuple(caution("PT602", note) for note in recording.notes),
         next_step=resume or f"pretouch fit {recording.path}",
-        blocks=(PageSection(title="Files", blocks=(PageTable(rows=rows, brief=True),)),),
+        blocks=(PageSection(title="Files", blocks=(PageTable(rows=rows, brief=True),), opened=True),),
     )

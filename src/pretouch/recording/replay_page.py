@@ -398,7 +398,8 @@ def _detections(replay: Replay) -> PageSection | None:
     head = ("", "start", "duration", "largest \u03be", "largest force", "judgment")
     hidden = len(replay.detections) - len(rows)
     note = f"{hidden:,} more detections are not listed." if hidden else ""
-    return PageSection(title="Detections", blocks=(PageTable(rows=rows, head=head, note=note, brief=True),))
+    table = PageTable(rows=rows, head=head, note=note, brief=True)
+    return PageSection(title="Detections", blocks=(table,), opened=True)
 
 
 def _events(replay: Replay) -> PageSection | None:
@@ -413,7 +414,7 @@ def _events(replay: Replay) -> PageSection | None:
         for number, e in enumerate(replay.events[:_LISTED], 1)
     )
     head = ("", "true event at", "detected before by")
-    return PageSection(title="True events", blocks=(PageTable(rows=rows, head=head, brief=True),))
+    return PageSection(title="True events", blocks=(PageTable(rows=rows, head=head, brief=True),), opened=True)
 
 
 def _sensor_rows(replay: Replay) -> Iterator[Row]:

@@ -31,8 +31,16 @@ from pretouch._core.blocks import (
 from pretouch._core.units import format_quantity, pretty_unit
 from pretouch._core.warning_codes import codes_in, explanation, page_of_code
 
+from .style import minus_signs
+
 _PAGE_LINK: Final = re.compile(r"\[([^\]]+)\]\([^)#]+\)")
 """A link to another page of the documentation, which a report does not have."""
+
+_CODE: Final = re.compile(r"(`[^`]+`)")
+_QUOTED: Final = re.compile(r'("[^"]*"|--[a-z-]+[ =]-[^ ]*)')
+_SUBSCRIPT: Final = re.compile(r"(?:(?<=\b[A-Za-z])|(?<=\bd[A-Z])|(?<=[\u2032\u2033]))_([a-z0-9]{1,3})(?![\w.(])")
+_SENTENCES: Final = ' class="text"'
+_LONGEST_LINE: Final = 40  # letters of the longest cell that stays in one line
 
 QUIET: Final = ' class="note"'
 
@@ -53,14 +61,15 @@ def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
     figure = "" if lead is None else draw(lead)
     table = next((table for table in tables_of(page.blocks) if table.brief), None)
     warnings = "".join(f"<p>Warning {_inline(text)}</p>" for text in page.warnings)
-    excerpt = f"<p><b>{escape(page.headline)}</b></p>{warnings}{figure}{'' if table is None else _table(table)}"
+    excerpt = f"<p><b>{typeset(page.headline)}</b></p>{warnings}{figure}{'' if table is None else _table(table)}"
     return re.sub(r'<a href="#[^"]*">(.*?)</a>', r"\1", excerpt)
 
 
 def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
     """Return a report page as HTML.
 
-    Result, plot, key numbers and warnings come first, then collapsible sections.
+    Result, key numbers, plot and warnings come first, then collapsible sections, of which those that explain the result
+    are open. A link to a section opens it.
 
     Args:
         page: the page.
@@ -74,14 +83,12 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
     sections = [block for block in blocks if isinstance(block, PageSection)]
     parts = [page_top(page, "" if lead is None else "\n".join(blocks_as_html((lead,), draw)))]
     parts += blocks_as_html((block for block in blocks if not isinstance(block, PageSection)), draw)
-    links, folded = [], []
     for number, section in enumerate(sections, 1):
         anchor, title = section.anchor or f"section-{number}", _inline(section.title)
-        links.append(f'<li><a href="#{anchor}">{title}</a></li>')
-        folded.append(f'<details id="{anchor}">\n<summary><h2>{title}</h2></summary>')
-        folded += [*blocks_as_html(section.blocks, draw, 3), "</details>"]
-    contents = ['<nav aria-label="Contents">', "<ul>", *links, "</ul>", "</nav>"] if links else []
-    return "\n".join([*parts, *contents, *folded])
+        parts.append(f"<details{' open' if section.opened else ''}>\n<summary><h2>{title}</h2></summary>")
+        # a link opens the section because its target is inside
+        parts += [f'<div id="{anchor}">', *blocks_as_html(section.blocks, draw, 3), "</div>", "</details>"]
+    return "\n".join(parts)
 
 
 def lead_picture(page: Page) -> Picture | None:
@@ -120,16 +127,16 @@ def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, l
 def page_top(page: Page, figure: str = "") -> str:
     """Return the top part of a report page as HTML.
 
-    It contains status, result, plot, key numbers and warnings.
+    It contains status, result, key numbers, plot and warnings.
     """
     parts = [f'<p class="state{"" if page.good else " bad"}">{escape(page.status)}</p>'] if page.status else []
     parts += [f'<p class="warning">{_with_links(text)}</p>' for text in page.reservations]
-    parts.append(f'<p class="answer">{escape(page.headline)}</p>')
+    parts.append(f'<p class="answer">{typeset(page.headline)}</p>')
+    if page.key_figures:
+        tiles = (f"<li><b>{cell_as_html(cell)}</b><span>{typeset(name)}</span></li>" for name, cell in page.key_figures)
+        parts.append("\n".join(['<ul class="tiles">', *tiles, "</ul>"]))
     if figure:
         parts.append(figure)
-    if page.key_figures:
-        tiles = (f"<li><b>{cell_as_html(cell)}</b><span>{escape(name)}</span></li>" for name, cell in page.key_figures)
-        parts.append("\n".join(['<ul class="tiles">', *tiles, "</ul>"]))
     if page.findings:
         parts.append("\n".join(["<ul>", *(f"<li>{_inline(text)}</li>" for text in page.findings), "</ul>"]))
     parts += [f'<p class="warning">{_with_links(text)}</p>' for text in page.warnings]
@@ -205,28 +212,34 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
             name = escape(block.name)
             yield f'<p><a{_id(block.anchor)} download="{name}" href="{address}">{name}</a> ({size} kB)</p>'
         else:
-            name = escape(block.name)
+            name = escape(minus_signs(block.name))
             role = "group" if isinstance(block, Film) else "img"
             yield f'<figure>\n<div class="scroll" role="{role}" aria-label="{name}">{draw(block)}</div>'
             yield f"<figcaption>{_inline(block.caption)}</figcaption>\n</figure>"
 
 
 def _table(table: PageTable) -> str:
-    kind = ' class="text"' if table.wraps else ""
+    kind = _SENTENCES if table.wraps else ""
     titles = [cell_as_html(c) for c in table.head]
+    kinds = [[kind or _long_text(cell) for cell in row] for row in table.rows]
     head = "".join(f'<th scope="col">{title}</th>' for title in titles)
     labels = [f' data-label="{escape(re.sub(r"<[^>]*>", "", title))}"' if title else "" for title in titles]
     rows = (
         "".join(
             f'<th scope="row">{cell_as_html(c)}</th>'
             if i == 0
-            else f"<td{kind}{labels[i] if i < len(labels) else ''}>{cell_as_html(c)}</td>"
+            else f"<td{kinds[k][i]}{labels[i] if i < len(labels) else ''}>{cell_as_html(c)}</td>"
             for i, c in enumerate(row)
         )
-        for row in table.rows
+        for k, row in enumerate(table.rows)
     )
     top = f"<thead><tr>{head}</tr></thead>\n" if head else ""
     return "\n".join([f"<table>\n{top}<tbody>", *(f"<tr>{row}</tr>" for row in rows), "</tbody></table>"])
+
+
+def _long_text(cell: Cell) -> str:
+    """Return the class of a cell whose text may be broken into lines; empty for numbers and short texts."""
+    return _SENTENCES if isinstance(cell, str) and len(cell) > _LONGEST_LINE else ""
 
 
 def cell_as_html(cell: Cell) -> str:
@@ -235,15 +248,15 @@ def cell_as_html(cell: Cell) -> str:
     A missing number is shown as a dash.
     """
     if isinstance(cell, Named):
-        return escape(f"{cell.words} {cell.symbol}".strip())
+        return typeset(f"{cell.words} {cell.symbol}".strip())
     if not isinstance(cell, Measured):
-        return _inline(cell)
+        return "\u2013" if cell == "-" else _inline(cell)
     value = cell.value
     if value is None or math.isnan(value):
         return "\u2013"
     if math.isinf(value):
-        return "\u221e" if value > 0 else "-\u221e"
-    return escape(pretty_unit(format_quantity(value, cell.unit, cell.digits)) + cell.suffix)
+        return "\u221e" if value > 0 else "\u2212\u221e"
+    return typeset(pretty_unit(format_quantity(value, cell.unit, cell.digits)) + cell.suffix)
 
 
 def _id(anchor: str) -> str:
@@ -252,5 +265,29 @@ def _id(anchor: str) -> str:
 
 def _inline(text: str) -> str:
     """Convert a sentence with backticks and links to HTML."""
-    linked = LINK.sub(r'<a href="#\2">\1</a>', escape(text))
-    return re.sub(r"`([^`]+)`", r"<code>\1</code>", linked)
+    parts = (
+        f"<code>{escape(part[1:-1])}</code>" if i % 2 else typeset(part) for i, part in enumerate(_CODE.split(text))
+    )
+    return LINK.sub(r'<a href="#\2">\1</a>', "".join(parts))
+
+
+def typeset(text: str) -> str:
+    """Convert plain text to HTML with the minus signs, subscripts and relations that the figures have.
+
+    Args:
+        text: the text. Quoted numbers in it stay as they are, because users copy them.
+
+    Returns:
+        The HTML.
+
+    Examples:
+        >>> typeset("gain D_p <= 0.5 N s") == "gain D<sub>p</sub> \u2264 0.5 N s"
+        True
+        >>> typeset('use --gain "-0.5 N*s"')
+        'use --gain &quot;-0.5 N*s&quot;'
+    """
+    parts = (part if i % 2 else minus_signs(part) for i, part in enumerate(_QUOTED.split(text)))
+    plain = "".join(parts).replace("<=", "\u2264").replace(">=", "\u2265").replace("-\u221e", "\u2212\u221e")
+    return "".join(
+        f"<sub>{escape(part)}</sub>" if i % 2 else escape(part) for i, part in enumerate(_SUBSCRIPT.split(plain))
+    )

@@ -130,7 +130,9 @@ def _comparison(e: SimulatedEncounter) -> PageSection:
         ]
     )
     elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None
-    return PageSection(title="Loop and prediction", blocks=(table, Paragraph(text=method, brief=True), elastic))
+    return PageSection(
+        title="Loop and prediction", blocks=(table, Paragraph(text=method, brief=True), elastic), opened=True
+    )
 
 
 def _comparison_rows(e: SimulatedEncounter) -> Iterator[Row]:

@@ -48,14 +48,14 @@ def advice_section(v: Verdict) -> PageSection | None:
                 "significantly and by at least 1 %."
             )
         text = " ".join([*advice, rate]).strip()
-        return PageSection(title=title, titled=True, blocks=(Paragraph(text=text, brief=True),))
+        return PageSection(title=title, titled=True, blocks=(Paragraph(text=text, brief=True),), opened=True)
     open_reasons = _reasons_not_checked(v)
     enough = "" if best.standing >= _KEPT else ", which is not enough alone"
     effects = PageTable(head=("", "now", "with the change"), rows=tuple(_effects(v, best)))
     unchecked = f"Not checked with this change: whether {' and '.join(open_reasons)}." if open_reasons else ""
     single = f"The single change that helps most{enough}: {best.sentence}"
     text = " ".join(text for text in (*advice, single, rate, unchecked) if text)
-    return PageSection(title=title, titled=True, blocks=(Paragraph(text=text, brief=True), effects))
+    return PageSection(title=title, titled=True, blocks=(Paragraph(text=text, brief=True), effects), opened=True)
 
 
 def _as_sentence(step: str) -> str:

@@ -226,7 +226,8 @@ def _rate(rate: float) -> Cell:
 
 
 def _list_chapter(title: str, sentences: tuple[str, ...]) -> PageSection | None:
-    return PageSection(title=title, titled=True, blocks=(Listing(items=sentences, brief=True),)) if sentences else None
+    blocks = (Listing(items=sentences, brief=True),)
+    return PageSection(title=title, titled=True, blocks=blocks, opened=title in _WHY.values()) if sentences else None
 
 
 def _reasons(v: Verdict) -> PageSection | None:
@@ -246,7 +247,7 @@ def _reasons(v: Verdict) -> PageSection | None:
     )
     limits = PageTable(head=head, rows=rows) if rows else None
     blocks = (Listing(items=v.reasons, brief=True), Paragraph(text=tried), limits)
-    return PageSection(title=_WHY[v.status], titled=True, blocks=blocks)
+    return PageSection(title=_WHY[v.status], titled=True, blocks=blocks, opened=True)
 
 
 def _comparison(v: Verdict) -> PageSection | None:
@@ -319,7 +320,7 @@ def _limits(v: Verdict) -> PageSection | None:
     sources = (f" {c.label.capitalize()}: {c.source}." for c in v.limits if c.source != "simulated")
     note = _OF_LIMITS.format(confidence=100 * v.confidence) + "".join(sources)
     table = PageTable(head=head, rows=tuple(map(_limit_row, v.limits)), note=note, brief=True)
-    return PageSection(title="Limits", blocks=(table,))
+    return PageSection(title="Limits", blocks=(table,), opened=True)
 
 
 def _limit_row(check: LimitCheck) -> Row:

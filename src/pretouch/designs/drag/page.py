@@ -12,7 +12,7 @@ import numpy as np
 from pretouch._core.blocks import Cell, Listing, Measured, Page, PageSection, PageTable, Picture
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
-from pretouch._core.vocabulary import unit_of
+from pretouch._core.vocabulary import unit_of, words_for
 from pretouch._core.warning_codes import caution
 from pretouch.motion import DAMPER, DRAG, ContactResult, Scenario
 from pretouch.motion.page_sections import inputs_section, method_section
@@ -193,7 +193,9 @@ def _contact(design: DragDesign, run: ContactResult) -> PageSection:
         "contact speed."
     )
     return PageSection(
-        title="The contact", blocks=(PageTable(head=("", *columns), rows=tuple(rows), note=note, brief=True),)
+        title="The contact",
+        blocks=(PageTable(head=("", *columns), rows=tuple(rows), note=note, brief=True),),
+        opened=True,
     )
 
 
@@ -229,15 +231,15 @@ def _excursion_over_bound(scenario: Scenario, run: ContactResult) -> float:
 def _limits(design: DragDesign, run: ContactResult) -> PageSection:
     def row(limit: Any) -> Row:
         if limit.quantity == "gain":
-            return limit.name, "", Measured(limit.limit, limit.unit), "does not apply: a limit of D_p"
+            return "gain", "", Measured(limit.limit, limit.unit), "does not apply: a limit of D_p"
         value = float(limit.magnitude(run.end, design.designed_task.impact))
         state = "met" if design.keeps(limit) else "exceeded"
-        return limit.name, Measured(value, limit.unit), Measured(limit.limit, limit.unit), state
+        return words_for(limit.quantity), Measured(value, limit.unit), Measured(limit.limit, limit.unit), state
 
     table = PageTable(
         head=("constraint", "value", "limit", "state"), rows=tuple(map(row, design.designed_task.limits)), brief=True
     )
-    return PageSection(title="Constraints", blocks=(table,))
+    return PageSection(title="Constraints", blocks=(table,), opened=True)
 
 
 def _speeds(design: DragDesign) -> PageSection:

@@ -107,6 +107,7 @@ def _points(front: ParetoFront) -> PageSection:
     note = "" if front.comparison is None else _COMPARED
     return PageSection(
         title="The Pareto front",
+        opened=True,
         blocks=(
             Picture(figure="pareto", of=front, name=name, caption=caption),
             PageTable(head=("", *(_title(front, point) for point in points)), rows=rows, note=note, brief=True),

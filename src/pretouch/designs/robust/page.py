@@ -181,9 +181,11 @@ def _next_step(design: RobustDesign) -> str:
     return verify_step(design.problem.task, design.gain)
 
 
-def _section(title: str, head: Row, rows: Iterable[Row], note: str, *, wraps: bool = False) -> PageSection:
+def _section(
+    title: str, head: Row, rows: Iterable[Row], note: str, *, wraps: bool = False, opened: bool = False
+) -> PageSection:
     table = PageTable(head=head, rows=tuple(rows), note=note, brief=True, wraps=wraps)
-    return PageSection(title=title, blocks=(table,), titled=not head)
+    return PageSection(title=title, blocks=(table,), titled=not head, opened=opened)
 
 
 def _key_figures(design: RobustDesign, v: Validation) -> Iterator[tuple[str, Cell]]:
@@ -215,7 +217,7 @@ def _outcome(design: RobustDesign, v: Validation) -> PageSection:
         "All numbers are predicted, not measured."
     )
     head = (f"on {v.samples} fresh samples ({100 * v.confidence:g} % confidence)", *design.compared)
-    return _section("Results on fresh samples", head, _outcome_rows(design, v), note)
+    return _section("Results on fresh samples", head, _outcome_rows(design, v), note, opened=True)
 
 
 def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
@@ -244,7 +246,7 @@ def _constraints(v: Validation) -> PageSection:
         "demonstrate the required probability. In this case, require a slightly larger probability."
     )
     head = ("constraint", "limit", "required in", "met in", "at least", "quantile at the required share", "state")
-    return _section("Constraints", head, (_limit_row(o, v) for o in v.limits), note)
+    return _section("Constraints", head, (_limit_row(o, v) for o in v.limits), note, opened=True)
 
 
 def _limit_row(outcome: LimitOutcome, v: Validation) -> Row:

@@ -330,8 +330,10 @@ class RobustDesign(Answer):
             )
         change = 100 * (v.nominal / v.value - 1)
         worse, conjunction = ("worse", "and") if change >= 0 else ("better", "but")
-        violated = " and ".join(v.nominal_breaks)
-        violation = f", {conjunction} violates {violated} too often" if violated else ""
+        several = "s" if len(v.nominal_breaks) > 1 else ""
+        broken = (o.limited.words for o in v.limits if o.required.constraint.name in v.nominal_breaks)
+        violated = " and ".join(f"the {words}" for words in broken)
+        violation = f", {conjunction} exceeds the limit{several} of {violated} too often" if violated else ""
         return f"{text} On fresh samples, {nominal} is {abs(change):.2g} % {worse}{violation}."
 
     @property
@@ -367,16 +369,17 @@ def _conflict(design: RobustDesign) -> str:
     reasons = []
     for required, magnitude, gain in design.reachable:
         c, p = required.constraint, required.probability
-        unit = design.number.entry(c.quantity).unit
+        words, unit = design.number.entry(c.quantity).words, design.number.entry(c.quantity).unit
         if magnitude > c.limit:
             reasons.append(
-                f"{c.name} cannot be limited to {format_quantity(c.limit, unit)} "
+                f"{words} cannot be limited to {format_quantity(c.limit, unit)} "
                 f"in {100 * p:g} % of the samples. The smallest possible limit for this percentage is "
                 f"{format_quantity(magnitude, unit)}, with {design.number.equals(gain)}"
             )
     if reasons:
         return f"the {'. The '.join(reasons)}"
-    names = " and ".join(required.constraint.name for required, *_ in design.reachable)
+    limited = (design.number.entry(required.constraint.quantity) for required, *_ in design.reachable)
+    names = " and ".join(entry.words for entry in limited)
     return f"no gain meets the limits of {names} together; each limit alone can be met with the required probability"
 
 
@@ -400,7 +403,7 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
         if not v.may_hold(o):
             yield caution(
                 "PT310",
-                f"the {o.required.constraint.name} limit is met in only {share_in_words(o.held)} of the fresh samples "
+                f"the limit of the {o.limited.words} is met in only {share_in_words(o.held)} of the fresh samples "
                 f"({100 * o.required.probability:g} % required): use more samples or a slightly larger probability",
             )
     if design.gain in design.bounds:

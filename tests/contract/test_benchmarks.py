@@ -290,6 +290,13 @@ def test_the_reader_of_recordings_finds_as_many_messages_as_the_libraries(monkey
         assert any(found["pretouch"] > found[library] for found in shares.values() if library in found)
 
 
+def test_no_drifted_sensor_is_called_fine_wrongly() -> None:
+    from benchmarks import rechecks
+
+    counts, wrong = rechecks.count_verdicts(6, 0)
+    assert (counts.total(), wrong) == (6, 0)
+
+
 @pytest.mark.slow
 def test_the_chain_of_each_recording_is_that_of_its_sensor() -> None:
     pytest.importorskip("rosbags", reason="needs the extra ros")

@@ -41,6 +41,23 @@ def test_a_table_is_replayed_as_json(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_a_calibration_is_checked(tmp_path: Path) -> None:
+    words = ["replay", str(LOOP), str(ROOT / "examples/month-later.csv"), "--topic", "output", *GAIN, "--recheck"]
+    answer = run(*words, "--reference", "distance", "--elapsed", "30 d", "--json", folder=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    told = json.loads(answer.stdout)
+    assert told["status"] == "fine"
+    assert told["offset"] == pytest.approx(171, abs=5)
+    assert told["interval"] == pytest.approx(30 * 86400)
+    by_time = ["--distances", "0-2 s: none, 2.4-4.39 s: 5 mm, 7.2-9.19 s: 40 mm"]
+    held = json.loads(run(*words, *by_time, "--json", folder=tmp_path).stdout)
+    assert held["slope"] == pytest.approx(told["slope"], rel=0.02)
+    unknown = run(*words, "--json", folder=tmp_path)
+    assert (unknown.returncode, json.loads(unknown.stdout)["status"]) == (1, "not-decided")
+    for more in ([*by_time, "--reference", "distance"], ["--elapsed", "30"]):
+        assert run(*words[: -1 if "30" in more else None], *more, folder=tmp_path).returncode == 2
+
+
 def test_true_contacts_by_time_and_a_part(tmp_path: Path) -> None:
     options = ["--contacts", "2.65 s, 6010 ms", "--to", "8 s", "--no-report", *GAIN]
     answer = run("replay", str(LOOP), str(TABLE), "--topic", "reading", *options, folder=tmp_path)

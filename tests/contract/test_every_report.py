@@ -73,6 +73,7 @@ CASES = [
     ("verify", "calibrated.toml", *GAIN, "--no-changes"),
     ("replay", "loop.toml", "approaches.csv", "--topic", "reading", "--truth", "contact", *GAIN),
     ("replay", "calibrated-drag.toml", "approaches.csv", "--topic", "reading"),
+    ("replay", "loop.toml", "month-later.csv", "--topic", "output", "--reference", "distance", *GAIN, "--recheck"),
     ("fit", "sensor.csv"),
 ]
 
@@ -82,7 +83,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("reports")
     for name, text in INPUTS.items():
         (path / name).write_text(text, encoding="utf-8")
-    for name in ("sensor.csv", "approaches.csv"):
+    for name in ("sensor.csv", "approaches.csv", "month-later.csv"):
         shutil.copy(EXAMPLES / name, path / name)
     return path
 

@@ -16,13 +16,13 @@ PAGES = (
     *("start.md", "tutorial.md", "explanation/method.md", "explanation/offset.md", "explanation/stability.md"),
     *("explanation/bounds.md", "explanation/surprises.md", "explanation/signs-and-units.md", "explanation/motion.md"),
     *(f"how-to/{name}.md" for name in ("bounces", "crashes-while-tuning", "force-limit", "slow-sensor")),
-    *(f"how-to/{name}.md" for name in ("light-and-surfaces", "two-fingers", "which-part")),
+    *(f"how-to/{name}.md" for name in ("light-and-surfaces", "two-fingers", "which-part", "after-a-month")),
     *(
         f"how-to/{name}.md"
         for name in ("ros2-control-admittance", "leg-landing", "notebook", "cluster", "teensy", "export/arduino")
     ),
 )
-NEGATIVE = ("Does not hold", "Infeasible", "4 detections in 16 s")  # answers that end with exit status 1
+NEGATIVE = ("Does not hold", "Infeasible", "4 detections in 16 s", "Not decided")  # answers that end with exit status 1
 ELSEWHERE = {  # pages whose Python another test runs
     *("explanation/design.md", "explanation/gradients.md", "explanation/verification.md", "how-to/robust.md"),
     *(

@@ -15,7 +15,8 @@ from .terminal import Presentation, option, print_progress, verb
 from .verbs import LoopFile, LoopGain, McapFile, load_loop, refuse_existing, write_series
 
 if TYPE_CHECKING:
-    from pretouch.recording import Recording, Replay
+    from pretouch.designs import Task
+    from pretouch.recording import Recheck, Recording, Replay
 
 
 @verb
@@ -68,6 +69,25 @@ def replay(
         option("PATH", "Write readings and distances of --reference or --joints as a calibration file (CSV)."),
     ] = None,
     mcap: McapFile = None,
+    recheck: Annotated[
+        bool,
+        typer.Option("--recheck", help="Check whether the calibration of the scenario file still holds."),
+    ] = False,
+    distances: Annotated[
+        str | None,
+        option(
+            "TIMES",
+            'For --recheck, where the object was: "0-5 s: none, 8-12 s: 5 mm, 15-30 s: 40 to 5 mm"; instead of '
+            "--reference.",
+        ),
+    ] = None,
+    distance_error: Annotated[
+        str, option("LENGTH", "For --recheck, standard deviation of a known distance.")
+    ] = "0.5 mm",
+    elapsed: Annotated[
+        str | None,
+        option("TIME", 'For --recheck, time from the calibration to the recording, such as "30 d".'),
+    ] = None,
 ) -> None:
     """Run the control law of a scenario file on recorded sensor readings.
 
@@ -75,13 +95,18 @@ def replay(
     the sensor next to those of the scenario, and its lag behind another topic. Writes a report with figures,
     STEM-replay.html in this folder. The replay is open loop: the readings do not respond to the motion.
 
+    With --recheck, the recording of today is compared with the calibration instead: offset, slope at known distances,
+    noise, and what they do to the contact speed with the gain. The first sentence says "Fine", "Update the offset",
+    "Recalibrate" or "Not decided".
+
     Exit status: 0 the law ran, 1 almost no reading could be used, less than half of the recording has one clock, or a
-    known contact contradicts the detections, 2 a mistake in the request.
+    known contact contradicts the detections, 2 a mistake in the request. With --recheck: 0 fine, 1 any other verdict.
     """
     from pretouch.recording import replay as run  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     _refuse_swapped(file, recording)
     _refuse_incomplete(reference, joints, model, site)
+    _refuse_without_recheck(recheck, distances, elapsed, [reference, joints])
     inputs = [path for path in recording.iterdir() if path.is_file()] if recording.is_dir() else [recording]
     for path in filter(None, (chain, calibration, mcap, shown.output)):
         refuse_input(path, [file, *inputs])
@@ -104,12 +129,15 @@ def replay(
         end=float("inf") if end is None else _time(end, "--to"),
     )
     written = _write(result, shown, chain, calibration, mcap)
+    answer: Replay | Recheck = result
+    if recheck:
+        answer = _recheck(task, result, distances, distance_error, elapsed)
     shown.show(
-        result,
+        answer,
         f"{recording.name.partition('.')[0] or 'recording'}-replay.html",
         task,
         lines=20,
-        good=result.is_good,
+        good=answer.is_good,
         inputs=inputs,
         files=written,
     )
@@ -128,6 +156,30 @@ def _refuse_incomplete(reference: str | None, joints: str | None, model: Path | 
         raise InvalidInputError("--joints, --reference: found both, expected one of them")
     if len({joints is None, model is None, site is None}) > 1:
         raise InvalidInputError("--joints, --model, --site: expected all three of them, or none")
+
+
+def _refuse_without_recheck(
+    recheck: bool, distances: str | None, elapsed: str | None, others: list[str | None]
+) -> None:
+    for name, value in (("--distances", distances), ("--elapsed", elapsed)):
+        if value is not None and not recheck:
+            raise InvalidInputError(f"{name}: found without --recheck, expected with it; add --recheck")
+    if distances is not None and any(others):
+        raise InvalidInputError("--distances: found with --reference or --joints, expected one of them")
+
+
+def _recheck(task: Task, result: Replay, distances: str | None, error: str, elapsed: str | None) -> Recheck:
+    """Compare the recording with the calibration of the scenario."""
+    from pretouch.recording.known_distances import read_known_distances  # noqa: PLC0415
+    from pretouch.recording.recheck import recheck as run  # noqa: PLC0415
+
+    return run(
+        task,
+        result,
+        distances=None if distances is None else read_known_distances(distances, result.recording),
+        distance_error=read_quantity(error, "m", name="--distance-error"),
+        elapsed=None if elapsed is None else _time(elapsed, "--elapsed"),
+    )
 
 
 def _recordings(

@@ -2,7 +2,8 @@
 
 from .law_run import replay
 from .reading import read_recording
+from .recheck import Recheck, recheck
 from .recording import Recording
 from .result import Replay
 
-__all__ = ["Recording", "Replay", "read_recording", "replay"]
+__all__ = ["Recheck", "Recording", "Replay", "read_recording", "recheck", "replay"]

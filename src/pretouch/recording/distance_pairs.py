@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 
 _MOST_ROWS: Final = 20_000
@@ -69,28 +69,10 @@ def pair_distances(
     Raises:
         InvalidInputError: there are too few pairs, or the distance hardly changes.
     """
-    order = np.argsort(other_time, kind="stable")
-    usable = order[distance[order] >= 0]  # a reference may become negative during contact
-    clock, length = other_time[usable], distance[usable]
-    if len(clock) < 2:
-        raise InvalidInputError("reference: the distance topic has fewer than two usable distances")
-    at = time - shift
-    after = np.clip(np.searchsorted(clock, at, side="right"), 1, len(clock) - 1)
-    width = clock[after] - clock[after - 1]
-    steps = np.diff(clock)
-    longest = _LONGEST_GAP * float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    known = (at >= clock[0]) & (at <= clock[-1]) & (width <= longest) & (width > 0)
-    inside = known & np.isfinite(readings)
-    first, last = length[after - 1], length[after]
-    both = np.isfinite(first) & np.isfinite(last)
-    none = np.isposinf(first) & np.isposinf(last)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        share = np.where(width > 0, (at - clock[after - 1]) / width, 0.0)
-        between = np.where(both, first + share * (last - first), np.inf)
-        speed = np.where(both, np.abs(last - first) / width, 0.0)
-    kept = inside & (both | none)
-    finite = between[kept & both]
+    between, kept, speed, known = _interpolated(time, readings, other_time, distance, shift)
+    finite = between[kept & np.isfinite(between)]
     if not known.any():
+        clock, at = np.sort(other_time[distance >= 0]), time - shift
         raise InvalidInputError(
             f"reference: no reading of the sensor lies between distances of the reference. The readings range from "
             f"{at.min():.6g} s to {at.max():.6g} s, and the distances from {clock[0]:.6g} s to {clock[-1]:.6g} s. Use "
@@ -112,5 +94,49 @@ def pair_distances(
         reading=readings[kept],
         time=time[kept],
         shift=shift,
-        largest_speed=float(np.quantile(speed[kept & both], 0.95)),
+        largest_speed=float(np.quantile(speed[kept & np.isfinite(between)], 0.95)),
     )
+
+
+def match_distances(
+    time: FloatArray, readings: FloatArray, other_time: FloatArray, distance: FloatArray, shift: float
+) -> tuple[FloatArray, BoolArray]:
+    """Interpolate recorded distances at the times of the sensor readings, like `pair_distances`, but of any range.
+
+    Args:
+        time: times of the readings [s].
+        readings: the readings.
+        other_time: times of the distances [s].
+        distance: distances [m].
+        shift: by how much the readings lag the distances [s].
+
+    Returns:
+        The distance at each reading, and which of them are known.
+    """
+    between, kept, _, _ = _interpolated(time, readings, other_time, distance, shift)
+    return between, kept
+
+
+def _interpolated(
+    time: FloatArray, readings: FloatArray, other_time: FloatArray, distance: FloatArray, shift: float
+) -> tuple[FloatArray, BoolArray, FloatArray, BoolArray]:
+    """Return the distances at the readings, which are usable, the speeds, and which lie between two distances."""
+    order = np.argsort(other_time, kind="stable")
+    usable = order[distance[order] >= 0]  # a reference may become negative during contact
+    clock, length = other_time[usable], distance[usable]
+    if len(clock) < 2:
+        raise InvalidInputError("reference: the distance topic has fewer than two usable distances")
+    at = time - shift
+    after = np.clip(np.searchsorted(clock, at, side="right"), 1, len(clock) - 1)
+    width = clock[after] - clock[after - 1]
+    steps = np.diff(clock)
+    longest = _LONGEST_GAP * float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    known = (at >= clock[0]) & (at <= clock[-1]) & (width <= longest) & (width > 0)
+    first, last = length[after - 1], length[after]
+    both = np.isfinite(first) & np.isfinite(last)
+    none = np.isposinf(first) & np.isposinf(last)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.where(width > 0, (at - clock[after - 1]) / width, 0.0)
+        between = np.where(both, first + share * (last - first), np.inf)
+        speed = np.where(both, np.abs(last - first) / width, 0.0)
+    return between, known & np.isfinite(readings) & (both | none), speed, known

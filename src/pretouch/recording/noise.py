@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Final
 
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
+from pretouch.control import Conditioning
 
 from .drift import Drift, trend_of
 from .no_object import frozen_values, probability_of_at_least
 from .timing import ROBUST
 
+_HOUR: Final = 3600.0  # s
 _FEWEST: Final = 30  # readings that an estimate needs
 _OUTLIER: Final = 8.0  # robust standard deviations, beyond which a difference is no noise
 _FOURTH: Final = (1.0, -4.0, 6.0, -4.0, 1.0)  # removes a cubic course, so that only noise remains
@@ -130,6 +133,27 @@ def noise_of(
         limited=both is not None,
         drift=None if time is None or noise is None else trend_of(time[quiet], values),
     )
+
+
+def quiet_floor(conditioning: Conditioning, rate: float, noise: float) -> float:
+    """Return the lowest noise floor without frequent false detections.
+
+    Gaussian noise exceeds this floor less than once per hour.
+
+    Args:
+        conditioning: how the controller processes the readings.
+        rate: readings per second [Hz].
+        noise: standard deviation of a reading without an object.
+
+    Returns:
+        The floor in the unit of the readings; 0 with a low-pass filter, or if rate or noise are unknown.
+    """
+    if conditioning.low_pass_order or not rate > 0 or not noise > 0:
+        return 0.0
+    window = conditioning.median_window
+    least = (window + 1) // 2  # readings above the floor for a median above it
+    chance = (1 / (_HOUR * rate * math.comb(window, least))) ** (1 / least)
+    return -noise * NormalDist().inv_cdf(chance)
 
 
 def _around(

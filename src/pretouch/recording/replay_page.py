@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from statistics import NormalDist
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -16,6 +15,7 @@ from pretouch.control import Status
 from pretouch.control.components import format_output
 
 from .no_object import ASSUMED, NoObject
+from .noise import quiet_floor
 from .recording import CLOCKS, Recording
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 Row = tuple[Cell, ...]
 
-_HOUR: Final = 3600.0  # s
 _SLOWER: Final = 0.95  # of the rate of the scenario, below which the difference is a warning
 _NOISIER: Final = 1.5  # times the noise of the scenario
 _ALWAYS: Final = 0.9  # share of the recording: longer detections are suspicious
@@ -51,7 +50,7 @@ def replay_page(replay: Replay) -> Page:
         status="replayed" if replay.is_good else "not confirmed",
         good=replay.is_good,
         key_figures=tuple(_key_figures(replay)),
-        warnings=tuple(_warnings(replay)),
+        warnings=tuple(replay_warnings(replay)),
         findings=tuple(_findings(replay)),
         next_step=_next_step(replay),
         lead="replay",
@@ -169,8 +168,12 @@ def _basis_of_lag(replay: Replay, lag: float) -> Iterator[str]:
         )
 
 
-def _warnings(replay: Replay) -> Iterator[str]:
-    """Yield the warnings about a replay, the most important warnings first."""
+def replay_warnings(replay: Replay) -> Iterator[str]:
+    """Yield the warnings about a replay, the most important warnings first.
+
+    Args:
+        replay: the replay.
+    """
     timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
     yield from (
         caution(
@@ -238,7 +241,7 @@ def _warnings(replay: Replay) -> Iterator[str]:
                 "scenario, so the verification is too optimistic: copy the section [chain] of this recording into the "
                 "scenario file.",
             )
-        needed = _quiet_floor(replay, noise.noise)
+        needed = quiet_floor(replay.controller.conditioning, replay.timing.rate, noise.noise)
         if floor < needed:
             yield caution(
                 "PT607",
@@ -307,20 +310,6 @@ def _lost_between(replay: Replay) -> str:
         f"{format_quantity(timeout, 's', 3)}, after which the law counts the sensor as lost: the virtual force ends "
         "before each new reading."
     )
-
-
-def _quiet_floor(replay: Replay, noise: float) -> float:
-    """Return the lowest noise floor without frequent false detections.
-
-    Gaussian noise exceeds this floor less than once per hour. With a low-pass filter, the result is 0.
-    """
-    conditioning, rate = replay.controller.conditioning, replay.timing.rate
-    if conditioning.low_pass_order or not rate > 0 or not noise > 0:
-        return 0.0
-    window = conditioning.median_window
-    least = (window + 1) // 2  # readings above the floor for a median above it
-    chance = (1 / (_HOUR * rate * math.comb(window, least))) ** (1 / least)
-    return -noise * NormalDist().inv_cdf(chance)
 
 
 def _fault_warnings(replay: Replay) -> Iterator[str]:

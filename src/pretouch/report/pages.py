@@ -85,12 +85,14 @@ def _robots() -> Rows:
 
 
 def _recording() -> Rows:
+    from pretouch.recording.recheck import Recheck
+    from pretouch.recording.recheck_page import recheck_page
     from pretouch.recording.record_page import recording_page
     from pretouch.recording.record_session import RecordedCalibration
     from pretouch.recording.replay_page import replay_page
     from pretouch.recording.result import Replay
 
-    return {RecordedCalibration: recording_page, Replay: replay_page}
+    return {RecordedCalibration: recording_page, Recheck: recheck_page, Replay: replay_page}
 
 
 def _export() -> Rows:

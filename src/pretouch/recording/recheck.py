@@ -1,0 +1,467 @@
+"""Check whether a calibration still holds, from a recording of today with known distances.
+
+The signal at two distances shows how the curve has changed: S'(l) = k S(l + d) has two unknowns, the factor k and the
+shift d. The offset must be measured without an object, because it is a third unknown. What decides is the contact: the
+sampled loop runs with the gain of the calibration on the curve and offset of today.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.display import Described
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.files import plain
+from pretouch._core.numbers import nonnegative, positive
+from pretouch._core.units import format_percent, format_quantity
+from pretouch._core.values import Value
+from pretouch.designs import Task
+from pretouch.motion.laws import LawNumber
+from pretouch.sensors import SensorModel
+from pretouch.simulation import ClosedLoop, SensorChain
+from pretouch.verification.verdict import chosen_gain
+
+from .curve_today import CERTAIN, curves_of, explanations_of, offset_of, saturated, signal_of, signals_of
+from .known_distances import KnownDistance, known_distances
+from .noise import quiet_floor
+from .recording import Recording
+from .result import Replay
+
+Decision: TypeAlias = Literal["fine", "update-offset", "recalibrate", "not-decided"]
+
+TOLERANCE: Final = 0.15
+"""Change of the contact speed that ends a calibration."""
+
+_NO_EMPTY_SCENE: Final = (
+    "no part of the recording is named as one without an object, so the offset is unknown: record the empty scene, too"
+)
+_RUNS: Final = 8  # runs with other phases of the sensor, of which the contact speed is the mean
+_COVERED: Final = 0.4  # share of the change of ln xi between detection and contact that the distances must cover
+_SLOWER: Final = 0.95  # of the rate of the scenario
+_HALF: Final = 0.5  # of the allowed drift, after which the next check is due
+_LIKELY: Final = 2 / 3  # of the range: two standard errors, which are enough to recalibrate
+
+
+class Range(NamedTuple):
+    """A contact speed [m/s] with the range within three standard errors."""
+
+    value: float
+    low: float
+    high: float
+
+    def is_near(self, nominal: float) -> bool:
+        """Return True if the whole range differs by at most 15 % from a speed."""
+        return abs(self.low / nominal - 1) <= TOLERANCE and abs(self.high / nominal - 1) <= TOLERANCE
+
+    def is_far_from(self, nominal: float) -> bool:
+        """Return True if the range within two standard errors differs by more than 15 % from a speed."""
+        low, high = (self.value + _LIKELY * (end - self.value) for end in (self.low, self.high))
+        return bool(low / nominal - 1 > TOLERANCE or high / nominal - 1 < -TOLERANCE)
+
+    @property
+    def words(self) -> str:
+        """The speed with its range, as text."""
+        ends = " to ".join(format_quantity(end, "m/s", 3) for end in (self.low, self.high))
+        return f"{format_quantity(self.value, 'm/s', 3)} ({ends})"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Recheck(Described, Value):
+    """Answer to the question whether a calibration still holds.
+
+    Args:
+        decision: "fine", "update-offset", "recalibrate" or "not-decided".
+        reasons: why nothing is decided, or why the calibration does not hold, in clauses.
+        replay: the replay of the recording.
+        distances: mean readings at the known distances.
+        gain: the gain of the calibration, in the unit of the law's number.
+        number: which number this gain is.
+        offset_then: the offset of the calibration.
+        offset_then_error: its standard error; None if it is unknown.
+        offset: the offset today; None if it is unknown.
+        offset_error: its standard error.
+        ratios: logarithm of the signal today divided by that of the calibration, at each usable distance.
+        ratio_errors: its standard errors.
+        places: these distances [m].
+        slope_then: mean slope of ln xi from the nearest to the farthest usable distance, of the calibration [1/m].
+        slope: the same slope today [1/m].
+        slope_error: its standard error.
+        contact_then: contact speed of the calibration [m/s]; None without a contact.
+        contact: contact speed with the curve and offset of today, and the controller as it is.
+        contact_updated: the same after the offset of the controller was updated.
+        limits: limits that hold at the contact speed of the calibration, but not in the whole range of today.
+        elapsed: time from the calibration to the recording [s]; None if unknown.
+        interval: recommended time to the next check [s]; None if unknown.
+    """
+
+    decision: Decision
+    reasons: tuple[str, ...]
+    replay: Replay
+    distances: tuple[KnownDistance, ...]
+    gain: float
+    number: LawNumber
+    offset_then: float
+    offset_then_error: float | None
+    offset: float | None = None
+    offset_error: float = math.nan
+    ratios: tuple[float, ...] = ()
+    ratio_errors: tuple[float, ...] = ()
+    places: tuple[float, ...] = ()
+    slope_then: float | None = None
+    slope: float | None = None
+    slope_error: float = math.nan
+    contact_then: float | None = None
+    contact: Range | None = None
+    contact_updated: Range | None = None
+    limits: tuple[str, ...] = ()
+    elapsed: float | None = None
+    interval: float | None = None
+
+    @property
+    def is_good(self) -> bool:
+        """True if nothing has to be done."""
+        return self.decision == "fine"
+
+    @property
+    def headline(self) -> str:
+        """The verdict, and what it rests on."""
+        return " ".join(_headline(self))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the answer as one JSON object in SI units."""
+        names = (
+            *("decision", "headline", "reasons", "gain", "offset_then", "offset_then_error", "offset", "offset_error"),
+            *("places", "ratios", "ratio_errors", "slope_then", "slope", "slope_error", "contact_then"),
+            *("distances", "limits", "elapsed", "interval"),
+        )
+        fields: dict[str, Any] = plain({name: getattr(self, name) for name in names})
+        for name in ("contact", "contact_updated"):
+            speed: Range | None = getattr(self, name)
+            fields[name] = None if speed is None else speed._asdict()
+        timing, noise = self.replay.timing, self.replay.noise
+        return {"status": self.decision, **fields, **plain({"timing": timing, "noise": noise})}
+
+    def __repr__(self) -> str:
+        return f"<Recheck: {self.decision}>"
+
+
+@check_arguments
+def recheck(
+    task: Task,
+    replay: Replay,
+    *,
+    distances: Recording | None = None,
+    distance_error: float = 0.5e-3,
+    elapsed: float | None = None,
+) -> Recheck:
+    """Check whether the calibration of a task still holds, from the replay of a recording of today.
+
+    Args:
+        task: the task with the calibrated curve, the sampled loop and the gain.
+        replay: the replay of the recording with this task.
+        distances: where the object was, in m as in the calibration; by default the reference of the replay. It must
+            contain readings without an object (infinite), and at least two distances.
+        distance_error: standard deviation of a known distance [m].
+        elapsed: time from the calibration to the recording [s], for the recommended interval.
+
+    Returns:
+        The answer. It is "not-decided", with reasons, if the recording cannot decide.
+
+    Raises:
+        InvalidInputError: the recording contains distances instead of outputs of the sensor.
+    """
+    nonnegative(distance_error, "distance_error", "m")
+    if elapsed is not None:
+        positive(elapsed, "elapsed", "s")
+    if replay.recording.kind == "distance":
+        raise InvalidInputError(
+            f"topic: {replay.recording.topic} contains distances, but a calibration is checked with the raw output of "
+            "the sensor. Record the raw output; for a sensor of distances, compare it with --reference"
+        )
+    loop, gain = replay.loop, chosen_gain(task)
+    conditioning = replay.controller.conditioning
+    places = distances if distances is not None else replay.reference
+    bare, recess = task.sensor.bare
+    limit = min(
+        conditioning.saturation or math.inf,
+        loop.chain.highest,
+        (replay.noise.largest or math.inf) if replay.noise.clipped else math.inf,
+    )
+    measured: tuple[KnownDistance, ...] = ()
+    if places is not None and places.kind == "distance":
+        latency = None if replay.latency is None else replay.latency.value
+        shift = loop.chain.latency if latency is None else latency
+        measured = known_distances(replay.recording, places, signal_of(bare), shift=shift, limit=limit)
+    then = loop.chain.offset + loop.chain.crosstalk
+    old = None if task.calibration is None else task.calibration.offset
+    known = old is not None and math.isclose(old.value, then)
+    base: dict[str, Any] = {
+        "replay": replay,
+        "distances": measured,
+        "gain": gain,
+        "number": task.law.number,
+        "offset_then": then,
+        "offset_then_error": old.standard_error if old is not None and known else None,
+        "elapsed": elapsed,
+    }
+    reasons = list(_unusable(replay, places is not None))
+    offset = offset_of(measured, conditioning.floor)
+    if offset is None:
+        reasons += [] if places is None else [_NO_EMPTY_SCENE]
+        return Recheck(decision="not-decided", reasons=tuple(reasons), **base)
+    base |= {"offset": offset[0], "offset_error": offset[1]}
+    if full := saturated(measured, offset, bare, distance_error, limit):
+        return Recheck(decision="recalibrate", reasons=(full,), **base)
+    signal, doubts = signals_of(measured, offset, bare, conditioning.floor, distance_error)
+    reasons += doubts
+    if signal is None or reasons:
+        return Recheck(decision="not-decided", reasons=tuple(reasons), **base)
+    base |= {
+        "places": tuple(signal.places.tolist()),
+        "ratios": tuple(signal.ratios.tolist()),
+        "ratio_errors": tuple(np.sqrt(np.diag(signal.covariance)).tolist()),
+    }
+    near, far = float(signal.places[0]), float(signal.places[-1])
+    explanations = explanations_of(signal, bare)
+    base["slope_then"] = float(np.diff(bare.log_output(np.array([near, far])))[0]) / (far - near)
+    if explanations:
+        ends, covariance = explanations[0].ends, explanations[0].covariance
+        base["slope"] = base["slope_then"] + float(ends[1] - ends[0]) / (far - near)
+        base["slope_error"] = math.sqrt(np.array([1, -1]) @ covariance @ np.array([1, -1])) / (far - near)
+    else:
+        reasons.append(
+            "the readings at the known distances do not fit the curve of the calibration, even with another offset, "
+            "scale factor or distance: check the distances; if they are right, recalibrate"
+        )
+    share = _covered(task, loop, near, far)
+    if share < _COVERED:
+        reasons.append(
+            f"the distances from {format_quantity(near, 'm')} to {format_quantity(far, 'm')} contain only "
+            f"{format_percent(share)} of the change of ln \u03be between detection and contact: hold the object nearer "
+            "to the contact, and farther away"
+        )
+    speeds = _Speeds(task, loop, gain)
+    nominal = speeds.at(task.sensor, then)
+    if nominal is None:
+        reasons.append("the encounter of the scenario ends without a contact, so there is no contact speed to compare")
+    if reasons or nominal is None:
+        return Recheck(decision="not-decided", reasons=tuple(reasons), **base)
+    base["contact_then"] = nominal
+    return _decided(base, task, replay, speeds, curves_of(explanations, recess))
+
+
+def _decided(
+    base: dict[str, Any],
+    task: Task,
+    replay: Replay,
+    speeds: _Speeds,
+    curves: tuple[list[SensorModel | None], list[SensorModel | None]],
+) -> Recheck:
+    """Decide by the contact speeds with the curves that the readings of today allow."""
+    nominal, offset, error = base["contact_then"], base["offset"], base["offset_error"]
+    now = base["contact"] = _range_of(speeds, curves, offset, error, None)
+    updated = base["contact_updated"] = _range_of(speeds, curves, offset, error, offset)
+    conditioning = replay.controller.conditioning
+    noise = replay.noise.noise if replay.noise.noise is not None else replay.loop.chain.noise
+    quiet = quiet_floor(conditioning, replay.timing.rate, noise)
+    rise = offset - conditioning.offset
+    triggers = rise + CERTAIN * error + quiet >= conditioning.floor
+    if slower := _slower(task, replay, speeds, nominal):
+        return Recheck(decision="not-decided", reasons=(slower,), **base)
+    reasons: tuple[str, ...] = ()
+    if quiet >= conditioning.floor:
+        decision: Decision = "recalibrate"
+        reasons = (
+            f"the noise without an object is {noise:.3g}, too much for the noise floor of {conditioning.floor:.4g}, "
+            f"which must be at least {quiet:.3g}",
+        )
+    elif not triggers and now is not None and now.is_near(nominal):
+        decision = "fine"
+    elif updated is not None and updated.is_near(nominal):
+        decision = "update-offset"
+        reasons = ("the controller takes the offset of today for an object",) if triggers else ()
+    elif updated is None or updated.is_far_from(nominal):
+        decision = "recalibrate"
+    else:
+        decision, old = "not-decided", format_quantity(nominal, "m/s", 3)
+        reasons = (
+            f"with the offset of today, the contact speed is {updated.words}, and with the calibration it was {old}, "
+            "so the recording does not show whether it changes by more than "
+            f"{format_percent(TOLERANCE)}; hold the object nearer to the contact and at more distances, set them more "
+            "exactly (--distance-error), or recalibrate",
+        )
+    speed = updated if decision == "update-offset" else now
+    if decision in {"fine", "update-offset"} and speed is not None:
+        base["limits"] = tuple(_limits_at_risk(task, nominal, speed.high))
+    interval = None if decision == "not-decided" else _interval(base, rise, conditioning.floor - quiet)
+    return Recheck(decision=decision, reasons=reasons, interval=interval, **base)
+
+
+def _limits_at_risk(task: Task, nominal: float, high: float) -> Iterator[str]:
+    """Yield the limits of the contact that hold at a nominal speed, but not at a higher one [m/s]."""
+    for limit in task.limits:
+        if limit.name == "relative_velocity":
+            then, now = nominal, high
+        elif limit.name == "impact_force" and task.impact is not None:
+            then, now = (float(np.asarray(task.impact.peak_force(speed))) for speed in (nominal, high))
+        else:
+            continue
+        if then <= float(np.asarray(limit.limit)) < now:
+            yield limit.name
+
+
+def _unusable(replay: Replay, named: bool) -> Iterator[str]:
+    """Yield why the recording cannot decide anything."""
+    finite = replay.recording.values[np.isfinite(replay.recording.values)]
+    if not len(finite):
+        yield "the recording has no reading that is a number"
+    elif finite.min() == finite.max():
+        yield f"all readings are {finite[0]:.6g}: check the sensor and its cable"
+    if not named:
+        yield (
+            "the slope was not checked, because no distance is known: name the distances with --reference or "
+            '--distances, such as --distances "0-5 s: none, 8-12 s: 5 mm, 15-19 s: 40 mm"'
+        )
+
+
+def _covered(task: Task, loop: ClosedLoop, near: float, far: float) -> float:
+    """Return the share of the change of ln xi between detection and contact that two distances contain."""
+    bare, recess = task.sensor.bare
+    low, high = bare.valid_range
+    seen = min(float(task.scenario.distance), float(loop.farthest_start(task.scenario, task.sensor))) + recess
+    contact, start = max(recess, low), min(max(seen, recess), high)
+    ends = np.array([contact, start, np.clip(near, contact, start), np.clip(far, contact, start)])
+    first, last, inner, outer = np.asarray(bare.log_output(ends)).tolist()
+    return (inner - outer) / (first - last) if first > last else 0.0
+
+
+class _Speeds:
+    """Contact speeds of the encounter on the sampled loop without noise, as means over the phase of the sensor."""
+
+    def __init__(self, task: Task, loop: ClosedLoop, gain: float) -> None:
+        self._scenario, self._gain = task.scenario, gain
+        quiet: dict[str, Any] = {
+            "noise": 0.0,
+            "relative_noise": 0.0,
+            "misfit": 0.0,
+            "misfit_length": 0.0,
+            "dropout": 0.0,
+        }
+        chain = replace(loop.chain, **quiet, jitter=0.0, drift=0.0, crosstalk=0.0, phase=0.0, random_phase=True)
+        self._loop = replace(loop, chain=chain, contact=None, follow_time=0.0)
+
+    def at(
+        self, sensor: SensorModel | None, offset: float, subtracted: float | None = None, **chain: Any
+    ) -> float | None:
+        """Return the contact speed [m/s] with an offset of the sensor; None without a contact in all runs."""
+        if sensor is None:
+            return None
+        law = self._loop.law
+        if subtracted is not None:
+            try:
+                law = replace(law, conditioning=replace(law.conditioning, offset=subtracted))  # type: ignore[type-var,attr-defined]
+            except InvalidInputError:  # the offset reaches the saturation
+                return None
+        loop = replace(self._loop, law=law, chain=replace(self._loop.chain, offset=offset, **chain))
+        run = loop.run(self._scenario, sensor, self._gain, runs=_RUNS)
+        if not np.all(run.touched):
+            return None
+        return float(np.mean(np.abs(run.relative_velocity)))
+
+
+def _range_of(
+    speeds: _Speeds,
+    curves: tuple[list[SensorModel | None], list[SensorModel | None]],
+    offset: float,
+    error: float,
+    subtracted: float | None,
+) -> Range | None:
+    """Return the contact speed with the curves of today; None if a curve does not fall, or without a contact."""
+    (best, *moved), others = curves
+    value = speeds.at(best, offset, subtracted)
+    pairs = [speeds.at(curve, offset, subtracted) for curve in moved]
+    pairs += [speeds.at(best, offset + side * CERTAIN * error, subtracted) for side in (-1, 1)]
+    alternatives = [speeds.at(curve, offset, subtracted) for curve in others]
+    if value is None or any(each is None for each in (*pairs, *alternatives)):
+        return None
+    changes = np.array(pairs, dtype=np.float64) - value
+    # independent errors add in squares; each pair has a step to both sides
+    below, above = (
+        float(np.hypot.reduce(np.clip(side * changes, 0, None).reshape(-1, 2).max(axis=1))) for side in (-1, 1)
+    )
+    ends = np.array([value, *alternatives], dtype=np.float64)
+    return Range(value, float(ends.min()) - below, float(ends.max()) + above)
+
+
+def _slower(task: Task, replay: Replay, speeds: _Speeds, nominal: float) -> str:
+    """Return why the rate of the recording prevents a decision; empty if it does not."""
+    rate, declared = replay.timing.value_rate, replay.loop.chain.rate
+    if not 0 < rate < _SLOWER * declared:
+        return ""
+    chain: SensorChain = replay.loop.chain
+    period = 1 / rate
+    changed = speeds.at(task.sensor, chain.offset + chain.crosstalk, rate=rate, exposure=min(chain.exposure, period))
+    if changed is not None and abs(changed / nominal - 1) <= TOLERANCE:
+        return ""
+    effect = "no contact" if changed is None else f"a contact speed of {format_quantity(changed, 'm/s', 3)}"
+    return (
+        f"the recording has {format_quantity(rate, 'Hz', 3)} instead of the {format_quantity(declared, 'Hz', 4)} of "
+        f"the scenario, which would mean {effect} instead of {format_quantity(nominal, 'm/s', 3)}: record at the rate "
+        "of the robot, or copy the measured section [chain] into the scenario file, and verify"
+    )
+
+
+def _interval(base: dict[str, Any], rise: float, room: float) -> float | None:
+    """Return the time after which half of the allowed drift is used up, at most the elapsed time [s].
+
+    One interval of drift supports no longer time: a drift that wanders is not proportional to the time.
+    """
+    elapsed, speed, nominal = base["elapsed"], base["contact"], base["contact_then"]
+    if elapsed is None or speed is None:
+        return None
+    used = max(abs(end / nominal - 1) / TOLERANCE for end in (speed.low, speed.high))
+    if rise > 0:
+        used = max(used, rise / room if room > 0 else math.inf)
+    return float(elapsed * min(1.0, _HALF / used)) if 0 < used < math.inf else None
+
+
+def _headline(check: Recheck) -> Iterator[str]:
+    """Yield the verdict, and what somebody who acts on it must know."""
+    reasons, nominal = "; ".join(check.reasons), format_quantity(check.contact_then or math.nan, "m/s", 3)
+    now, updated = (
+        f"{'unknown' if speed is None else speed.words}" for speed in (check.contact, check.contact_updated)
+    )
+    match check.decision:
+        case "fine":
+            yield f"Fine: the calibration still holds within {format_percent(TOLERANCE)} of the contact speed."
+            yield f"With the curve and offset of today, this speed is {now}; with the calibration, it is {nominal}."
+        case "update-offset":
+            yield f"Update the offset from {check.offset_then:.5g} to {check.offset:.5g}."
+            yield f"The contact speed is then {updated}; with the calibration, it was {nominal}."
+            yield f"Without the update, {reasons}." if reasons else f"Without the update, it is {now}."
+        case "recalibrate" if reasons:
+            yield f"Recalibrate: {reasons}."
+        case "recalibrate":
+            yield "Recalibrate: the curve has changed, and no offset makes up for it."
+            yield f"With the old gain, the contact speed is {updated}; with the calibration, it was {nominal}."
+        case _:
+            yield f"Not decided: {reasons}."
+            yield from _offset_in_words(check)
+
+
+def _offset_in_words(check: Recheck) -> Iterator[str]:
+    """Yield what an undecided recording says on the offset."""
+    seen = check.replay.noise.offset
+    if check.offset is not None:
+        yield f"The offset is {check.offset:.5g}; that of the calibration is {check.offset_then:.5g}."
+    elif seen is not None:
+        yield (
+            f"The median reading without a detection is {seen:.5g}; the offset of the calibration is "
+            f"{check.offset_then:.5g}. They can be compared only if the scene was empty meanwhile."
+        )

@@ -64,7 +64,7 @@ def test_every_name_is_where_the_page_says() -> None:
 @pytest.mark.parametrize(
     ("question", "answer"),
     [
-        ("next step", "`_next_steps` in `verification/page.py`"),
+        ("next step", "`_steps` in `verification/next_step.py`"),
         ("noise of a sensor part", "`PARTS` in `simulation/parts.py`"),
         ("PT406", "`docs/warnings/PT406.md`"),
         ("legend", "`pareto` in `report/pareto_figures.py`"),

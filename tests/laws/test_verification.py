@@ -302,6 +302,8 @@ def test_readings_that_are_older_than_the_timeout_are_named() -> None:
     late = loop_of(rate=1000.0, delay=12e-3)
     found = verdict(late, gain=-0.5, runs=5, changes=False)
     assert found.status is DOES_NOT
+    assert found.advice is not None
+    assert found.advice.kind == "detection"
     step = page_of(found).next_step
     assert step.startswith("set timeout of the controller well above 12 ms, because it ignores readings older than 10")
     assert any(text.startswith("PT405") and "set timeout" in text for text in found.warnings)
@@ -316,6 +318,8 @@ def test_the_next_step_for_an_unstable_loop_is_a_stable_gain() -> None:
     assert found.stability is not None
     assert found.stability.margin < 1
     strongest = found.stability.strongest / 2
+    assert found.advice is not None
+    assert found.advice.kind == "gain"
     assert page_of(found).next_step == f"use a weaker gain: D_p = {strongest:.4g} N s has a gain margin of 2"
 
 

@@ -19,7 +19,6 @@ from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch._core.warning_codes import split_code
 from pretouch.designs import Task
-from pretouch.designs.gain import designed_number
 from pretouch.designs.robust.required import Required, limits_of
 from pretouch.designs.search import RUNS, Effort, GainAxis, Landscape, search_axis
 from pretouch.simulation import ClosedLoop, chain_of_fit
@@ -28,7 +27,7 @@ from .appraisal import USUAL_MARGIN, LoopOutcomes, LoopProblem, draw_encounters
 from .effect import VerdictStatus
 from .gain_search import GainSearch, runs_of_search, stable_axis
 from .improvement import Improvements, redesign
-from .reasons import lacks_only_runs, likely_runs, runs_advised
+from .reasons import lacks_only_runs, likely_runs
 from .result import Advice, Verdict
 from .settings import settings_between
 from .stability import ChangedLoop, Passed, candidates_of, limit_of, rounded_up, with_settings
@@ -44,7 +43,6 @@ _FACTOR: Final = 2  # fresh runs, as a multiple of the smallest number that can 
 _TRIES: Final = 3  # number of gains that are checked on fresh runs, each with more reserve than the one before
 _STRICTER: Final = 1.01  # the least increase of the reserve
 _STRICTEST: Final = 1.15  # the largest increase of the reserve
-_LATER: Final = 1.3  # factor on the latest predicted contact
 _LEAST_MARGIN: Final = 1.1  # smallest gain margin of an advised gain, if none with the usual margin holds
 _NEAR: Final = 1.05  # largest shortfall of a quick search after which a loop is searched thoroughly
 _QUICK_RUNS: Final = 100
@@ -74,7 +72,7 @@ class _Checked(NamedTuple):
     fresh: int  # number of fresh runs
 
 
-def find_advice(task: Task, verdict: Verdict, found: Improvements, passed: Passed, judge: Judge) -> Advice | None:
+def search_advice(task: Task, verdict: Verdict, found: Improvements, passed: Passed, judge: Judge) -> Advice | None:
     """Search for settings with which a verdict holds.
 
     Args:
@@ -85,30 +83,8 @@ def find_advice(task: Task, verdict: Verdict, found: Improvements, passed: Passe
         judge: returns the verdict on a changed task.
 
     Returns:
-        The advice; None if the verdict holds and nothing improves it, or if something else must be mended first: the
-        motion of the object, its detection, the calibration, or noise that no floor keeps away.
+        The advice; None if the verdict holds and nothing improves it.
     """
-    check, reached = verdict.calibration_check, verdict.reached
-    start = _start_at_detection(task, verdict)
-    if start is not None:
-        return start
-    if reached is not None and reached.late:
-        horizon = rounded_up(_LATER * max(reached.latest, verdict.loop.horizon))
-        longer = task.replace(loop=replace(task.loop, horizon=horizon))
-        text = f"set a longer horizon of the loop: {horizon:g} s instead of {verdict.loop.horizon:g} s"
-        return Advice(kind="horizon", sentence=text, settings=settings_between(task, longer))
-    avoided = reached is None or not (reached.predicted or reached.simulated)
-    unseen = verdict.mitigated is None or bool(np.isnan(verdict.mitigated.detection_time).all())
-    rest = verdict.at_rest
-    # with an unstable gain, the motion at rest says nothing about the noise
-    stable = verdict.stability is None or verdict.stability.margin > 1
-    restless = stable and rest is not None and rest.reaches_object and rest.quiet_floor is None
-    if avoided or unseen or restless or (check is not None and not check.is_good_enough):
-        return None  # every change is compared by the contacts that it leads to
-    runs = runs_advised(verdict)
-    if runs is not None:
-        more = task.replace(verify=replace(task.verify, runs=runs))
-        return Advice(kind="runs", sentence=f"simulate {runs} runs", settings=settings_between(task, more))
     advice = _Seeker(task, verdict, found, passed, judge).advice()
     against_noise = advice is None or advice.kind == "none" or bool(_AGAINST_NOISE & set(advice.settings))
     if verdict.reasons and against_noise and _is_noise_a_guess(task):
@@ -117,32 +93,6 @@ def find_advice(task: Task, verdict: Verdict, found: Improvements, passed: Passe
         )
         return Advice(kind="readings", sentence=f"{text} guess, and so is every change that reduces noise")
     return advice
-
-
-def _start_at_detection(task: Task, verdict: Verdict) -> Advice | None:
-    """Return the advice to start where the controller detects the object; None if this is no reason.
-
-    The gain must be designed again for this start, so that no gain for the present start is searched.
-    """
-    detection = task.loop.detection(task.scenario, task.sensor)
-    uncertain = {"obstacle.position", "obstacle.velocity"} & set(task.uncertainty)
-    if verdict.approach is None or verdict.approach.is_met or detection is None or detection.moved is None:
-        return None
-    if detection.is_beyond_curve:
-        return None  # the distance is unknown
-    changed, sentence = task.replace(scenario=detection.moved), f"{verdict.approach.cures}, and design again"
-    fixed = "obstacle.position" in uncertain  # another position would need another distribution, too
-    if fixed and detection.floor_at_start is None:
-        return None
-    if detection.floor_at_start is not None and (fixed or designed_number(changed.replace(gain=None)) is None):
-        floor = float(f"{detection.floor_at_start:.3g}")
-        changed = task.replace(loop=with_settings(task.loop, conditioning={"floor": floor}))
-        if fixed:
-            sentence = f"set floor = {floor:g} in [controller], and design again"
-    settings = settings_between(task, changed)
-    if uncertain & set(settings):
-        return None
-    return Advice(kind="start", sentence=sentence, settings=settings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,28 +7,19 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from pretouch._core.blocks import Cell, Listing, Measured, Page, PageSection, PageTable, Paragraph, Picture, named
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
-from pretouch._core.warning_codes import split_code
-from pretouch.designs import DesignStatus
-from pretouch.designs.gain import designed_number
-from pretouch.designs.page_sentences import step_without_gain
 from pretouch.motion import LawNumber
-from pretouch.motion.page_sections import approach_step, inputs_section, method_section, mitigating_step
+from pretouch.motion.page_sections import inputs_section, method_section
 from pretouch.simulation.closed_loop import loop_section
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
-from .appraisal import USUAL_MARGIN
 from .breakage_page import breakage_section
 from .effect import VerdictStatus
 from .improvement_page import advice_section, changes_section, gain_section
-from .reasons import runs_advised
 from .result import Comparison, LimitCheck, RunSpread, Verdict
-from .run_warnings import detection_step
-from .stability import StabilityCheck, rounded_up
+from .stability import StabilityCheck
 
 Row = tuple[Cell, ...]
 
@@ -88,7 +79,7 @@ def verdict_page(verdict: Verdict) -> Page:
         key_figures=tuple(_key_figures(v)),
         warnings=v.warnings,
         findings=tuple(_findings(v)),
-        next_step=_next_step(v),
+        next_step="" if v.advice is None else v.advice.sentence,
         lead="verdict_run",
         blocks=(
             Paragraph(text=v.status.meaning, quiet=True),
@@ -155,66 +146,6 @@ def _findings(v: Verdict) -> Iterator[str]:
         yield v.breakage.text
 
 
-def _next_step(v: Verdict) -> str:
-    return next(filter(None, _next_steps(v)), "")
-
-
-def _next_steps(v: Verdict) -> Iterator[str]:
-    """Yield recommendations, most urgent first. Some recommendations may be empty texts."""
-    calibration, report = v.calibration_check, v.design.problem.task.calibration
-    if not (v.reached is not None and v.reached.simulated):
-        yield approach_step(v.scenario)
-    if v.gain is None:
-        yield _next_step_without_gain(v)
-        return
-    if v.mitigated is not None and np.isnan(v.mitigated.detection_time).all():
-        yield detection_step(v.loop)
-    yield "" if v.approach is None or v.approach.is_met else f"{v.approach.cures}, and design again"
-    if calibration is not None and not calibration.is_good_enough:
-        yield calibration.remedy
-    yield from _gain_steps(v, v.gain)
-    if v.sensor_speed is not None and not v.sensor_speed.is_fast_enough:
-        yield f"read the sensor much faster than at {v.loop.chain.rate:g} Hz"
-    if v.reasons and report is not None and report.reasons and report.verdict != "usable":
-        yield f"improve the calibration: {split_code(report.reasons[0])[1].removesuffix('.')}"
-    if v.changes and v.reasons:
-        yield "none of the tried changes helps; see the report for the causes"
-
-
-def _gain_steps(v: Verdict, gain: float) -> Iterator[str]:
-    """Yield what to change if the calibration is good enough and the object is detected."""
-    if v.advice is not None:
-        yield v.advice.sentence
-    if v.reached is not None and v.reached.late:
-        yield f"set a longer horizon of the loop: {v.loop.horizon:g} s is too short for the slowest encounters"
-    if v.law.number.sign * gain < 0:
-        yield mitigating_step(v.law.number, gain)
-    if v.stability is not None and v.stability.margin < 1 and math.isfinite(v.stability.strongest):
-        weaker = v.law.number.equals(v.stability.strongest / USUAL_MARGIN)
-        yield f"use a weaker gain: {weaker} has a gain margin of {USUAL_MARGIN:g}"
-    if v.at_rest is not None and v.at_rest.reaches_object:
-        yield v.at_rest.remedy(v.loop.law)
-    runs = runs_advised(v)
-    if runs is not None:
-        yield f"simulate {runs} runs"
-
-
-def _next_step_without_gain(v: Verdict) -> str:
-    """Recommend what to change if no gain meets the requirements."""
-    if v.needed_rate is None:
-        design = v.design
-        contact = design.status is not DesignStatus.NO_CONTACT
-        return step_without_gain(
-            design.problem.task, contact=contact, relaxations=design.relaxations, design=designed_number
-        )
-    if math.isinf(v.needed_rate):
-        return "shorten latency and filters, or relax a limit: no sensor rate results in the required gain margin"
-    return (
-        f"read the sensor at {rounded_up(v.needed_rate):g} Hz instead of {v.loop.chain.rate:g} Hz, or relax one of "
-        "the limits"
-    )
-
-
 def _strongest(check: StabilityCheck, number: LawNumber) -> str:
     return number.text(check.strongest) if math.isfinite(check.strongest) else "-\u221e"[number.sign > 0 :]
 
@@ -233,8 +164,8 @@ def _list_chapter(title: str, sentences: tuple[str, ...]) -> PageSection | None:
 def _reasons(v: Verdict) -> PageSection | None:
     if v.gain is not None or not v.reasons:
         return _list_chapter(_WHY.get(v.status, ""), v.reasons)
-    step = _next_step(v)
-    tried = f"Nothing was simulated. {step[:1].upper()}{step[1:]}."
+    step = "" if v.advice is None else f" {v.advice.sentence[:1].upper()}{v.advice.sentence[1:]}."
+    tried = f"Nothing was simulated.{step}"
     n = v.law.number
     head = ("limit", "at most", "best value of any gain", f"at {n.symbol}")
     rows: tuple[Row, ...] = tuple(

@@ -25,7 +25,7 @@ from pretouch.simulation.law import TunableLaw
 from pretouch.simulation.result import refuse_too_many_runs
 from pretouch.simulation.stability import passage
 
-from .advice import find_advice
+from .advice import search_advice
 from .appraisal import LoopProblem, draw_encounters, foreseen_impact, predicted_contact
 from .at_rest import motion_at_rest
 from .breakage import check_breakage
@@ -34,6 +34,7 @@ from .checks import assumptions_of, check_approach, check_limits, check_reached,
 from .effect import VerdictStatus, compare_with_fast_sensor, effect_of, without_noise
 from .encounter import SimulatedEncounter
 from .improvement import Verified, find_improvements
+from .next_step import next_step
 from .reasons import judged, no_gain_with_margin
 from .result import Verdict
 from .run_warnings import cautions_of
@@ -103,7 +104,8 @@ def verify(task: Task, *, changes: bool = True) -> Verdict:
         if rate is not None:
             reason = no_gain_with_margin(design, rate)
         fields = {**_inputs(task, design, None), "needed_rate": rate, "compared_runs": 0}
-        return Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,))
+        verdict = Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,))
+        return replace(verdict, advice=next_step(task, verdict))
     return _verify(task, design, chosen, changes=changes)
 
 
@@ -192,14 +194,15 @@ def _verify(
         ),
     )
     if not changes:
-        return verdict
+        return replace(verdict, advice=next_step(task, verdict))
     found = find_improvements(problem, Verified(gain, predicted, outcomes, design, stability, limit, passed))
     verdict = replace(verdict, loss=found.loss, changes=found.changes, unchanged=found.unchanged)
 
     def judge(changed: Task) -> Verdict:
         return _verify(changed, design, float(changed.gain or 0.0), basis=verdict)
 
-    return replace(verdict, advice=find_advice(task, verdict, found, passed, judge))
+    advice = next_step(task, verdict, lambda: search_advice(task, verdict, found, passed, judge))
+    return replace(verdict, advice=advice)
 
 
 def _is_calm(basis: Verdict, loop: ClosedLoop, gain: float) -> bool:

@@ -21,6 +21,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "api_pages",
     "live_figures",
+    "narrow_figures",
     "page_figures",
 ]
 exclude_patterns = [

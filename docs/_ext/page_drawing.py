@@ -10,7 +10,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[2]
 SIZE = (4.1, 2.9)
-"""Width and height of a figure [inch]: on a phone, its text is hardly smaller than the text of the page."""
+"""Width and height of a single panel [inch]: on a phone, its text is hardly smaller than the text of the page."""
 
 _EXAMPLES = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _FIGURES = re.compile(r"^```\{page-figure\} ([\w-]+)\n((?::[^\n]*\n)*)\n?(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -26,11 +26,13 @@ def run_examples(text: str) -> dict[str, Any]:
 
 
 def draw(code: str, names: dict[str, Any]) -> Any:
-    """Return the figure that some lines of Python assign, in the size of the page."""
+    """Return the figure that some lines of Python assign; a single panel has the size of the page."""
     names = dict(names)
-    exec(compile(code, "page-figure", "exec"), names)  # noqa: S102 - our own page
+    with contextlib.chdir(ROOT):
+        exec(compile(code, "page-figure", "exec"), names)  # noqa: S102 - our own page
     figure = names["figure"]
-    figure.set_size_inches(*SIZE)
+    if len(figure.axes) == 1:
+        figure.set_size_inches(*SIZE)
     return figure
 
 

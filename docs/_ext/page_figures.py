@@ -1,7 +1,8 @@
 """Provide the directive `page-figure`: a figure that is drawn from the numbers that the page computes.
 
 The directive runs the Python examples of its page that have prompts, and then its own lines, which assign `figure`. The
-figure is part of the page as SVG, so that it adapts to narrow screens and to dark mode.
+figure is part of the page as SVG, so that it adapts to narrow screens and to dark mode. On a narrow screen, its panels
+are one below the other.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ def calibration(report: CalibrationReport) -> Figure:
             parts = (
                 ("Readings and their use", _draw_readings),
                 ("Signal, logarithmic", _draw_log_output),
-                ("Slope g: the damping force is D\u209a g l\u2032", _draw_slope),
+                ("Slope g: the force is D\u209a g l\u2032", _draw_slope),
                 ("Residuals of the models", _draw_residuals),
             )
         figure = new_figure(7.4, 7.8 if report.fits else 3.6)

@@ -118,9 +118,9 @@ def test_a_robot_that_is_unstable_by_itself_has_a_limit_of_zero(letter_power: pt
 
 @pytest.mark.slow
 def test_a_spring_behind_hundreds_of_periods_of_delay_has_the_smallest_of_its_many_limits() -> None:
-    """The force turns by hundreds of radians over the resonance, and each turn has a limit; the smallest one counts."""
+    """The force turns by a hundred radians over the resonance, and each turn has a limit; the smallest one counts."""
     admittance = pt.Admittance(mass=1.3, damping=6.8, stiffness=1777.0)
-    timing = pt.simulation.LoopTiming(rate=78.0, delay=8.28)
+    timing = pt.simulation.LoopTiming(rate=78.0, delay=3.28)
     limit = pt.simulation.largest_damping(admittance, timing).damping
     assert lifted_radius(admittance, timing, 0.9 * limit) < 1
     assert lifted_radius(admittance, timing, 1.01 * limit) > 1

@@ -368,16 +368,3 @@ def test_a_file_with_a_loop_loads_no_scipy(tmp_path):
     loaded = set(answer.stdout.split())
     assert "pretouch.simulation" in loaded
     assert "scipy" not in loaded
-
-
-def test_a_verdict_on_random_encounters_loads_no_scipy(tmp_path):
-    text = (ROOT / "examples" / "loop.toml").read_text("utf-8").replace("runs = 500", "runs = 20")
-    (tmp_path / "loop.toml").write_text(text)
-    code = (
-        "import sys, pretouch; pretouch.verify(pretouch.load_scenario('loop.toml'), changes=False); print(*sys.modules)"
-    )
-    command = [sys.executable, "-c", code]
-    answer = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
-    loaded = set(answer.stdout.split())
-    assert "pretouch.verification.verdict" in loaded
-    assert "scipy" not in loaded

@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
-from pretouch._core.probabilities import gamma_quantile
 from pretouch._core.units import format_quantity
 
 from .data import Calibration
@@ -290,11 +289,13 @@ def max_scatter(distance: FloatArray, values: FloatArray, *, unknown: float) -> 
     freedom = len(values) - _NEIGHBORS + 1
     if freedom < _FEWEST_REPEATS:
         return unknown
+    from scipy.special import gammaincinv  # noqa: PLC0415 - SciPy is loaded only for fits
+
     places, y = (np.lib.stride_tricks.sliding_window_view(v, _NEIGHBORS) for v in (distance, values))
     apart = places[:, :, None] - places[:, None, :] + np.eye(_NEIGHBORS)
     weights = 1 / apart.prod(axis=2)
     deviation = np.einsum("ni,ni->n", weights, y) / np.linalg.norm(weights, axis=1)
-    return float(np.sqrt(np.sum(deviation**2) / (2 * gamma_quantile(freedom / 2, 0.05))))
+    return float(np.sqrt(np.sum(deviation**2) / (2 * gammaincinv(freedom / 2, 0.05))))
 
 
 def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:

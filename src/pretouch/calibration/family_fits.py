@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
-from pretouch._core.probabilities import gamma_quantile, student_probability
 from pretouch.sensors import Family, sensor_curves
 
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, two_components
@@ -276,11 +275,12 @@ def _misfit(
 
     With this misfit, chi squared equals its degrees of freedom.
     """
+    from scipy.special import gammaincinv  # noqa: PLC0415 - SciPy is loaded only for fits
 
     def excess(misfit: float) -> float:
         return float(((residuals / replace(noise, misfit=misfit).of_means(curve.count, signal)) ** 2).sum()) - freedom
 
-    if excess(0.0) + freedom <= 2 * gamma_quantile(freedom / 2, _SURE_OF_MISFIT):  # the quantile of chi squared
+    if excess(0.0) + freedom <= 2 * float(gammaincinv(freedom / 2, _SURE_OF_MISFIT)):  # the quantile of chi squared
         return 0.0
     low, high = 0.0, _LARGEST_MISFIT
     while high - low > _MISFIT_TOLERANCE and excess(_LARGEST_MISFIT) < 0:
@@ -354,6 +354,8 @@ def is_outlier(
 
     It must be an outlier for every family of sensor curves.
     """
+    from scipy.special import stdtr  # noqa: PLC0415 - SciPy is loaded only for fits
+
     part = curve.part(np.arange(len(curve.distance)) != i)
     value = None if offset is None else offset.value
     freedom = len(part.distance) - 3 - (value is None)
@@ -381,6 +383,5 @@ def is_outlier(
         typical = float(np.sqrt(np.mean(relative[near] ** 2))) * signal if near.any() else 0.0
         if residual < max(_CONSPICUOUS * typical, _NEGLIGIBLE * float(signals.max())):
             return False
-        t = -residual / math.sqrt(variance + inflation * error**2)
-        p_value = max(p_value, 2 * student_probability(freedom, t))
+        p_value = max(p_value, 2 * float(stdtr(freedom, -residual / np.sqrt(variance + inflation * error**2))))
     return p_value < _LEVEL / len(curve.distance)

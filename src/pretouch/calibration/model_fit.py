@@ -15,7 +15,6 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.messages import not_one_of
 from pretouch._core.numbers import FloatArray
-from pretouch._core.probabilities import student_quantile
 from pretouch._core.units import format_percent
 from pretouch._core.warning_codes import caution
 from pretouch.sensors import Family, SensorModel, Table, sensor_curves
@@ -101,13 +100,15 @@ def estimates(
     If the offset is uncertain, the curve is also fitted with the offsets at both ends of the interval of the offset.
     The changes of the parameters widen their intervals. The noise was estimated from `informed_by` points.
     """
+    from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
+
     family, x = problem.family, best.x[0]
     _check_identifiable(best, [item.name for item in sensor._declared()])
     dof = max(best.residuals.shape[1] - len(x), 1)
     inflation = max(1.0, float(best.costs[0]) / dof)  # a bad fit must not have small standard errors
     noise_freedom = informed_by - 3 - (offset.kind == "fitted")  # degrees of freedom of the noise
     # increase of the sum of squares from its minimum to the ends of the 95 % intervals
-    rise = student_quantile(max(dof, noise_freedom), 0.975) ** 2 * inflation
+    rise = float(stdtrit(max(dof, noise_freedom), 0.975)) ** 2 * inflation
     end_offsets = np.array([o for o in (offset.low, offset.high) if o != offset.value])
     shifted = replace(problem, offsets=end_offsets).minimize(np.repeat(best.x, len(end_offsets), axis=0)).x
     share = offset.standard_error / (offset.high - offset.low) if len(shifted) == 2 else 0.0

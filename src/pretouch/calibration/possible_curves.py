@@ -14,7 +14,6 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch._core.probabilities import student_quantile
 from pretouch._core.values import Value
 from pretouch.sensors import Family
 
@@ -197,6 +196,8 @@ def fit_possible_curves(
     Returns:
         The fits with their weights.
     """
+    from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
+
     parts = []
     for family in families_of(curve):
         free = fit_free(curve, family, noise, None if known_offset is None else known_offset.value)
@@ -223,7 +224,7 @@ def fit_possible_curves(
         parts=tuple(parts),
         form=_FORM if known_offset is None else 1.0,
         inflation=inflation,
-        rise=student_quantile(freedom, 0.975) ** 2 * inflation,
+        rise=float(stdtrit(freedom, 0.975)) ** 2 * inflation,
     )
 
 

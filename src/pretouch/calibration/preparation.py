@@ -10,7 +10,6 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray, positive
-from pretouch._core.probabilities import student_quantile
 from pretouch._core.units import format_quantity, supported_digits
 from pretouch._core.warning_codes import caution
 from pretouch.tables.names import is_length
@@ -358,11 +357,13 @@ def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimat
     Returns:
         The offset.
     """
+    from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
+
     value = float(np.mean(readings))
     if noise.sigma is None:
         return OffsetEstimate(value=value, standard_error=-1.0, low=value, high=value, kind="measured")
     error = float(noise.sigma / np.sqrt(len(readings)))
-    reach = student_quantile(max(noise.freedom, 1.0), 0.975) * error
+    reach = float(stdtrit(max(noise.freedom, 1.0), 0.975)) * error
     return OffsetEstimate(value=value, standard_error=error, low=value - reach, high=value + reach, kind="measured")
 
 

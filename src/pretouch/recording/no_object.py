@@ -14,7 +14,6 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
-from pretouch._core.probabilities import beta_probability
 from pretouch._core.values import Value
 from pretouch.simulation import PARTS
 
@@ -250,9 +249,9 @@ def _is_rounded_noise(series: FloatArray, levels: FloatArray, value: float) -> b
 
 def probability_of_at_least(successes: int, trials: int, probability: float) -> float:
     """Return the probability of at least so many successes in independent trials."""
-    if not 0 < successes <= trials:
-        return float(successes <= 0)
-    return beta_probability(successes, trials - successes + 1, probability)
+    from scipy.special import bdtrc  # noqa: PLC0415 - SciPy, only when a value repeats
+
+    return 1.0 if successes <= 0 else float(bdtrc(successes - 1, trials, min(probability, 1.0)))
 
 
 def _idle_distances(values: FloatArray, frozen: tuple[float, ...]) -> Iterator[NoObject]:

@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch._core.probabilities import student_quantile
 from pretouch.calibration.averaging import MAD_TO_SIGMA
 
 _FEWEST: Final = 6  # readings from which a drift is judged
@@ -50,6 +49,8 @@ def drifts(values: FloatArray) -> bool:
         >>> drifts(np.array([10.0, 11.0, 10.0, 9.0, 10.0, 11.0, 10.0])), drifts(np.arange(7.0))
         (False, True)
     """
+    from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only when a sensor is read
+
     if len(values) < _FEWEST:
         return False
     steps = np.diff(np.unique(values))
@@ -61,7 +62,7 @@ def drifts(values: FloatArray) -> bool:
     # the readings of a converter may all be equal, although the true output is anywhere within one step
     rounding = float(steps.min()) ** 2 / 12 * len(blocks) / len(values) if len(steps) else 0.0
     error = math.sqrt(max(float(residual @ residual) / freedom, rounding) / float(place @ place))
-    return abs(slope) > student_quantile(freedom, 1 - _FALSE_ALARM / 2) * error
+    return abs(slope) > float(stdtrit(freedom, 1 - _FALSE_ALARM / 2)) * error
 
 
 class Stay:

@@ -14,7 +14,6 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.extensions import Extensions, kind_problem
 from pretouch._core.fields import check_types
 from pretouch._core.numbers import FloatArray, finite
-from pretouch._core.probabilities import normal_quantile
 from pretouch._core.units import format_range
 from pretouch.motion.scenario import sensor_with
 
@@ -104,7 +103,9 @@ class CorrelatedNormal(JointDistribution):
         Returns:
             One sample for each point.
         """
-        return np.asarray(np.asarray(self.mean) + normal_quantile(points) @ self.root.T)
+        from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
+
+        return np.asarray(np.asarray(self.mean) + ndtri(points) @ self.root.T)
 
     def variance_along(self, slopes: FloatArray) -> float:
         """Return the variance of a weighted sum of the correlated inputs."""

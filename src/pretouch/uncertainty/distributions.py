@@ -14,7 +14,6 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_declared, quantity
 from pretouch._core.files import with_kind
 from pretouch._core.numbers import FloatArray
-from pretouch._core.probabilities import normal_probability, normal_quantile
 from pretouch._core.units import format_quantity, format_range
 
 _NARROW: Final = 1e-4
@@ -295,7 +294,9 @@ class Normal(Distribution):
         return self.deviation**2
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
-        return np.asarray(self.mean + self.deviation * normal_quantile(probability))
+        from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
+
+        return np.asarray(self.mean + self.deviation * ndtri(probability))
 
     def described(self, unit: str) -> str:
         """Return mean and standard deviation of the distribution as text."""
@@ -355,14 +356,16 @@ class TruncatedNormal(Distribution):
         return self.location + sign * self.deviation * density / mass
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
+        from scipy.special import ndtr, ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
+
         a, b = ((x - self.location) / self.deviation for x in self.support)
         if b - a < _NARROW:
             fall = (b * b - a * a) / 2
             z = a + (b - a) * (-np.log1p(probability * math.expm1(-fall)) / fall if fall else probability)
         elif a > 0:
-            z = -normal_quantile(normal_probability(-a) * (1 - probability) + normal_probability(-b) * probability)
+            z = -ndtri(ndtr(-a) * (1 - probability) + ndtr(-b) * probability)
         else:
-            z = normal_quantile(normal_probability(a) * (1 - probability) + normal_probability(b) * probability)
+            z = ndtri(ndtr(a) * (1 - probability) + ndtr(b) * probability)
         return np.asarray(np.clip(self.location + self.deviation * z, self.low, self.high))
 
     def described(self, unit: str) -> str:

@@ -16,7 +16,6 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
 from pretouch._core.files import with_kind
 from pretouch._core.numbers import FloatArray, checked_probability, float_or_array
-from pretouch._core.probabilities import binomial_quantile, student_quantile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,10 +120,12 @@ class Expected(Measure):
 
         The interval uses Student's t distribution.
         """
+        from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is imported only for a validation
+
         middle = float(np.mean(values))
         if not math.isfinite(middle) or len(values) < 2:
             return middle, -math.inf, math.inf
-        half = student_quantile(len(values) - 1, 0.5 + 0.5 * confidence) * float(np.std(values, ddof=1))
+        half = float(stdtrit(len(values) - 1, 0.5 + 0.5 * confidence)) * float(np.std(values, ddof=1))
         half /= math.sqrt(len(values))
         return middle, middle - half, middle + half
 
@@ -173,11 +174,13 @@ class Quantile(_AtProbability):
 
         The interval is valid for every distribution. The interval lies between order statistics.
         """
+        from scipy.stats import binom  # noqa: PLC0415 - SciPy is imported only for a validation
+
         ordered, n = np.sort(values), len(values)
         tail = 0.5 * (1 - confidence)
         # P(x_(k) <= q) = P(Binomial(n, p) >= k)
-        lower = binomial_quantile(n, self.probability, tail)
-        upper = binomial_quantile(n, self.probability, 1 - tail) + 1
+        lower = int(binom.ppf(tail, n, self.probability))
+        upper = int(binom.ppf(1 - tail, n, self.probability)) + 1
         low = float(ordered[lower - 1]) if lower >= 1 else -math.inf
         high = float(ordered[upper - 1]) if upper <= n else math.inf
         return float(self.of(values)), low, high

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.fields import check_types
 from pretouch._core.numbers import checked_probability, float_or_array
-from pretouch._core.probabilities import beta_quantile
 
 from ..constraints import Constraint
 from .measures import sample_quantile
@@ -89,10 +87,11 @@ def runs_to_show(share: float, probability: float, confidence: float) -> int | N
     return many
 
 
-@lru_cache(4096)
 def least_probability(held: int, count: int, confidence: float) -> float:
     """Return a lower confidence bound of a probability.
 
     It follows from a number of successes (Clopper and Pearson, 1934).
     """
-    return 0.0 if held == 0 else beta_quantile(held, count - held + 1, 1 - confidence)
+    from scipy.special import betaincinv  # noqa: PLC0415 - SciPy is imported only for a validation
+
+    return 0.0 if held == 0 else float(betaincinv(held, count - held + 1, 1 - confidence))

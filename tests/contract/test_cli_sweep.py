@@ -153,7 +153,31 @@ def test_a_small_sweep_prints_each_encounter_and_a_large_one_how_to_get_them(run
     assert shown == pytest.approx(expected, rel=1e-3)
     code, out, _ = run("sweep", "approach.toml", "--axis", "gain=-1:-0.1:21")
     assert "lowest" in out
-    assert out.splitlines()[-1].startswith("All values: --json")
+    shown = [line for line in out.splitlines() if line.endswith("contact")][1:]
+    assert (len(shown), shown[0].split()[0], shown[-1].split()[0]) == (10, "-1", "-0.1")
+    assert "--table" in out.splitlines()[-2]
+
+
+@pytest.mark.parametrize("name", ["all.csv", "all.md"])
+def test_the_table_of_a_sweep_has_every_encounter_with_its_unit(run: Any, name: str) -> None:
+    axes = ["--axis", "gain=-1:-0.1:21", "--axis", "obstacle.velocity=-30,30 cm/s"]
+    code, out, err = run("sweep", "approach.toml", *axes, "--table", name)
+    assert (code, err, f"Table: {name}" in out) == (0, "", True)
+    head, *rows = Path(name).read_text().splitlines()
+    if name.endswith(".csv"):
+        assert head == "gain [N*s],obstacle.velocity [m/s],time [s],relative_velocity [m/s],displacement [m],status"
+        cells = [row.split(",") for row in rows]
+        contacts = pt.find_contact(*(getattr(load_scenario("approach.toml"), n) for n in ("scenario", "sensor")), -1.0)
+        assert float(cells[0][3]) == pytest.approx(float(contacts.end.relative_velocity), rel=1e-9)
+        assert cells[1][2:5] == ["", "", ""]
+        assert {row[1] for row in cells} == {"-0.3", "0.3"}
+    else:
+        assert head.startswith("| gain | obstacle.velocity |")
+        rows = rows[1:]
+        assert rows[0].startswith("| -1 N s | -0.3 m/s |")
+    assert len(rows) == 42
+    assert run("sweep", "approach.toml", *axes, "--table", name)[0] == 2  # exists
+    assert run("sweep", "approach.toml", *axes, "--table", "all.xls")[0] == 2
 
 
 def test_a_sweep_over_gains_says_nothing_about_the_designed_gain(run: Any) -> None:

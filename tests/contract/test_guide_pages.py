@@ -16,7 +16,10 @@ PAGES = (
     *("start.md", "tutorial.md", "explanation/method.md", "explanation/offset.md", "explanation/stability.md"),
     *("explanation/bounds.md", "explanation/surprises.md", "explanation/signs-and-units.md", "explanation/motion.md"),
     *(f"how-to/{name}.md" for name in ("bounces", "crashes-while-tuning", "force-limit", "slow-sensor")),
-    *(f"how-to/{name}.md" for name in ("light-and-surfaces", "two-fingers", "which-part", "after-a-month")),
+    *(
+        f"how-to/{name}.md"
+        for name in ("light-and-surfaces", "two-fingers", "which-part", "after-a-month", "gain-table")
+    ),
     *(
         f"how-to/{name}.md"
         for name in ("ros2-control-admittance", "leg-landing", "notebook", "cluster", "teensy", "export/arduino")

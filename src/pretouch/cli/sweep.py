@@ -30,6 +30,7 @@ from .terminal import (
     read_gain,
     reservations_about,
 )
+from .verbs import refuse_existing
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 
 
 _FIGURES = (".png", ".svg", ".pdf")
+_TABLES = (".csv", ".md")
 _INTERVAL = 1.0  # s between two lines of progress
 
 
@@ -67,6 +69,10 @@ def sweep(
         Path | None,
         option("PATH", "Draw the results over one or two axes: PNG, SVG or PDF."),
     ] = None,
+    table: Annotated[
+        Path | None,
+        option("PATH", "Write a table with a row for each encounter: NAME.csv (in SI) or NAME.md (Markdown)."),
+    ] = None,
     dask: Annotated[
         str | None,
         option(
@@ -91,7 +97,7 @@ def sweep(
     Exit status: 0 some encounter ends in contact, or has an optimal gain, 1 none does, 2 a mistake in the request.
     """
     shown = Presentation(json=json, verbose=False, output=output, report=False, force=force)
-    run = partial(_sweep, shown, file, axis, results=result, gain=gain, figure=figure, dask=dask)
+    run = partial(_sweep, shown, file, axis, results=result, gain=gain, figure=figure, table=table, dask=dask)
     conclude(run, json_wanted=json)
 
 
@@ -103,6 +109,7 @@ def _sweep(
     results: list[str] | None,
     gain: str | None,
     figure: Path | None,
+    table: Path | None,
     dask: str | None,
 ) -> None:
     """Compute the sweep that the command-line options describe, and show its results."""
@@ -110,13 +117,15 @@ def _sweep(
     from pretouch.sweeps import sweep as run_sweep  # noqa: PLC0415
 
     task = load_scenario(file)
-    for path in (shown.output, figure):
+    for path in (shown.output, figure, table):
         if path is not None:
             refuse_input(path, getattr(task.source, "inputs", ()))
     task = task.replace(gain=read_gain(gain, task.law))
     axes = _axes(task, axis)
     if figure is not None:
         _check_figure(figure, axes, force=shown.force)
+    if table is not None:
+        _check_table(table, force=shown.force)
     options: dict[str, Any] = {
         "results": results or None,
         "output": shown.output,
@@ -130,7 +139,7 @@ def _sweep(
             print_message("interrupted; run the same command again to resume")
         raise
     subject = task if "gain" in axes else _nominal(task)  # over several gains, no designed gain is part of the sweep
-    _present(dataset, reservations_about(task, subject), shown, figure)
+    _present(dataset, reservations_about(task, subject), shown, figure, table)
 
 
 def _nominal(task: Task) -> Any:
@@ -177,6 +186,15 @@ def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
         )
 
 
+def _check_table(path: Path, *, force: bool) -> None:
+    """Check that the table of a sweep can be written. This check runs before anything is computed."""
+    if path.suffix.lower() not in _TABLES:
+        raise InvalidInputError(
+            f"--table: found {str(path)!r}, expected a file name that ends in {' or '.join(_TABLES)}"
+        )
+    refuse_existing(path, force=force)
+
+
 def _progress_printer() -> Callable[[Progress], None]:
     """Return a function that prints a sweep's progress. It prints once per second."""
     last = time.monotonic()
@@ -195,9 +213,27 @@ def _progress_printer() -> Callable[[Progress], None]:
     return show
 
 
-def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Presentation, figure: Path | None) -> None:
-    """Draw the figure of a sweep, print its results, and exit."""
-    from pretouch.sweeps.results import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
+def _present(
+    dataset: xr.Dataset,
+    reservations: Reservations | None,
+    shown: Presentation,
+    figure: Path | None,
+    table: Path | None,
+) -> None:
+    """Draw the figure of a sweep, write its table, print its results, and exit."""
+    from pretouch.sweeps.results import (  # noqa: PLC0415
+        counts,
+        sweep_as_csv,
+        sweep_as_dict,
+        sweep_as_markdown,
+        sweep_as_text,
+    )
+
+    if table is not None:
+        from pretouch._core.files import write_text  # noqa: PLC0415
+
+        as_table = sweep_as_csv if table.suffix.lower() == ".csv" else sweep_as_markdown
+        write_text(table, as_table(dataset), overwrite=shown.force)
 
     if figure is not None:
         from pretouch._core.files import write_bytes  # noqa: PLC0415
@@ -206,7 +242,7 @@ def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Pres
         content = BytesIO()
         plots.sweep(dataset).savefig(content, format=figure.suffix[1:].lower())
         write_bytes(figure, content.getvalue(), overwrite=shown.force)
-    places = {"output": shown.output, "figure": figure}
+    places = {"output": shown.output, "figure": figure, **({} if table is None else {"table": table})}
     witness = None if reservations is None else reservations.witness
     says_nothing = witness is not None and witness.headline is None and witness.spread is None
     if reservations is not None and says_nothing and not shown.json:
@@ -224,7 +260,7 @@ def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Pres
             f"name with --output. The error is: {' '.join(str(error).split())[:200]}"
         ) from None
     print_text(text)
-    for what, path in () if shown.json else (("Dataset", shown.output), ("Figure", figure)):
+    for what, path in () if shown.json else (("Dataset", shown.output), ("Figure", figure), ("Table", table)):
         if path is not None:
             print_text(f"{what}: {path}")
     dataset.close()

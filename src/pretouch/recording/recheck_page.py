@@ -64,7 +64,11 @@ def recheck_page(check: Recheck) -> Page:
                 caption="Each point of time shows the smallest and the largest value around it. Shaded: detections.",
             ),
             _distances(check),
-            PageSection(title="Today and then", blocks=(PageTable(rows=tuple(_rows(check)), head=_HEAD, brief=True),)),
+            PageSection(
+                title="Today and then",
+                blocks=(PageTable(rows=tuple(_rows(check)), head=_HEAD, brief=True),),
+                opened=True,
+            ),
             Paragraph(text=_REST, quiet=True),
         ),
         source=check.replay.recording.source,

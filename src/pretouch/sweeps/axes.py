@@ -72,6 +72,7 @@ def with_input(task: Task, name: str, value: float) -> Task:
 
 _MOST: Final = 10_000_000  # values of one axis on the command line: 80 MB
 _DIGITS: Final = 20
+_BARE: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*")
 _FORM: Final = "expected NAME=START:STOP:COUNT, with :log for logarithmic spacing, or NAME=VALUE,VALUE,..."
 
 Axes: TypeAlias = Mapping[str, ArrayLike | Mapping[str, ArrayLike]]
@@ -189,7 +190,7 @@ def read_axis(text: str, units: Mapping[str, str]) -> tuple[str, FloatArray]:
 
     Args:
         text: `NAME=START:STOP:COUNT`, `NAME=START:STOP:COUNT:log` or `NAME=VALUE,VALUE,...`; values with units, or bare
-            in SI. START and STOP are included.
+            in SI. START and STOP are included. In `30,40,50 mm`, the last unit applies to all.
         units: the SI unit of every allowed input.
 
     Returns:
@@ -202,6 +203,8 @@ def read_axis(text: str, units: Mapping[str, str]) -> tuple[str, FloatArray]:
         >>> name, values = read_axis("obstacle.velocity=-1 m/s:-1 cm/s:100", {"obstacle.velocity": "m/s"})
         >>> len(values), float(values[0]), float(values[-1])
         (100, -1.0, -0.01)
+        >>> read_axis("obstacle.position=30,40,50 mm", {"obstacle.position": "m"})[1].round(6).tolist()
+        [0.03, 0.04, 0.05]
     """
     name, equals, values = (part.strip() for part in text.partition("="))
     if not (name and equals and values):
@@ -209,10 +212,10 @@ def read_axis(text: str, units: Mapping[str, str]) -> tuple[str, FloatArray]:
     unit = _unit(name, units, "--axis")
     parts = [part.strip() for part in values.split(":")]
     if len(parts) == 1:
-        return name, np.array([read_quantity(part.strip(), unit, name=name) for part in values.split(",")])
+        return name, np.array([read_quantity(each, unit, name=name) for each in _with_unit(values.split(","))])
     if len(parts) not in {3, 4} or parts[3:] not in ([], ["log"]):
         raise InvalidInputError(f"--axis: found {text!r}, {_FORM}", value=text)
-    start, stop = (read_quantity(part, unit, name=name) for part in parts[:2])
+    start, stop = (read_quantity(part, unit, name=name) for part in _with_unit(parts[:2]))
     if not (math.isfinite(start) and math.isfinite(stop)):
         raise InvalidInputError(f"--axis: found {text!r}, expected finite ends", value=text)
     count = int(parts[2]) if parts[2].isdecimal() and len(parts[2]) < _DIGITS else 0
@@ -230,3 +233,10 @@ def read_axis(text: str, units: Mapping[str, str]) -> tuple[str, FloatArray]:
             value=text,
         )
     return name, np.geomspace(start, stop, count)
+
+
+def _with_unit(parts: list[str]) -> list[str]:
+    """Return quantities with the unit of the last one, if they have none."""
+    parts = [part.strip() for part in parts]
+    unit = _BARE.sub("", parts[-1], count=1)
+    return [f"{part} {unit}" if unit and _BARE.fullmatch(part) else part for part in parts]

@@ -123,6 +123,7 @@ def result_attributes(name: str, *, designs: bool, law: ContinuousLaw = DAMPER) 
 
 
 _MOST_VALUES: Final = 10_000  # largest number of encounters whose values are in the JSON object
+_MOST_LISTED: Final = 1_000_000  # largest number of encounters in a table on disk
 _MOST_ROWS: Final = 20  # largest number of encounters that are printed one by one
 _MOST_READ: Final = 10**7  # largest number of encounters for which the ranges of results are computed
 
@@ -161,16 +162,18 @@ def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
 def sweep_as_text(dataset: xr.Dataset) -> str:
     """Return a sweep as text.
 
-    It contains the number of encounters per status. A small sweep also has a table with a row for each encounter, and a
-    large one the ranges of inputs and results.
+    It contains the number of encounters per status, and a table with a row for each encounter. A large sweep also has
+    the ranges of inputs and results, and its table has evenly spaced encounters.
     """
     size = int(np.prod(dataset[STATUS].shape))
     statuses = ", ".join(f"{count:,} {word}" for word, count in counts(dataset).items() if count)
     lines = [f"{size:,} encounter{'s' if size > 1 else ''}: {statuses}", ""]
     if size <= _MOST_ROWS:
-        return "\n".join([*lines, *aligned(_rows(dataset))])
-    most = (
-        f"--json has the values of each encounter (up to {_MOST_VALUES:,}), and --output writes all of them to a file"
+        return "\n".join([*lines, *aligned(_rows(dataset, range(size)))])
+    some = sorted({round(i) for i in np.linspace(0, size - 1, _MOST_ROWS // 2).tolist()})
+    rest = (
+        f"These are {len(some)} of {size:,} encounters, evenly spaced. All of them: --table NAME.csv or NAME.md,\n"
+        f"--output NAME.nc or NAME.zarr, or --json (up to {_MOST_VALUES:,})."
     )
     rows: list[tuple[str, ...]] = [("", "from", "to", "values")]
     for name in dataset.coords:
@@ -183,25 +186,75 @@ def sweep_as_text(dataset: xr.Dataset) -> str:
         low, high = _range(dataset[name].values) if size <= _MOST_READ else (None, None)
         ends = ("-" if v is None else format_quantity(v, _unit(dataset[name])) for v in (low, high))
         rows.append((str(name), *ends, ""))
-    return "\n".join([*lines, *aligned(rows), "", f"All values: {most}."])
+    return "\n".join([*lines, *aligned(rows), "", *aligned(_rows(dataset, some)), "", rest])
 
 
-def _rows(dataset: xr.Dataset) -> list[tuple[str, ...]]:
-    """Return the inputs, the results and the status of each encounter as table rows."""
+def sweep_as_csv(dataset: xr.Dataset) -> str:
+    """Return a sweep as a CSV table in SI units, with a row for each encounter.
+
+    The header has the units; an encounter without a value has an empty cell.
+
+    Args:
+        dataset: the sweep.
+    """
+    head, columns = _columns(dataset)
+    names = [f"{name} [{unit}]" if unit else name for name, unit in head]
+    cells = [[repr(v) if np.isfinite(v) else "" for v in column.tolist()] for column in columns]
+    rows = zip(*cells, _status_words(dataset), strict=True)
+    return "\n".join([",".join([*names, STATUS]), *map(",".join, rows)]) + "\n"
+
+
+def sweep_as_markdown(dataset: xr.Dataset) -> str:
+    """Return a sweep as a Markdown table with a row for each encounter.
+
+    Args:
+        dataset: the sweep.
+    """
+    _columns(dataset)  # raises an error if there are too many
+    head, *rows = _rows(dataset, range(int(np.prod(dataset[STATUS].shape))))
+    lines = [head, ("---:",) * (len(head) - 1) + ("---",), *rows]
+    return "\n".join(f"| {' | '.join(row)} |" for row in lines) + "\n"
+
+
+def _columns(dataset: xr.Dataset) -> tuple[list[tuple[str, str]], list[Any]]:
+    """Return names and units of inputs and results, and their values for each encounter."""
+    status = dataset[STATUS]
+    size = int(np.prod(status.shape))
+    if size > _MOST_LISTED:
+        raise InvalidInputError(
+            f"--table: found {size:,} encounters, expected at most {_MOST_LISTED:,} in a table; write a dataset with "
+            "--output NAME.nc or NAME.zarr, or use fewer values"
+        )
+    names = [*dataset.coords, *(name for name in dataset.data_vars if name != STATUS)]
+    columns = [dataset[name].broadcast_like(status).transpose(*status.dims).values.ravel() for name in names]
+    return [(str(name), _unit(dataset[name])) for name in names], columns
+
+
+def _status_words(dataset: xr.Dataset) -> list[str]:
+    words = dataset[STATUS].attrs["flag_meanings"].split()
+    return [words[code] for code in np.asarray(dataset[STATUS].values).ravel().tolist()]
+
+
+def _rows(dataset: xr.Dataset, which: Sequence[int]) -> list[tuple[str, ...]]:
+    """Return the inputs, the results and the status of some encounters as table rows, in C order."""
     status, words = dataset[STATUS], dataset[STATUS].attrs["flag_meanings"].split()
     results = [name for name in dataset.data_vars if name != STATUS]
     rows = [(*map(str, dataset.coords), *map(str, results), STATUS)]
-    for index in np.ndindex(*status.shape):
+    is_whole = len(which) == int(np.prod(status.shape))  # a large dataset on disk is read only where it is shown
+    read = {name: dataset[name].values if is_whole else dataset[name] for name in (*results, STATUS)}
+    for number in which:
+        index = np.unravel_index(number, status.shape)
         place = dict(zip(status.dims, index, strict=True))
-        inputs = (_cell(dataset[name], place[dataset[name].dims[0]]) for name in dataset.coords)
-        values = (_cell(dataset[name], index) for name in results)
-        rows.append((*inputs, *values, words[int(status.values[index])]))
+        inputs = (
+            _cell(dataset[name].values[place[dataset[name].dims[0]]], _unit(dataset[name])) for name in dataset.coords
+        )
+        values = (_cell(read[name][index], _unit(dataset[name])) for name in results)
+        rows.append((*inputs, *values, words[int(read[STATUS][index])]))
     return rows
 
 
-def _cell(variable: Any, index: Any) -> str:
-    value = float(variable.values[index])
-    return format_quantity(value, _unit(variable)) if np.isfinite(value) else "-"
+def _cell(value: Any, unit: str) -> str:
+    return format_quantity(float(value), unit) if np.isfinite(float(value)) else "-"
 
 
 def counts(dataset: xr.Dataset) -> dict[str, int]:

@@ -15,9 +15,9 @@ from scipy.stats import beta
 import pretouch as pt
 from pretouch._core.units import written_unit
 from pretouch.verification.appraisal import count_to_show, draw_encounters, make_problem
+from pretouch.verification.changed_loop import candidates_of
 from pretouch.verification.result import Advice
 from pretouch.verification.settings import settings_between
-from pretouch.verification.stability import candidates_of
 from verification_samples import NOISY, SCENARIO, SENSOR, velocity_limit, verdict
 
 sys.path.insert(0, str(Path(__file__).parents[2]))

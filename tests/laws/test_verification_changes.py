@@ -15,7 +15,7 @@ from loop_samples import BareLaw
 from page_checks import parse
 from pretouch.report import report_html
 from pretouch.simulation import ClosedLoop
-from pretouch.verification.stability import candidates_of, chain_at, loop_at, told_period
+from pretouch.verification.changed_loop import candidates_of, chain_at, loop_at, told_period
 from verification_samples import NOISY, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
 pytestmark = pytest.mark.usefixtures("short_rest")

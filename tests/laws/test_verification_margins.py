@@ -16,7 +16,8 @@ from pretouch.control import VirtualAdmittance
 from pretouch.report import report_html
 from pretouch.report.pages import page_of
 from pretouch.simulation.stability import passed_distances
-from pretouch.verification.stability import candidates_of, check_stability, limit_of
+from pretouch.verification.changed_loop import candidates_of
+from pretouch.verification.stability import check_stability, limit_of
 from verification_samples import BOUNDS, OBJECTIVE, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
 pytestmark = pytest.mark.usefixtures("short_rest")

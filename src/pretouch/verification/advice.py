@@ -24,13 +24,14 @@ from pretouch.designs.search import RUNS, Effort, GainAxis, Landscape, search_ax
 from pretouch.simulation import ClosedLoop, chain_of_fit
 
 from .appraisal import USUAL_MARGIN, LoopOutcomes, LoopProblem, draw_encounters
+from .changed_loop import ChangedLoop, candidates_of, rounded_up, with_settings
 from .effect import VerdictStatus
 from .gain_search import GainSearch, runs_of_search, stable_axis
 from .improvement import Improvements, redesign
 from .reasons import lacks_only_runs, likely_runs
 from .result import Advice, Verdict
 from .settings import settings_between
-from .stability import ChangedLoop, Passed, candidates_of, limit_of, rounded_up, with_settings
+from .stability import Passed, limit_of
 
 Judge: TypeAlias = Callable[[Task], Verdict]
 """Function that returns the verdict on a changed task, as `verify` does."""

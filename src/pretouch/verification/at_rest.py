@@ -23,7 +23,7 @@ from pretouch.motion import Obstacle, Scenario
 from pretouch.simulation import ClosedLoop, IdealPlant
 from pretouch.simulation.detection import detection_distance
 
-from .stability import rounded_up, with_settings
+from .changed_loop import rounded_up, with_settings
 
 _REST: Final = 30.0  # s: longest time at rest
 _STEPS: Final = 30_000  # largest number of controller steps: a fast controller is simulated for a shorter time

@@ -19,8 +19,8 @@ from pretouch.control.laws import release_for_noise
 from pretouch.simulation import ClosedLoop, Disturbance, SimulationResult
 
 from .appraisal import Draws
+from .changed_loop import rounded_up, with_settings
 from .effect import contact_speeds
-from .stability import rounded_up, with_settings
 
 PLACES: Final = (0.9, 0.7, 0.5, 0.3, 0.1)  # shares of the start distance at which a disturbance begins
 _RUNS: Final = 8  # encounters for each disturbance, which the compiled loop runs side by side

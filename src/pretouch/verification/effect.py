@@ -20,7 +20,7 @@ from pretouch.control import Controller
 from pretouch.motion import LawNumber
 from pretouch.simulation import ClosedLoop, SimulationResult
 
-from .stability import NOISES, controller_at
+from .changed_loop import NOISES, controller_at
 
 OFTEN: Final = 0.05  # share of the runs above which harder contact counts as frequent
 LOST: Final = 0.5  # share of the predicted mitigation; a loop that loses more fails

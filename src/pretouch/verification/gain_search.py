@@ -17,7 +17,7 @@ from pretouch.designs.search import RUNS, Effort, GainAxis, Landscape, search_ax
 from pretouch.simulation import ClosedLoop, GainLimit
 
 from .appraisal import ROOM, USUAL_MARGIN, LoopOutcomes, LoopProblem
-from .stability import as_printed
+from .changed_loop import as_printed
 
 _DIGITS: Final = 12  # decimals of u = ln|D_p| that distinguish two gains
 _MOST_SEARCHED: Final = 1000  # largest number of runs of each gain in a search

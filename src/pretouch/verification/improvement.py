@@ -29,10 +29,11 @@ from .appraisal import (
     part_of,
     status_of,
 )
+from .changed_loop import ChangedLoop, candidates_of
 from .effect import SIGNIFICANT, VerdictStatus, effect_of, mean_and_error
 from .gain_search import GainSearch, LoopCurve, runs_of_search, stable_axis
 from .settings import Setting, settings_between
-from .stability import ChangedLoop, Passed, StabilityCheck, candidates_of, limit_of, stability_margin
+from .stability import Passed, StabilityCheck, limit_of, stability_margin
 
 _WORTH: Final = 0.01  # smallest relative improvement of the objective that justifies a change
 _FALL: Final = 0.8  # if a change reduces the margin below this share of it, the new margin is reported

@@ -16,11 +16,11 @@ from pretouch.designs.page_sentences import step_without_gain
 from pretouch.motion.page_sections import approach_step, mitigating_step
 
 from .appraisal import USUAL_MARGIN
+from .changed_loop import rounded_up, with_settings
 from .reasons import runs_advised
 from .result import Advice, Verdict
 from .run_warnings import detection_step
 from .settings import settings_between
-from .stability import rounded_up, with_settings
 
 _LATER: Final = 1.3  # factor on the latest predicted contact
 

@@ -13,9 +13,9 @@ from pretouch.designs.robust.required import least_probability, runs_to_show
 from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import ROOM, USUAL_MARGIN
+from .changed_loop import rounded_up
 from .effect import LOST, OFTEN, Effect, VerdictStatus, chase_in_words, higher_in_words
 from .result import LimitCheck, Verdict
-from .stability import rounded_up
 
 _ROUNDING: Final = 1e-9  # relative rounding error of a speed
 _CAUTIONS: Final = (0.7, 0.5)  # confidence levels of the share of runs from which a number of runs is computed

@@ -30,6 +30,7 @@ from .appraisal import LoopProblem, draw_encounters, foreseen_impact, predicted_
 from .at_rest import motion_at_rest
 from .breakage import check_breakage
 from .calibration_check import check_calibration
+from .changed_loop import NOISES, plausible_rate
 from .checks import assumptions_of, check_approach, check_limits, check_reached, compare_quantities
 from .effect import VerdictStatus, compare_with_fast_sensor, effect_of, without_noise
 from .encounter import SimulatedEncounter
@@ -38,7 +39,7 @@ from .next_step import next_step
 from .reasons import judged, no_gain_with_margin
 from .result import Verdict
 from .run_warnings import cautions_of
-from .stability import NOISES, check_stability, limit_of, plausible_rate, rates_for_margins, stability_margin
+from .stability import check_stability, limit_of, rates_for_margins, stability_margin
 
 _ONE_ADMITTANCE: Final = "a controller runs with one"
 _CALM: Final = 0.3  # share of the distance to an object: a smaller motion by noise stays far from it

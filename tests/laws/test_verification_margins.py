@@ -143,7 +143,7 @@ def test_a_gain_that_only_the_required_margin_excludes_is_refused_with_the_rate_
     options: dict[str, Any] = {"constraints": [velocity_limit(0.1)], "stability_margin": 2.0}
     slow = verdict(loop_of(rate=8.0, exposure=170e-6), **options)
     assert slow.gain is None
-    assert "infeasible with a required gain margin of 2 and a sensor rate of 8 Hz: the relative_vel" in slow.headline
+    assert "infeasible with a required gain margin of 2 and a sensor rate of 8 Hz: the relative vel" in slow.headline
     advice = re.search(r"read the sensor at (\d+) Hz instead of 8 Hz", page_of(slow).next_step)
     assert advice is not None
     assert f"This gain has the required margin at a sensor rate of {advice[1]} Hz or more" in slow.reasons[0]

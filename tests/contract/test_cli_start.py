@@ -521,7 +521,25 @@ def test_the_doctor_names_versions_and_what_is_missing(tmp_path: Path) -> None:
     assert told["status"] == "works"
     assert told["core"]["variant"] in {"base", "avx2", "avx512"}
     for name, missing in told["missing_of_extras"].items():
-        assert (f"pip install 'pretouch[{name}]'" in answer.stdout) == bool(missing)
+        assert (f"pip install -U 'pretouch[{name}]'" in answer.stdout) == bool(missing)
+    assert told["missing"] == []
+
+
+def test_the_doctor_tells_which_versions_are_too_old(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = {"matplotlib": "0.9.4", "xarray": "0.1.0", "scipy": None}
+    known = doctor._version
+    monkeypatch.setattr(doctor, "_version", lambda name: found[name] if name in found else known(name))
+    pretouch = command(monkeypatch, capsys)
+    code, out, _ = pretouch("doctor")
+    assert code == 1
+    assert "MISSING or too old: scipy, matplotlib>=" in out
+    assert "(found 0.9.4)" in out
+    line = next(line for line in out.splitlines() if line.startswith("  extra sweep"))
+    assert "(found 0.1.0)" in line
+    told = json.loads(pretouch("doctor", "--json")[1])
+    assert (told["status"], [name.partition(">")[0] for name in told["missing"]]) == ("broken", ["scipy", "matplotlib"])
 
 
 @pytest.mark.parametrize("is_there", [True, False])

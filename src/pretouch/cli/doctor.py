@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import platform
-import re
 import shutil
 from functools import partial
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -14,6 +13,9 @@ from pretouch._core.errors import PretouchError
 from pretouch._core.files import as_json
 
 from .terminal import conclude, end, print_text
+
+if TYPE_CHECKING:
+    from packaging.requirements import Requirement
 
 _EXTRAS: Final = {
     "sweep": "datasets of pretouch sweep",
@@ -34,8 +36,8 @@ _PROGRAMS: Final = {
 def doctor(*, json: Annotated[bool, typer.Option("--json", help="Print only a JSON object.")] = False) -> None:
     """Check the installation: versions, processor, optional libraries, and how to install missing parts.
 
-    Exit status: 0 pretouch works, though an extra may be missing, 1 the compiled core does not work, 2 a mistake in
-    the request.
+    Exit status: 0 pretouch works, though an extra may be missing, 1 the compiled core does not work, or a package is
+    missing or too old, 2 a mistake in the request.
     """
     conclude(partial(_doctor, json=json), json_wanted=json)
 
@@ -45,24 +47,26 @@ def _doctor(*, json: bool) -> None:
     from pretouch.studio.page_file import BUILD_CORE, CORE  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     core = _core()
-    extras = {name: _missing(name) for name in _EXTRAS}
+    extras = {name: _lacking(name) for name in _EXTRAS}
     programs = {name: shutil.which(name) is not None for name in _PROGRAMS}
-    packages = {name: _version(name) for name in ("pretouch", *_required(""))}
-    works = "problem" not in core and None not in packages.values()
+    packages = {name: _version(name) for name in ("pretouch", *(one.name for one in _required("")))}
+    lacking = _lacking("")
+    works = "problem" not in core and not lacking
     page = "" if CORE.exists() else BUILD_CORE
     if json:
         document = {"status": "works" if works else "broken", "python": platform.python_version(), "core": core}
-        parts = {"packages": packages, "missing_of_extras": extras, "page_core": not page, "programs": programs}
+        parts: dict[str, Any] = {"packages": packages, "missing": lacking, "missing_of_extras": extras}
+        parts |= {"page_core": not page, "programs": programs}
         print_text(as_json(document | parts))
     else:
-        print_text("\n".join(_lines(core, packages, extras, programs, page=page)))
+        print_text("\n".join(_lines(core, packages, {"": lacking, **extras}, programs, page=page)))
     end(good=works)
 
 
 def _lines(
     core: dict[str, Any],
     packages: dict[str, str | None],
-    extras: dict[str, list[str]],
+    lacking: dict[str, list[str]],
     programs: dict[str, bool],
     *,
     page: str,
@@ -70,16 +74,16 @@ def _lines(
     """Describe the installation in lines of text. `page` says how to build the core of the studio if it is missing."""
     own = packages.pop("pretouch")
     lines = [f"pretouch {own}, Python {platform.python_version()}, {platform.system()} {platform.machine()}"]
-    lines.append(
-        "  " + ", ".join(f"{name} {number or 'MISSING: pip install ' + name}" for name, number in packages.items())
-    )
+    lines.append("  " + ", ".join(f"{name} {number or 'MISSING'}" for name, number in packages.items()))
+    if lacking[""]:
+        lines.append(f"  MISSING or too old: {', '.join(lacking[''])}: pip install --upgrade pretouch")
     if "problem" in core:
         lines.append(f"  compiled core  does not work: {core['problem']}")
     else:
         lines.append(f"  compiled core  works, with code for the processor variant {core['variant']}")
     for name, purpose in _EXTRAS.items():
-        missing = extras[name]
-        state = "installed" if not missing else f"missing {', '.join(missing)}: pip install 'pretouch[{name}]'"
+        missing = lacking[name]
+        state = "installed" if not missing else f"missing {', '.join(missing)}: pip install -U 'pretouch[{name}]'"
         if name == "studio" and page:
             state += f"; the core of its page is missing: {page}"
         lines.append(f"  extra {name:<8} {state}  ({purpose})")
@@ -105,29 +109,30 @@ def _core() -> dict[str, Any]:
         return {"problem": str(error)}
 
 
-def _required(extra: str) -> list[str]:
+def _required(extra: str) -> list[Requirement]:
     """Return the packages that an extra, or pretouch without extras (""), installs on this machine."""
     from importlib.metadata import requires  # noqa: PLC0415 - keeps `pretouch --help` quick
 
-    names = []
-    for line in requires("pretouch") or []:
-        name = re.match(r"[\w.-]+", line)
-        of = re.search(r"extra == ['\"](\w+)['\"]", line)
-        if name and (of[1] if of else "") == extra and not ("sys_platform" in line and _no_dds()):
-            names.append(name[0])
-    return names
+    from packaging.requirements import Requirement  # noqa: PLC0415
+
+    found = []
+    for one in map(Requirement, requires("pretouch") or []):
+        without, wanted = (one.marker is None or one.marker.evaluate({"extra": name}) for name in ("", extra))
+        if wanted and (not extra or not without):
+            found.append(one)
+    return found
 
 
-def _no_dds() -> bool:
-    """Check whether the DDS library lacks a wheel for this machine."""
-    return platform.python_version_tuple() >= ("3", "14") or (
-        platform.system() == "Linux" and platform.machine() != "x86_64"
-    )
-
-
-def _missing(extra: str) -> list[str]:
-    """Return those packages of a pip extra that are not installed."""
-    return [name for name in _required(extra) if _version(name) is None and _version(f"{name}-core") is None]
+def _lacking(extra: str) -> list[str]:
+    """Return those packages of a pip extra that are missing, or too old."""
+    lacking = []
+    for one in _required(extra):
+        number = _version(one.name) or _version(f"{one.name}-core")
+        if number is None:
+            lacking.append(one.name)
+        elif not one.specifier.contains(number, prereleases=True):
+            lacking.append(f"{one.name}{one.specifier} (found {number})")
+    return lacking
 
 
 def _version(package: str) -> str | None:

@@ -534,12 +534,14 @@ def test_the_doctor_tells_which_versions_are_too_old(
     pretouch = command(monkeypatch, capsys)
     code, out, _ = pretouch("doctor")
     assert code == 1
-    assert "MISSING or too old: scipy, matplotlib>=" in out
-    assert "(found 0.9.4)" in out
+    listed = next(line for line in out.splitlines() if line.startswith("  MISSING or too old: "))
+    assert "scipy" in listed
+    assert "(found 0.9.4)" in listed
     line = next(line for line in out.splitlines() if line.startswith("  extra sweep"))
     assert "(found 0.1.0)" in line
     told = json.loads(pretouch("doctor", "--json")[1])
-    assert (told["status"], [name.partition(">")[0] for name in told["missing"]]) == ("broken", ["scipy", "matplotlib"])
+    assert told["status"] == "broken"
+    assert {name.partition(">")[0] for name in told["missing"]} == {"scipy", "matplotlib"}
 
 
 @pytest.mark.parametrize("is_there", [True, False])

@@ -45,7 +45,15 @@ LOOPS = {
     "end before contact": loop(plant=SERVO, horizon=0.1),
     "limits": loop(limits={"force": 2.0, "speed": 0.05, "acceleration": 3.0, "excursion": 0.01}),
     "limits of a robot": loop(plant=SERVO, limits={"force": 5.0, "excursion": 0.02}),
-    "filters": loop(conditioning={"median_window": 3, "low_pass_order": 3, "cutoff": 40.0, "largest_rate": 120.0}),
+    "filters": loop(
+        conditioning={
+            "median_window": 3,
+            "moving_average": 4,
+            "low_pass_order": 3,
+            "cutoff": 40.0,
+            "largest_rate": 120.0,
+        }
+    ),
     "approach only": loop(law=pt.control.VirtualDamper(gain=0.0, approach_only=True)),
     "late and lost readings": loop(
         replace(CHAIN, jitter=1e-3, dropout=0.4, drift=1e-4), conditioning={"timeout": 9e-3}

@@ -30,6 +30,7 @@ HARD = {
     "letter": {"median_window": 10, "low_pass_order": 5, "cutoff": 100.0, "saturation": 5.0, "largest_rate": 300.0},
     "bare": {},
     "slow": {"sensor_period": 7.3e-3, "fade_time": 0.02, "timeout": 0.05, "median_window": 3, "saturation": 5.0},
+    "average": {"moving_average": 9, "median_window": 3},
     "approach": {"approach_only": True, "release": 0.05, "ramp_time": 0.02, "low_pass_order": 8, "cutoff": 400.0},
     "strong": {"gain": -1e6, "contact_gain": 1.0, "median_window": 16, "low_pass_order": 2, "cutoff": 20.0},
     "pulling": {"gain": 3.0, "fade_time": 0.0, "ramp_time": 1.0, "offset": -0.3},

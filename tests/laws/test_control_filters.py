@@ -17,8 +17,14 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from plain_law.filters import advance_low_pass, advance_median, fill_low_pass, fill_median
 from plain_law.motion import advance_admittance
-from pretouch.control import VirtualAdmittance
-from pretouch.control.components import LONGEST_WINDOW, design_low_pass, discretize
+from pretouch.control import Conditioning, VirtualAdmittance
+from pretouch.control.components import (
+    LONGEST_AVERAGE,
+    LONGEST_WINDOW,
+    design_low_pass,
+    design_moving_average,
+    discretize,
+)
 from properties import examples
 from refusals import refused
 
@@ -45,6 +51,32 @@ def test_the_median_is_the_filter_of_scipy_with_its_window_behind(length: int) -
         found.append(middle)
     expected = median_filter(values, size=length, mode="nearest", origin=length // 2)
     assert found == expected.tolist()
+
+
+@pytest.mark.parametrize("window", range(1, LONGEST_AVERAGE + 1))
+def test_the_moving_average_is_the_mean_of_the_last_readings_and_starts_settled(window: int) -> None:
+    values = 3.0 + np.random.default_rng(window).normal(size=500)
+    sections = design_moving_average(window)
+    states, found = fill_low_pass(sections, float(values[0])), []
+    for value in values.tolist():
+        states, out = advance_low_pass(sections, states, value)
+        found.append(out)
+    padded = np.concatenate([np.full(window - 1, values[0]), values])
+    # no section amplifies by more than 1 / (1 - cos 40 deg), and there are four
+    np.testing.assert_allclose(found, np.convolve(padded, np.full(window, 1 / window), "valid"), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("window", [0, 10, 2.0, True, -3])
+def test_a_moving_average_that_does_not_fit_is_refused(window: Any) -> None:
+    with refused("moving_average", value=window):
+        design_moving_average(window)
+
+
+def test_a_moving_average_and_a_low_pass_share_the_sections_of_the_law() -> None:
+    both = Conditioning(floor=1.0, moving_average=4, low_pass_order=4, cutoff=50.0)
+    assert len(both.sections(1000.0)) == 4
+    with refused(value=5):
+        Conditioning(floor=1.0, moving_average=5, low_pass_order=5, cutoff=50.0).sections(1000.0)
 
 
 @pytest.mark.parametrize("order", range(9))

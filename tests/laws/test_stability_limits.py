@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import butter
+from scipy.signal import butter, freqz_sos
 
 import pretouch as pt
 from lifted_loop import lifted_radius
@@ -306,6 +307,28 @@ def test_a_timing_follows_from_chain_and_controller() -> None:
     assert (free.delay, free.delay_range) == pytest.approx((0.0014, 0.001))
     any_ratio = pt.simulation.timing_of(pt.SensorChain(rate=97.3, delay=0.0004), controller, worst_ratio=True)
     assert (any_ratio.delay, any_ratio.delay_range) == pytest.approx((0.0014, 0.001))
+
+
+@pytest.mark.parametrize("window", range(2, 10))
+def test_a_moving_average_has_the_response_of_its_formula(window: int, letter_power: pt.InversePower) -> None:
+    """It delays by (N - 1) / 2 readings, and weakens, so that a delay alone bounds the gain from below."""
+    controller = control.Controller(
+        period=1e-3,
+        conditioning=control.Conditioning(floor=1e-3, sensor_period=0.004, moving_average=window),
+        law=control.VirtualDamper(gain=-0.7),
+        admittance=control.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+    )
+    timing = pt.simulation.timing_of(pt.SensorChain(rate=250.0), controller)
+    turn = np.linspace(0.05, 3.0, 40)
+    _, response = freqz_sos(np.array(timing.sections), worN=turn)
+    weight = np.sin(window * turn / 2) / (window * np.sin(turn / 2))
+    np.testing.assert_allclose(response, weight * np.exp(-0.5j * (window - 1) * turn), atol=1e-14)
+    admittance = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
+    late = replace(timing, sections=(), delay=timing.delay + (window - 1) / 2 / 250)
+    exact, bound = (
+        pt.simulation.gain_limit(letter_power, admittance, t, distance=0.0).strongest for t in (timing, late)
+    )
+    assert exact < bound < 0  # the delay alone allows less
 
 
 def test_a_controller_that_is_slower_than_its_sensor_takes_the_newest_reading() -> None:

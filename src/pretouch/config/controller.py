@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 _FLOOR: Final = 3.0  # default floor, in standard deviations of the noise
 _SAME: Final = 1e-9  # relative difference of two equal periods, from the rounding of 1 / rate
 _LIMITS: Final = ("force", "speed", "acceleration", "excursion")
-_CONDITIONING: Final = ("median_window", "low_pass_order", "cutoff", "timeout", "fade_time", "largest_rate")
+_FILTERS: Final = ("median_window", "moving_average", "low_pass_order", "cutoff")
+_CONDITIONING: Final = (*_FILTERS, "timeout", "fade_time", "largest_rate")
 _LAW: Final = ("approach_only", "release", "ramp_time")
 
 

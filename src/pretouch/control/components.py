@@ -14,6 +14,10 @@ from .structures import AdmittanceNumbers, FilterSection, MotionLimits, SensingN
 LONGEST_WINDOW = 16
 """Largest window of the running median, in readings."""
 
+LONGEST_AVERAGE = 9
+"""Largest window of the moving average, in readings: its zeros fill the second-order sections of the law."""
+
+_SECTIONS = 4  # of the filters of the law together
 _ANY_READING = 1e12
 _ANY_FLOOR = 1e-24  # keeps ln(xi / floor) finite for every reading, also in single precision
 _ANY_RATE = 1e15
@@ -43,6 +47,8 @@ class Conditioning:
         saturation: raw reading from which the sensor is saturated [unit of xi]; None: never.
         sensor_period: nominal time between two readings [s], at least the loop's period; None: the loop's period.
         median_window: number of readings in the running median, 1 (no median) to 16; 10 in the letter.
+        moving_average: number of readings in the moving average, 1 (none) to 9; it comes after the median, before the
+            low-pass.
         low_pass_order: order of the Butterworth low-pass, 0 (none) to 8; 5 in the letter.
         cutoff: cutoff frequency of the low-pass [Hz]; 500 Hz in the letter.
         timeout: time without a usable reading after which the sensor counts as lost [s]; None: ten sensor periods.
@@ -62,6 +68,7 @@ class Conditioning:
     saturation: float | None = quantity(OUTPUT, None)
     sensor_period: float | None = quantity("s", None, sign="positive")
     median_window: int = count(1, 1, "3")
+    moving_average: int = count(1, 1, "4")
     low_pass_order: int = count(0, 0, "2")
     cutoff: float | None = quantity("Hz", None, sign="positive")
     timeout: float | None = quantity("s", None, sign="positive")
@@ -122,7 +129,7 @@ class Conditioning:
                 value=timeout,
                 limit=sensor_period,
             )
-        low_pass = design_low_pass(self.low_pass_order, self.cutoff, 1 / sensor_period)
+        low_pass = self.sections(1 / sensor_period)
         return SensingNumbers(
             period=period,
             sensor_period=sensor_period,
@@ -136,6 +143,26 @@ class Conditioning:
             low_pass=(FilterSection * 4)(*low_pass),
         )
 
+    def sections(self, rate: float) -> tuple[FilterSection, ...]:
+        """Return the second-order sections of moving average and low-pass.
+
+        Args:
+            rate: readings per second [Hz].
+
+        Raises:
+            InvalidInputError: a filter is invalid, or both need more than four sections.
+        """
+        average = design_moving_average(self.moving_average)
+        low_pass = design_low_pass(self.low_pass_order, self.cutoff, rate)
+        if len(average) + len(low_pass) > _SECTIONS:
+            raise InvalidInputError(
+                f"moving_average, low_pass_order: found an average over {self.moving_average} readings and a low-pass "
+                f"of order {self.low_pass_order}, expected filters that need at most {_SECTIONS} second-order sections "
+                f"together, but they need {len(average)} and {len(low_pass)}; use one of both filters",
+                value=self.moving_average,
+            )
+        return (*average, *low_pass)
+
     def fade_step(self, period: float) -> float:
         """Return the fraction by which the force fades per control period.
 
@@ -145,6 +172,34 @@ class Conditioning:
         sensor_period = period if self.sensor_period is None else self.sensor_period
         fade_time = _FADE_PERIODS * sensor_period if self.fade_time is None else self.fade_time
         return min(period / fade_time, 1.0) if fade_time > 0 else 1.0
+
+
+def design_moving_average(window: object) -> tuple[FilterSection, ...]:
+    """Return the mean of the last N readings as second-order sections.
+
+    The N - 1 zeros of 1 + z^-1 + ... + z^-(N-1) are the roots of unity other than 1. Each pair of conjugate zeros is a
+    section without feedback, and -1, a zero of even N, is one of first order.
+
+    Args:
+        window: number of readings N.
+
+    Raises:
+        InvalidInputError: the window is invalid.
+    """
+    if not isinstance(window, int) or isinstance(window, bool) or not 1 <= window <= LONGEST_AVERAGE:
+        raise InvalidInputError(
+            f"moving_average: found {window!r}, expected a whole number of readings from 1 (no moving average) to "
+            f"{LONGEST_AVERAGE}. A longer average is a delay of the sensor of half its length: add it to delay in "
+            "[chain]",
+            value=window,
+            limit=LONGEST_AVERAGE,
+        )
+    sections = [FilterSection(0.5, 0.5, 0.0, 0.0, 0.0)] if window % 2 == 0 else []
+    for k in range(1, (window + 1) // 2):
+        turn = -2 * math.cos(2 * math.pi * k / window)
+        b = 1 / (2 + turn)
+        sections.append(FilterSection(b, turn * b, b, 0.0, 0.0))
+    return tuple(sections)
 
 
 def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[FilterSection, ...]:

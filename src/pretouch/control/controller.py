@@ -221,6 +221,8 @@ class Controller:
         if c.saturation is not None:
             yield "saturation level", format_output(c.saturation)
         yield "running median", f"over {c.median_window} readings" if c.median_window > 1 else "none"
+        if c.moving_average > 1:
+            yield "moving average", f"over {c.moving_average} readings"
         if c.low_pass_order and c.cutoff is not None:
             yield "low-pass", f"Butterworth of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}"
         else:

@@ -151,6 +151,8 @@ def quiet_floor(conditioning: Conditioning, rate: float, noise: float) -> float:
     if conditioning.low_pass_order or not rate > 0 or not noise > 0:
         return 0.0
     window = conditioning.median_window
+    if window == 1:  # after a median, the readings of an average depend on each other: the median alone is a bound
+        noise /= math.sqrt(conditioning.moving_average)
     least = (window + 1) // 2  # readings above the floor for a median above it
     chance = (1 / (_HOUR * rate * math.comb(window, least))) ** (1 / least)
     return -noise * NormalDist().inv_cdf(chance)

@@ -17,7 +17,7 @@ from pretouch._core.fields import OUTPUT, OUTPUT_RATE, check_declared, flag, qua
 from pretouch._core.units import format_quantity
 from pretouch.calibration import SensorFit
 from pretouch.control import Controller
-from pretouch.control.components import design_low_pass, format_output
+from pretouch.control.components import format_output
 
 from .disturbance import checked_disturbances, native_disturbances
 
@@ -357,7 +357,7 @@ def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool =
             needed for statements about all rates above a limit.
 
     Returns:
-        The timing, with the Butterworth filter of the controller and the smoothing of its law.
+        The timing, with the moving average and the Butterworth filter of the controller, and the smoothing of its law.
 
     Examples:
         >>> from pretouch.control import Conditioning, VirtualAdmittance, VirtualDamper
@@ -375,7 +375,7 @@ def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool =
     rate = min(chain.rate, 1 / period)
     longest, shortest = (min(period, chain.period), 0.0) if worst_ratio else _waits(chain, period)
     median = (conditioning.median_window - 1) / 2 / rate
-    designed = design_low_pass(conditioning.low_pass_order, conditioning.cutoff, rate)
+    designed = conditioning.sections(rate)
     hold = period if conditioning.sensor_period is None else conditioning.sensor_period
     return LoopTiming(
         rate=rate,

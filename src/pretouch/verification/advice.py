@@ -52,7 +52,7 @@ _THOROUGH: Final = Effort(first=17, largest=17, most=1, nodes=5, finest=2e-3, sm
 _AROUND: Final = 4.0  # a changed loop is searched from the nearest gain divided by this factor to it times the factor
 _FIRST_LIMIT: Final = 2  # place of the first limit among the shortfalls, after contact and contact speed
 _MOST: Final = 1e6  # larger shortfalls are not distinguished
-_FILTERS: Final = ("median_window", "low_pass_order", "cutoff", "largest_rate", "floor")
+_FILTERS: Final = ("median_window", "moving_average", "low_pass_order", "cutoff", "largest_rate", "floor")
 _AGAINST_NOISE: Final = frozenset({"chain.noise", "chain.relative_noise", *(f"controller.{key}" for key in _FILTERS)})
 """Settings that help only against noise. If the noise is a guess, it must be measured first."""
 

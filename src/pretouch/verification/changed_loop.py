@@ -209,6 +209,9 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float, start: float
     if c.median_window > 1:
         text = f"Remove the {c.median_window}-sample median filter."
         yield "median", text, partial(with_settings, loop, conditioning={"median_window": 1})
+    if c.moving_average > 1:
+        text = f"Remove the moving average over {c.moving_average} readings."
+        yield "moving-average", text, partial(with_settings, loop, conditioning={"moving_average": 1})
     if c.low_pass_order and c.cutoff is not None:
         text = f"Remove the low-pass filter of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}."
         yield "low-pass", text, partial(with_settings, loop, conditioning={"low_pass_order": 0, "cutoff": None})

@@ -95,6 +95,7 @@ def headline(page):
 
 
 def drag(page, selector, across, *, start=0.4):
+    page.locator(selector).scroll_into_view_if_needed()
     box = page.locator(selector).bounding_box()
     x, y = box["x"] + start * box["width"], box["y"] + 0.5 * box["height"]
     page.mouse.move(x, y)
@@ -326,6 +327,38 @@ def test_the_page_fits_every_width(open_page, static_file, width):
     assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.parametrize("width", [390, 1400])
+def test_controls_are_whole_and_verification_is_found_without_scrolling_far(open_page, server, width):
+    page = open_page(server.address, width=width, height=844)
+    page.evaluate("document.querySelector('#inputs').open = true")
+    wait(page, "pretouch.state.disk !== undefined")
+    boxes = "[...document.querySelectorAll('button, .file, select')].filter((e) => e.offsetParent)"
+    assert page.evaluate(f"{boxes}.filter((e) => e.getClientRects().length !== 1).map((e) => e.id)") == []
+    missing = "(e) => { const w = e.offsetWidth; e.style.width = 'max-content'; const n = e.offsetWidth; "
+    missing += "e.style.width = ''; return n - w; }"
+    selects = f"{boxes}.filter((e) => e.matches('select'))"
+    assert page.evaluate(f"{selects}.map({missing}).filter((width) => width > 1)") == []
+    page.evaluate("document.querySelector('#inputs').open = innerWidth >= 820")  # as the page starts
+    ends = page.evaluate(
+        "['verify', 'export', 'csv'].map((id) => document.getElementById(id).getBoundingClientRect().bottom)"
+    )
+    assert max(ends) < 844 * 1.5
+
+
+@pytest.mark.parametrize(("excursion", "speed"), [("0.2 m", "0.1 m/s"), ("0.25 m", "0.1 m/s"), ("0.6 m", "0.29 m/s")])
+def test_no_line_of_a_limit_crosses_the_label_of_another(open_page, static_file, excursion, speed):
+    page = open_page(static_file)
+    page.fill("[id='constraints.excursion']", excursion)
+    page.fill("[id='constraints.relative_velocity']", speed)
+    wait(page, "!pretouch.frame && pretouch.tradeChart.labels?.length === 2")
+    lines = page.evaluate(
+        "pretouch.problem.limits.map(({ name, limit }) => name === 'excursion' ? [1e3 * limit, 'e'] : [limit, 'v'])"
+        ".map(([value, axis]) => pretouch.tradeChart.plot.valToPos(value, axis, true))"
+    )
+    labels = page.evaluate("pretouch.tradeChart.labels")
+    assert [(line, label) for line in lines for label in labels if label["top"] < line < label["bottom"]] == []
+
+
 def test_units_are_read_as_python_reads_them(open_page, static_file):
     page = open_page(static_file)
     for text, unit in QUANTITIES:
@@ -367,12 +400,41 @@ def test_axe_has_no_serious_findings(open_page, static_file, scheme, width):
     assert serious(page) == []
 
 
-def test_the_studio_has_no_serious_findings(open_page, server):
-    page = open_page(server.address)
-    page.set_input_files("#csv", ROOT / "examples/sensor.csv")
-    page.wait_for_selector("#fit:not([hidden])", timeout=60_000)
-    page.evaluate(axe().replace("</script", ""))
-    assert serious(page) == []
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1400), ("dark", 390)])
+def test_no_state_of_the_studio_has_serious_findings(open_page, tmp_path, scheme, width):
+    """A calibration, a running job, results, a dialog, a conflict, a bad file, and a lost server."""
+    file = Path(shutil.copy(ROOT / "examples/loop.toml", tmp_path))
+    found = {}
+    with running_studio(file) as server:
+        page = open_page(server.address, width=width, color_scheme=scheme)
+        page.set_input_files("#csv", ROOT / "examples/sensor.csv")
+        page.wait_for_selector("#fit:not([hidden])", timeout=60_000)
+        page.click("#sweep")
+        page.wait_for_selector("#jobs progress")
+        found["running"] = serious(page)
+        page.click("#jobs button")
+        page.click("#simulate")
+        page.click("#cloud")
+        page.wait_for_selector("#job-text:not([hidden])")
+        page.wait_for_selector("#cloud-figure:not([hidden])")
+        wait(page, "!document.querySelector('#jobs progress')")
+        found["results"] = serious(page)
+        page.click("#python")
+        page.wait_for_selector("#text-dialog[open]")
+        found["dialog"] = serious(page)
+        page.click("#close")
+        file.write_text(file.read_text(encoding="utf-8") + "# a note\n", encoding="utf-8")
+        page.click("#save")
+        page.wait_for_selector("#conflict:not([hidden])")
+        (tmp_path / "bad.csv").write_text("no table", encoding="utf-8")
+        page.set_input_files("#csv", tmp_path / "bad.csv")
+        wait(page, "document.querySelector('#csv-mistake').textContent !== ''")
+        found["conflict"] = serious(page)
+        server.stop()
+        page.click("#simulate")
+        page.wait_for_selector("#connection:not([hidden])")
+        found["lost"] = serious(page)
+    assert found == {state: [] for state in found}
 
 
 # ---- with a server ----
@@ -470,6 +532,33 @@ def test_two_tabs_and_an_editor_do_not_overwrite_each_other(open_page, tmp_path)
         wait(second, "document.querySelector('#save').textContent === 'Saved loop.toml'")
         assert '"-0.6 m/s"' in file.read_text(encoding="utf-8")
         assert first.mistakes == second.mistakes == []
+
+
+def test_what_is_typed_before_the_file_has_loaded_stays(browser, scenario_file):
+    with running_studio(scenario_file) as server:
+        page, held = browser.new_page(), []
+
+        def hold(route):
+            held.append(route)
+
+        page.route("**/api/reload", hold)
+        page.goto(server.address)
+        page.wait_for_selector("[id='obstacle.velocity']")
+        wait(page, "true")
+        page.fill("[id='obstacle.velocity']", "-0.55 m/s")
+        for _ in range(200):
+            if held:
+                break
+            page.wait_for_timeout(20)
+        held[0].continue_()
+        page.wait_for_selector("html[data-ready]", timeout=60_000)
+        assert page.input_value("[id='obstacle.velocity']") == "-0.55 m/s"
+        assert page.input_value("[id='constraints.relative_velocity']") == "0.1 m/s", "the file is loaded"
+        assert page.evaluate("document.activeElement.id") == "obstacle.velocity"
+        assert page.evaluate("pretouch.state.base['obstacle.velocity']") == "-0.3 m/s"
+        page.click("#undo")
+        assert page.input_value("[id='obstacle.velocity']") == "-0.3 m/s"
+        page.close()
 
 
 def test_a_lost_server_loses_nothing(open_page, scenario_file):

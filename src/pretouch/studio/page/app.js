@@ -9,6 +9,7 @@ const POINTS = { still: 96, dragged: 36 }; // of the trade-off curve
 const HISTORY = 200;
 const WITHOUT_CONTACT = 2; // s that are shown of encounters without contact
 const LETTERS = "ABCDEFGH";
+const NEGLIGIBLE = 1e-12; // m, a rounding error of an excursion
 const SPEEDS = Array.from({ length: 16 }, (_, i) => (i + 1) / 16);
 export const byId = (id) => document.getElementById(id);
 
@@ -104,8 +105,30 @@ export class Page {
 
     /** Replace the scenario, such as by that of a file. */
     load(fields, fixed = {}, file = null, more = {}) {
+        const typed = this.#typed(fields);
         this.change((state) => Object.assign(state, { fields, fixed, file, chosen: null }, more));
+        if (typed) this.change((state) => Object.assign(state, { fields: JSON.parse(JSON.stringify({ ...state.fields, ...typed.fields })), chosen: typed.chosen }));
         this.#form();
+    }
+
+    /** Load the first scenario; what the user types until then stays, as a change that Undo takes back. */
+    async keepTyped(load) {
+        this.untyped = structuredClone(this.state);
+        try {
+            await load();
+        } finally {
+            this.untyped = null;
+        }
+    }
+
+    /** Return the inputs that the user has changed since `keepTyped`, without those of a sensor that the file replaces. */
+    #typed(fields) {
+        const { state, untyped } = this;
+        if (!untyped) return null;
+        const keys = Object.keys({ ...untyped.fields, ...state.fields }).filter((key) => untyped.fields[key] !== state.fields[key]);
+        const kept = keys.filter((key) => !(key.startsWith("sensor.") && fields["sensor.calibration"]));
+        const chosen = state.chosen === untyped.chosen ? null : state.chosen;
+        return kept.length || chosen !== null ? { chosen, fields: Object.fromEntries(kept.map((key) => [key, state.fields[key]])) } : null;
     }
 
     // ---- drawing ----
@@ -294,7 +317,7 @@ export class Page {
             title.style.color = `var(${run.color})`;
             row.append(
                 title, cell(run.gain === 0 ? "none" : formatQuantity(run.gain, unit)), cell(formatQuantity(Math.abs(contact.relative_velocity), "m/s")),
-                cell(formatQuantity(contact.largest_excursion, "m")), cell(formatQuantity(contact.largest_virtual_force, "N")), cell(formatQuantity(contact.time, "s")),
+                cell(formatQuantity(Math.abs(contact.largest_excursion) < NEGLIGIBLE ? 0 : contact.largest_excursion, "m")), cell(formatQuantity(contact.largest_virtual_force, "N")), cell(formatQuantity(contact.time, "s")),
             );
             const actions = cell("");
             if (pin >= 0) {
@@ -473,6 +496,7 @@ export class Page {
     /** Make the inputs of the fields that the present scenario has. */
     #form() {
         const { fields, fixed } = this.state, form = byId("fields"), groups = new Map(), drag = fields["law.kind"] === "virtual-drag";
+        const { id, selectionStart, selectionEnd } = document.activeElement;
         byId("law").value = drag ? "virtual-drag" : "damper";
         const models = Object.keys(MODEL_DEFAULTS), own = fields["sensor.calibration"] ? `fitted to ${fields["sensor.calibration"]}` : fields["sensor.model"];
         const options = fixed.sensor && !models.includes(own) ? [own, ...models] : models;
@@ -486,6 +510,10 @@ export class Page {
         }
         const words = { sensor: "Sensor", admittance: "Admittance", obstacle: "Object", plant: "Robot", reference: "Reference", objective: "Objective", law: "Law", constraints: "Limits" };
         form.replaceChildren(...[...groups].flatMap(([section, rows]) => [Object.assign(document.createElement("h3"), { textContent: words[section] }), ...rows]));
+        const edited = byId(id);
+        if (!id || !form.contains(edited)) return; // the keyboard stays where it was
+        edited.focus();
+        edited.setSelectionRange(selectionStart, selectionEnd);
     }
 
     #field(field) {

@@ -125,20 +125,18 @@ export class Chart {
             ctx.fillStyle = color(this.element, "--shade");
             ctx.fillRect(Math.min(a, b), bbox.top, Math.abs(b - a), bbox.height);
         }
-        for (const { value, axis, label, color: name, right } of horizontal) {
-            const at = u.valToPos(value, axis, true);
-            this.#line(ctx, [bbox.left, at, bbox.left + bbox.width, at], name, [5, 4]);
-            ctx.textAlign = right ? "right" : "left";
-            ctx.fillText(label, right ? bbox.left + bbox.width - 6 * pixels : bbox.left + 6 * pixels, at - 5 * pixels);
-            ctx.textAlign = "left";
-        }
+        const heights = horizontal.map(({ value, axis }) => u.valToPos(value, axis, true));
+        horizontal.forEach(({ color: name }, i) => this.#line(ctx, [bbox.left, heights[i], bbox.left + bbox.width, heights[i]], name, [5, 4]));
+        this.labels = labelsOfLines(heights, { size: 12 * pixels, gap: 5 * pixels, top: bbox.top, bottom: bbox.top + bbox.height });
+        horizontal.forEach(({ label, color: name, right }, i) => {
+            ctx.fillStyle = color(this.element, name);
+            this.#write(ctx, label, right ? bbox.left + bbox.width - 6 * pixels : bbox.left + 6 * pixels, this.labels[i].bottom, right);
+        });
         for (const { value, label, color: name, handle } of vertical) {
             const at = u.valToPos(value, "x", true);
             this.#line(ctx, [at, bbox.top, at, bbox.top + bbox.height], name, handle ? [] : [2, 3]);
             const right = at > bbox.left + 0.7 * bbox.width;
-            ctx.textAlign = right ? "right" : "left";
-            ctx.fillText(label, at + (right ? -8 : 8) * pixels, bbox.top + (handle ? 14 : 30) * pixels);
-            ctx.textAlign = "left";
+            this.#write(ctx, label, at + (right ? -8 : 8) * pixels, bbox.top + (handle ? 14 : 30) * pixels, right);
             if (handle) {
                 ctx.beginPath();
                 ctx.arc(at, bbox.top + bbox.height / 2, 6 * pixels, 0, 7);
@@ -146,6 +144,15 @@ export class Chart {
             }
         }
         ctx.restore();
+    }
+
+    /** Write a text on a ground in the color of the page, so that no curve crosses it. */
+    #write(ctx, text, x, y, right) {
+        ctx.textAlign = right ? "right" : "left";
+        Object.assign(ctx, { strokeStyle: color(this.element, "--paper"), lineWidth: 4 * devicePixelRatio, lineJoin: "round" });
+        ctx.strokeText(text, x, y);
+        ctx.fillText(text, x, y);
+        ctx.textAlign = "left";
     }
 
     #line(ctx, [x0, y0, x1, y1], name, dash) {
@@ -176,6 +183,17 @@ export class Chart {
             });
         }
     }
+}
+
+/** Return where the labels of horizontal lines are: above their line, or below it if another line or the edge is there.
+ *
+ * Each label has a top and a bottom; all heights are pixels that grow downward. */
+export function labelsOfLines(heights, { size, gap, top, bottom }) {
+    return heights.map((at, i) => {
+        const above = { top: at - gap - size, bottom: at - gap }, below = { top: at + gap, bottom: at + gap + size };
+        const isFree = (place) => place.top >= top && place.bottom <= bottom && heights.every((other, k) => k === i || other < place.top - 1 || other > place.bottom + 1);
+        return [above, below].find(isFree) ?? above;
+    });
 }
 
 /** Return ticks 1, 2, 5 of gains between two coordinates of a gainAxis, so that at most a number of them are drawn. */

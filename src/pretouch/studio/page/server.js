@@ -27,7 +27,7 @@ class Studio {
 
     async start() {
         const { page, server } = this;
-        if (server.text && page.state.disk === undefined) await this.reload();
+        if (server.text && page.state.disk === undefined) await page.keepTyped(() => this.reload());
         else if (server.text && page.state.disk !== server.text) this.#say("The file has changed since this page was used; Reload file discards the changes of the page.");
         for (const name of JSON.parse(sessionStorage.getItem("pretouch:jobs") ?? "[]")) this.#follow(name);
     }

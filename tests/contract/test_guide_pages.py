@@ -18,7 +18,15 @@ PAGES = (
     *(f"how-to/{name}.md" for name in ("bounces", "crashes-while-tuning", "force-limit", "slow-sensor")),
     *(
         f"how-to/{name}.md"
-        for name in ("light-and-surfaces", "two-fingers", "which-part", "after-a-month", "gain-table", "moving-average", "readings")
+        for name in (
+            "light-and-surfaces",
+            "two-fingers",
+            "which-part",
+            "after-a-month",
+            "gain-table",
+            "moving-average",
+            "readings",
+        )
     ),
     *(
         f"how-to/{name}.md"

@@ -17,7 +17,7 @@ from pretouch._core.progress import note_work
 from pretouch._core.values import Value
 from pretouch.designs import GainDesign, Task
 from pretouch.motion import ContactResult, LawNumber
-from pretouch.simulation import GainLimit
+from pretouch.simulation import GainLimit, SimulationResult
 
 from .appraisal import (
     USUAL_MARGIN,
@@ -123,6 +123,7 @@ class Improvements(NamedTuple):
     changes: tuple[LoopChange, ...]  # most helpful first
     unchanged: tuple[LoopChange, ...]  # the unchanged loop, over the runs of changes and over all runs
     search: GainSearch  # the search for the best gain on the unchanged loop
+    best: tuple[float, SimulationResult] | None  # the best or nearest gain of the search, and all of its runs
     loops: tuple[ChangedLoop, ...]  # the loops of the changes, other than that of the gain
 
 
@@ -131,13 +132,13 @@ def find_improvements(problem: LoopProblem, verified: Verified) -> Improvements:
     task, gain, runs = problem.draws.task, verified.gain, problem.draws.compared
     loop = task.loop
     search = search_on_loop(problem, verified)
-    optimum, best, changes = search.best, None, []
+    optimum, best, runs_of_best, changes = search.best, None, None, []
     better = search.nearest() if optimum is None else optimum
     if better is not None:
         # All runs are used, because the gain would look too good on only those runs by which it was chosen.
         same, margin = math.isclose(better, gain, rel_tol=_SAME), stability_margin(verified.limit, better)
         outcomes = verified.outcomes if same else problem.appraise(problem.compared(loop), better)
-        best = None if optimum is None else outcomes.objective
+        best, runs_of_best = None if optimum is None else outcomes.objective, (better, outcomes.result)
         if not same:
             candidate = ChangedLoop("gain", redesign(task.law.number, gain, better, margin), loop)
             changes.append(
@@ -157,7 +158,7 @@ def find_improvements(problem: LoopProblem, verified: Verified) -> Improvements:
     references = (part, verified.outcomes)[: 2 if runs < task.verify.runs else 1]
     unchanged = tuple(_evaluate_change(task, same_loop, gain, reference, reference) for reference in references)
     loss = _loss(task, verified, search, optimum, best)
-    return Improvements(loss, tuple(sorted(changes, key=_rank)), unchanged, search, tuple(candidates))
+    return Improvements(loss, tuple(sorted(changes, key=_rank)), unchanged, search, runs_of_best, tuple(candidates))
 
 
 def _candidates(problem: LoopProblem, verified: Verified) -> list[ChangedLoop]:

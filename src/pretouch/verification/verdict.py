@@ -20,7 +20,7 @@ from pretouch.designs.gain import designed_number
 from pretouch.designs.task import with_file_location
 from pretouch.motion import ContactResult
 from pretouch.motion.page_sections import approach_step
-from pretouch.simulation import ClosedLoop
+from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.simulation.law import TunableLaw
 from pretouch.simulation.result import refuse_too_many_runs
 from pretouch.simulation.stability import passage
@@ -118,7 +118,13 @@ def _inputs(task: Task, design: GainDesign, gain: float | None) -> dict[str, Any
 
 
 def _verify(
-    task: Task, design: GainDesign, gain: float, *, changes: bool = False, basis: Verdict | None = None
+    task: Task,
+    design: GainDesign,
+    gain: float,
+    *,
+    changes: bool = False,
+    basis: Verdict | None = None,
+    runs: SimulationResult | None = None,
 ) -> Verdict:
     """Simulate a gain, and judge it.
 
@@ -128,7 +134,8 @@ def _verify(
         gain: the gain.
         changes: whether to search for changes.
         basis: the verdict on another gain or loop of the same encounters. The new verdict then has only what its status
-            and reasons depend on.
+            and reasons depend on, so its runs may end at contact.
+        runs: the simulated runs, if they are known.
 
     Returns:
         The verdict.
@@ -145,7 +152,9 @@ def _verify(
     problem = LoopProblem(draws=draws, predicted=np.isfinite(foreseen), unmitigated=unmitigated)
     passed = passage(task.law, task.scenario, sensor, gain, float(draws.distance.max()))
     limit = limit_of(loop, sensor, passed)
-    outcomes = replace(problem.appraise(loop, gain), margin=stability_margin(limit, gain))
+    if runs is None:
+        runs = draws.run(loop if basis is None else problem.compared(loop), gain)
+    outcomes = replace(problem.appraised(runs, loop, gain), margin=stability_margin(limit, gain))
     effect = effect_of(outcomes.result, unmitigated, foreseen)
     quiet = draws.run(without_noise(loop), gain, draws.compared)
     fast = compare_with_fast_sensor(
@@ -153,7 +162,6 @@ def _verify(
     )
     note_work("computing the stability of the loop")
     stability = check_stability(loop, sensor, passed, gain, limit, has_rates=basis is None)
-    runs = outcomes.result, unmitigated
     approach = check_approach(problem, loop.detection(task.scenario, sensor), predicted, gain)
     at_rest = motion_at_rest(task, gain) if basis is None or not _is_calm(basis, loop, gain) else None
     fields = _inputs(task, design, gain) | {
@@ -174,7 +182,8 @@ def _verify(
     verdict = judged(Verdict(**fields, status=VerdictStatus.HOLDS, reasons=()))
     if basis is not None:
         return verdict
-    comparisons = compare_quantities(task, runs, (predicted, free))
+    both = outcomes.result, unmitigated
+    comparisons = compare_quantities(task, both, (predicted, free))
     largest_rate = plausible_rate(loop, *problem.changes_of_level(passed[0]))
     breakage = check_breakage(draws, gain, unmitigated, largest_rate)
     verdict = replace(
@@ -185,7 +194,7 @@ def _verify(
         assumptions=assumptions_of(task, draws.compared),
         warnings=cautions_of(
             draws,
-            runs,
+            both,
             comparisons,
             design,
             at_rest=at_rest,
@@ -200,7 +209,10 @@ def _verify(
     verdict = replace(verdict, loss=found.loss, changes=found.changes, unchanged=found.unchanged)
 
     def judge(changed: Task) -> Verdict:
-        return _verify(changed, design, float(changed.gain or 0.0), basis=verdict)
+        value, runs = float(changed.gain or 0.0), None
+        if found.best is not None and (value, changed.loop, changed.verify.runs) == (found.best[0], loop, verdict.runs):
+            runs = found.best[1]  # the search has simulated them
+        return _verify(changed, design, value, basis=verdict, runs=runs)
 
     advice = next_step(task, verdict, lambda: search_advice(task, verdict, found, passed, judge))
     return replace(verdict, advice=advice)

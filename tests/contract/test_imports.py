@@ -164,3 +164,16 @@ def test_sweep_is_the_verb_whatever_is_imported_first() -> None:
     )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert answer.stdout.split() == ["function", "sweep"]
+
+
+def test_the_report_of_a_design_loads_only_its_own_figures() -> None:
+    scenario = Path(__file__).parents[2] / "examples" / "approach.toml"
+    code = (
+        "import sys, pretouch as pt; from pretouch.report import report_html; "
+        f"report_html(pt.design(pt.load_scenario({str(scenario)!r}))); print(*sys.modules)"
+    )
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(answer.stdout.split())
+    assert "pretouch.report.motion_figures" in loaded
+    parts = ("simulation", "verification", "recording", "robots", "calibration", "sweeps")
+    assert not loaded & {"scipy", *(f"pretouch.{part}" for part in parts)}

@@ -26,27 +26,17 @@ from pretouch._core.warning_codes import caution
 
 from . import plots
 from .blocks_html import explained, lead_picture, page_as_excerpt, page_as_html
-from .encounter_animation import Lane, encounter_animation
-from .motion_figures import lanes_of
 from .pages import page_of
-from .robot_film import film_html
-from .simulation_figures import simulated_lanes
 from .style import draw_svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pretouch.calibration import CalibrationReport
-    from pretouch.sensors import SensorModel
-
 
 T = TypeVar("T")
 
 _PACKAGES: Final = ("pretouch", "numpy", "scipy", "matplotlib")
-_ENCOUNTERS: Final[dict[str, Callable[[Any], tuple[list[Lane], SensorModel]]]] = {
-    "motion": lanes_of,
-    "simulation": simulated_lanes,
-}
 _METHOD: Final = (
     'Method: "Optimization of Preemptive Impact Mitigation Without Prior Collision Testing", equations cited as L(n).'
 )
@@ -237,12 +227,27 @@ def _figure(picture: Picture) -> Any:
 def _draw(picture: Picture) -> str:
     """Return a plot or a film as an HTML element."""
     if isinstance(picture, Film) and picture.figure == "robot_film":
+        from .robot_film import film_html  # noqa: PLC0415 - loads robots
+
         return film_html(picture.of)
     drawn = draw_svg(_figure(picture), picture.figure.replace("_", "-"))
     if isinstance(picture, Film):
         still = f'<div class="scroll" role="img" aria-label="{escape(picture.name)}">{drawn}</div>'
-        return still + encounter_animation(*_ENCOUNTERS[picture.figure](picture.of))
+        return still + _animation(picture)
     return drawn
+
+
+def _animation(picture: Film) -> str:
+    """Return the animation of an encounter."""
+    from .encounter_animation import encounter_animation  # noqa: PLC0415 - only what a report shows is loaded
+
+    if picture.figure == "motion":
+        from .motion_figures import lanes_of  # noqa: PLC0415
+
+        return encounter_animation(*lanes_of(picture.of))
+    from .simulation_figures import simulated_lanes  # noqa: PLC0415
+
+    return encounter_animation(*simulated_lanes(picture.of))
 
 
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any, subtracted: float | None) -> Page:

@@ -6,7 +6,7 @@ The plots show distance, position, velocity and virtual force.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from pretouch._core.numbers import FloatArray
 from pretouch.designs.gain import GainDesign
 from pretouch.motion import ContactResult, Motion, Scenario
 from pretouch.sensors import SensorModel
-from pretouch.simulation import ClosedLoop
 
 from .encounter_animation import Lane, lane
 from .panel_figure import panel_figure
@@ -24,6 +23,8 @@ from .style import Scale, minus, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from pretouch.simulation import ClosedLoop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -246,11 +247,18 @@ def _reached(result: ContactResult) -> bool:
 
 def _solve(design: GainDesign, gain: float, method: str, horizon: float) -> Motion | LoopMotion:
     loop = design.problem.task.evaluate
-    if isinstance(loop, ClosedLoop):
+    if loop is not None and _is_sampled(loop):
         return loop_motion(loop, design.scenario, design.sensor, gain, horizon=horizon)
     solver = method if method in {"closed-form", "integration", "uniform-motion"} else "auto"
     law = design.problem.task.law
     return law.motion(design.scenario, design.sensor, gain, method=solver, horizon=horizon, samples=_SAMPLES)
+
+
+def _is_sampled(evaluate: Any) -> TypeGuard[ClosedLoop]:
+    """Return True if a model of motion is the sampled loop."""
+    from pretouch.simulation import ClosedLoop  # noqa: PLC0415 - only for designs with their own model of motion
+
+    return isinstance(evaluate, ClosedLoop)
 
 
 def _limits(design: GainDesign, name: str) -> dict[str, float]:

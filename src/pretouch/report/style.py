@@ -235,14 +235,9 @@ def draw_svg(figure: Figure, name: str) -> str:
     Returns:
         The element without namespaces, metadata and unused identifiers.
     """
-    engine = figure.get_layout_engine()
-    if engine is not None:  # saving would draw a figure with an engine twice, to lay it out first
-        with drawing():
-            engine.execute(figure)
-            figure.set_layout_engine(None)
+    panels = _lay_out(figure)
     content = StringIO()
     figure.savefig(content, format="svg")
-    panels = _panel_boxes(figure)
     text = content.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :].strip(), flags=re.DOTALL)
     text = re.sub(r' xmlns(?::\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
@@ -259,15 +254,32 @@ def draw_svg(figure: Figure, name: str) -> str:
     return f'<div class="whole">{whole}</div>\n<div class="panels">{"".join(views)}</div>'
 
 
-def _panel_boxes(figure: Figure) -> list[tuple[float, float, float, float]]:
+def _lay_out(figure: Figure) -> list[tuple[float, float, float, float]]:
+    """Lay out a figure, and find its panels.
+
+    All passes share a canvas, so that each text is measured once. Saving would draw a figure with an engine twice.
+
+    Returns:
+        The boxes of the panels, see `_panel_boxes`.
+    """
+    from matplotlib import rc_context  # noqa: PLC0415 - loaded with the figure
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+
+    canvas, engine = FigureCanvasAgg(figure), figure.get_layout_engine()
+    with drawing(), rc_context({"text.hinting": "no_hinting"}):  # the letters of an SVG are not hinted
+        if engine is not None:
+            engine.execute(figure)
+            figure.set_layout_engine(None)
+        return _panel_boxes(figure, canvas)
+
+
+def _panel_boxes(figure: Figure, canvas: Any) -> list[tuple[float, float, float, float]]:
     """Return position and size of each plot in a figure [pt]. Each box has x, y (from the top), width and height."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - loaded with Matplotlib
-    from matplotlib.transforms import Bbox  # noqa: PLC0415
+    from matplotlib.transforms import Bbox  # noqa: PLC0415 - loaded with the figure
 
     parts = [part for part in (*figure.legends, *figure.axes) if part.get_visible()]
     if all(axes.get_position().width > _WIDE for axes in figure.axes):  # a single column
         return []
-    canvas: Any = FigureCanvasAgg(figure)
     boxes: list[Bbox] = []
     for box in filter(None, (part.get_tightbbox(canvas.get_renderer()) for part in parts)):
         for i, other in enumerate(boxes):  # axes that overlap, such as twins and insets, are one panel

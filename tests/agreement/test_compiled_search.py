@@ -280,6 +280,21 @@ def test_encounters_without_an_axis_of_their_own_are_no_family() -> None:
     assert find_family(problem(letter(-0.05 - x[:30, None], damping=10.0 + x[:30]))) is None, "too few along each axis"
 
 
+@pytest.mark.parametrize("limits", [(), (Constraint(name="excursion", limit=0.09),)], ids=["free", "limited"])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_axis_of_equal_values_repeats_the_family_of_the_others(axis: int, limits: tuple[Constraint, ...]) -> None:
+    speeds, equal = np.linspace(0.05, 0.4, 500), np.full(60, 10.0)
+    velocity = np.expand_dims(-speeds, 1 - axis)
+    grid = problem(letter(velocity, damping=np.expand_dims(equal, axis))).changed(constraints=limits)
+    found, alone = find_family(grid), find_family(problem(letter(-speeds, damping=10.0)).changed(constraints=limits))
+    assert found is not None
+    assert alone is not None
+    for row, one in zip(found, alone, strict=True):
+        repeated = row.reshape(grid.task.scenario.shape).swapaxes(0, axis)
+        assert np.array_equal(repeated, np.broadcast_to(one[:, None], repeated.shape))
+    assert find_family(problem(letter(np.full(600, -0.3)))) is None, "equal encounters"
+
+
 def test_a_short_axis_of_a_grid_is_not_interpolated() -> None:
     x = np.random.default_rng(4).random(500)
     every = problem(letter(-0.05 - x, damping=np.array([[10.0], [20.0]])))

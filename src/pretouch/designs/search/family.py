@@ -60,7 +60,10 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
         that is large enough, or if the compiled search does not support them.
     """
     scenario = problem.task.scenario
-    shape, varied = scenario.shape, dict(_varied_inputs(scenario))
+    inputs = dict(_array_inputs(scenario))
+    varied = {name: value for name, value in inputs.items() if value.min() < value.max()}
+    constant = {name: float(value.flat[0]) for name, value in inputs.items() if name not in varied}
+    distinct = shape = np.broadcast_shapes(*(value.shape for value in varied.values()))
     if len(varied) == 1:  # an array of any shape is one axis
         varied, shape = {name: np.reshape(value, -1) for name, value in varied.items()}, (math.prod(shape),)
     varied = {name: np.reshape(v, (1,) * (len(shape) - v.ndim) + v.shape) for name, v in varied.items()}
@@ -77,11 +80,12 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
         wanted = np.isnan(out[0])
         for index in np.ndindex(*(1 if k in coordinates else n for k, n in enumerate(shape))):
             fixed = {name: float(v[tuple(np.minimum(index, np.array(v.shape) - 1))]) for name, v in others.items()}
-            one = problem.changed(constraints=limits, scenario=scenario_with(scenario, fixed))
+            one = problem.changed(constraints=limits, scenario=scenario_with(scenario, constant | fixed))
             place: Any = tuple(slice(None) if k in coordinates else i for k, i in enumerate(index))
             family = _Family(one, tuple(coordinates.values()), () if limits else within)
             family.cover(out[(slice(None), *place)], wanted[place])
-    gain, value = out.reshape(2, -1)
+    # inputs that are arrays of equal values repeat the same encounters
+    gain, value = (np.broadcast_to(row.reshape(distinct), scenario.shape).reshape(-1) for row in out)
     complete = bool(np.isfinite(gain).all())
     tested = np.clip(gain if complete else np.where(np.isnan(gain), problem.axis.high, gain), *problem.axis.ends)
     for end in problem.axis.ends:  # an interpolated bound is rounded; the answer is the bound itself
@@ -240,7 +244,7 @@ def _coordinate(name: str, x: FloatArray) -> _Coordinate:
     return _Coordinate(name, sign, np.log(np.abs(x)) if logarithmic else np.ascontiguousarray(x))
 
 
-def _varied_inputs(scenario: Scenario) -> Iterator[tuple[str, FloatArray]]:
+def _array_inputs(scenario: Scenario) -> Iterator[tuple[str, FloatArray]]:
     """Yield each encounter input that is an array. Each item has the name and the value of the input."""
     for part in ("admittance", "obstacle", "plant", "reference"):
         body: Any = getattr(scenario, part)

@@ -80,7 +80,9 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
         wanted = np.isnan(out[0])
         for index in np.ndindex(*(1 if k in coordinates else n for k, n in enumerate(shape))):
             fixed = {name: float(v[tuple(np.minimum(index, np.array(v.shape) - 1))]) for name, v in others.items()}
-            one = problem.changed(constraints=limits, scenario=scenario_with(scenario, constant | fixed))
+            one, fixed = problem, constant | fixed
+            if fixed or problem.task.limits:
+                one = problem.changed(constraints=limits, scenario=scenario_with(scenario, fixed))
             place: Any = tuple(slice(None) if k in coordinates else i for k, i in enumerate(index))
             family = _Family(one, tuple(coordinates.values()), () if limits else within)
             family.cover(out[(slice(None), *place)], wanted[place])
@@ -135,15 +137,16 @@ class _Family:
 
     def cover(self, out: FloatArray, wanted: BoolArray) -> None:
         """Write gains and objectives, shape (2, n, ...), where they are wanted and can be interpolated."""
-        self._cover(tuple(np.arange(len(c.place)) for c in self.coordinates), wanted, out)
+        self._cover(tuple(None for _ in self.coordinates), wanted, out)
 
-    def _cover(self, indices: tuple[IntArray, ...], wanted: BoolArray, out: FloatArray) -> None:
-        """Interpolate a part of the grid, or its halves if the error is too large."""
-        part = wanted[np.ix_(*indices)]
+    def _cover(self, indices: tuple[IntArray | None, ...], wanted: BoolArray, out: FloatArray) -> None:
+        """Interpolate a part of the grid, or its halves if the error is too large. None stands for a whole axis."""
+        part = wanted[_part(indices, wanted.shape)]
         if not part.all():  # the smallest part with all that are wanted
             others = tuple(tuple(k for k in range(part.ndim) if k != axis) for axis in range(part.ndim))
-            indices = tuple(i[part.any(axis=o)] for i, o in zip(indices, others, strict=True))
-        members = [c.place[i] for c, i in zip(self.coordinates, indices, strict=True)]
+            each = (np.arange(n) if i is None else i for i, n in zip(indices, wanted.shape, strict=True))
+            indices = tuple(i[part.any(axis=o)] for i, o in zip(each, others, strict=True))
+        members = [c.place if i is None else c.place[i] for c, i in zip(self.coordinates, indices, strict=True)]
         if math.prod(map(len, members)) < _FEW * _NODES ** len(members):
             return
         span = tuple((float(m.min()), float(m.max())) for m in members)
@@ -151,12 +154,12 @@ class _Family:
             return
         found, widest = self._interpolate(span, members)
         if found is not None:
-            place: Any = (slice(None), *np.ix_(*indices))
-            out[place] = found
+            out[(slice(None), *_part(indices, wanted.shape))] = found
         elif widest is not None:
-            upper = members[widest] > sum(span[widest]) / 2
+            upper, of = members[widest] > sum(span[widest]) / 2, indices[widest]
             for half in (~upper, upper):
-                self._cover((*indices[:widest], indices[widest][half], *indices[widest + 1 :]), wanted, out)
+                part_of = np.flatnonzero(half) if of is None else of[half]
+                self._cover((*indices[:widest], part_of, *indices[widest + 1 :]), wanted, out)
 
     def _interpolate(self, span: Span, members: list[FloatArray]) -> tuple[FloatArray | None, int | None]:
         """Fit polynomials to gain and objective.
@@ -177,8 +180,7 @@ class _Family:
         both = designs[:2]
         least = np.array([_GAIN, _VALUE]) * np.abs(both).min(axis=1)
         coefficients = _coefficients(both[:, :count], len(nodes))
-        each = [_evaluate([p[i : i + 1] for p in probes], span, coefficients) for i in range(len(probes[0]))]
-        error = np.abs(np.reshape(each, (-1, 2)).T - both[:, count:]).max(axis=1)
+        error = np.abs(_at_points(probes, span, coefficients) - both[:, count:]).max(axis=1)
         tails = np.array([np.abs(np.moveaxis(coefficients, k, 1)[:, -2:]).reshape(2, -1).sum(axis=1) for k in axes])
         if (tails > least).any() or (error > least).any():
             return None, int(np.argmax((tails / least).max(axis=1)))
@@ -206,24 +208,44 @@ def _probes(members: list[FloatArray]) -> list[FloatArray]:
 def _coefficients(values: FloatArray, axes: int) -> FloatArray:
     """Return the Chebyshev coefficients of rows of values at the nodes of a grid, shape (rows, nodes, ...)."""
     coefficients = values.reshape(-1, *(_NODES,) * axes)
-    for k in range(1, axes + 1):
-        coefficients = np.moveaxis(np.tensordot(coefficients, _BASIS.to_terms, (k, 1)), -1, k)
-    return coefficients
+    for _ in range(axes):  # each step ends the turn of one axis
+        coefficients = np.moveaxis(coefficients, 1, -1) @ _BASIS.to_terms.T
+    return np.asarray(coefficients)
+
+
+def _basis(place: FloatArray, span: tuple[float, float]) -> FloatArray:
+    """Return the Chebyshev polynomials at some coordinates, shape (n, nodes)."""
+    low, high = span
+    return np.asarray(np.polynomial.chebyshev.chebvander((2 * place - low - high) / (high - low), _NODES - 1))
+
+
+def _at_points(points: list[FloatArray], span: Span, coefficients: FloatArray) -> FloatArray:
+    """Evaluate polynomials at points, with one array for each axis, shape (rows, points)."""
+    if len(points) == 1:
+        return _evaluate(points, span, coefficients)
+    values = np.einsum("rn...,pn->rp...", coefficients, _basis(points[0], span[0]))
+    for place, ends in zip(points[1:], span[1:], strict=True):
+        values = np.einsum("rpn...,pn->rp...", values, _basis(place, ends))
+    return np.asarray(values)
 
 
 def _evaluate(members: list[FloatArray], span: Span, coefficients: FloatArray) -> FloatArray:
     """Evaluate polynomials on a grid, shape (rows, n, ...)."""
-    rows = len(coefficients)
-    out = np.empty((rows, *map(len, members)))
-    for k, (place, (low, high)) in enumerate(zip(members[:-1], span[:-1], strict=True), start=1):
-        basis = np.polynomial.chebyshev.chebvander((2 * place - low - high) / (high - low), _NODES - 1)
-        coefficients = np.moveaxis(np.tensordot(coefficients, basis, (k, 1)), -1, k)
-    for index in np.ndindex(*out.shape[1:-1]):
+    rows, last = len(coefficients), members[-1]
+    for k, (place, ends) in enumerate(zip(members[:-1], span[:-1], strict=True), start=1):
+        coefficients = np.moveaxis(np.tensordot(coefficients, _basis(place, ends), (k, 1)), -1, k)
+    out = np.empty((*map(len, members[:-1]), rows, len(last)))
+    for index in np.ndindex(*out.shape[:-2]):
         terms = np.ascontiguousarray(coefficients[(slice(None), *index)])
-        values = np.empty((rows, out.shape[-1]))
-        _interpolate(address(members[-1]), len(members[-1]), *span[-1], address(terms), _NODES, rows, address(values))
-        out[(slice(None), *index)] = values
-    return out
+        _interpolate(address(last), len(last), *span[-1], address(terms), _NODES, rows, address(out[index]))
+    return np.moveaxis(out, -2, 0)
+
+
+def _part(indices: tuple[IntArray | None, ...], shape: tuple[int, ...]) -> Any:
+    """Return the index of a part of a grid. None stands for a whole axis."""
+    if all(i is None for i in indices):
+        return (slice(None),) * len(indices)
+    return np.ix_(*(np.arange(n) if i is None else i for i, n in zip(indices, shape, strict=True)))
 
 
 def _coordinates(varied: Mapping[str, FloatArray], shape: tuple[int, ...]) -> dict[int, _Coordinate]:

@@ -28,7 +28,8 @@ from pretouch.designs import (
 )
 from pretouch.designs.robust import robust
 from pretouch.designs.robust.problem import RobustProblem
-from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
+from pretouch.designs.search import GainAxis
+from pretouch.motion import Admittance, Obstacle, Scenario, find_contact, solution
 from pretouch.motion.scenario import scenario_with, sensor_with
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
 from pretouch.uncertainty import CorrelatedNormal, Interval, Normal, TruncatedNormal, Uniform, sample_inputs
@@ -422,3 +423,25 @@ def test_curves_that_have_no_likeness_are_solved_one_by_one() -> None:
     )
     assert found.strongest > BOUNDS[0]
     assert found.gain == pytest.approx(found.nominal_gain, rel=0.05)
+
+
+@pytest.mark.parametrize("sensor", [CONSTANT, POWER, CURVED], ids=lambda s: s.name)
+def test_contacts_and_peaks_of_a_problem_are_computed_in_one_pass(
+    sensor: SensorModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solved, solve = [], solution.contact_times
+
+    def count(*args: Any, **options: Any) -> None:
+        solved.append(len(args[4]))
+        solve(*args, **options)
+
+    limits = (limit("excursion", 0.2, 0.9), limit("relative_velocity", 0.1, 0.9))
+    task = Task(SCENARIO, sensor, OBJECTIVE, bounds=BOUNDS, uncertainty=SPEED, constraints=limits)
+    values = sample_inputs(SPEED, 64, seed=1)
+    several = RobustProblem.over(task, GainAxis(low=-10.0, high=-0.01), values)
+    monkeypatch.setattr(solution, "contact_times", count)
+    objective, ratios = several.values(-0.8)
+    assert sum(solved) == (0 if sensor is CONSTANT else 64)  # a constant slope has a closed form
+    lazy = several.ensemble.contacts(-0.8)
+    assert objective == pytest.approx(np.ravel(OBJECTIVE.value(lazy.end, several.ensemble.speed)), rel=1e-12)
+    assert ratios[0] == pytest.approx(np.ravel(lazy.end.largest_excursion) / 0.2, rel=1e-12)

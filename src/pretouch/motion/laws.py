@@ -186,12 +186,14 @@ class Damper:
         method: str = "auto",
         horizon: float = 600.0,
         many: ManyCurves | None = None,
+        peaks: bool = False,
     ) -> ContactResult:
         """Return the states at contact of encounters under the virtual damper.
 
-        With `many`, each encounter along the last axis has its own sensor curve.
+        With `many`, each encounter along the last axis has its own sensor curve. If `peaks` will be read, such as the
+        largest excursion, they are computed together with the contacts.
         """
-        return _result(_request(scenario, sensor, value, method, horizon, many=many))
+        return _result(_request(scenario, sensor, value, method, horizon, many=many), peaks=peaks)
 
     def motion(
         self,
@@ -326,8 +328,8 @@ def _request(
     return make_request(scenario, sensor, number, method, horizon, many=many, with_course=True, degree=degree)
 
 
-def _result(request: Request) -> ContactResult:
-    return ContactResult(Solution(request), request.method)
+def _result(request: Request, *, peaks: bool = False) -> ContactResult:
+    return ContactResult(Solution(request, peaks=peaks), request.method)
 
 
 def _sampled(request: Request, samples: int) -> Motion:

@@ -44,6 +44,7 @@ class Solution(Value):
     Args:
         request: the encounters.
         whole: whether the whole motion will be needed, so that the most robust method is used at once.
+        peaks: whether peak values will be read, so that Taylor steps compute them together with the contacts.
 
     Attributes:
         status: how every run ended, shape (n,).
@@ -63,7 +64,7 @@ class Solution(Value):
         "status",
     )
 
-    def __init__(self, request: Request, *, whole: bool = False) -> None:
+    def __init__(self, request: Request, *, whole: bool = False, peaks: bool = False) -> None:
         self.request = request
         self.derivatives: Any = None
         self.status: NDArray[np.int8]
@@ -82,7 +83,8 @@ class Solution(Value):
         if request.method == "closed-form":
             self._columns = self._solve_by_form(kept)
         else:
-            self._columns, self.status = _in_lanes(request, None, STATES if kept else STATES[:1])
+            names = (*(STATES if kept else STATES[:1]), *(PEAKS if peaks else ()))
+            self._columns, self.status = _in_lanes(request, None, names)
         self._open = np.flatnonzero(self.status)
         if len(self._open):
             self._open_rows, ended = solve_guaranteed(request, self._open)
@@ -262,16 +264,20 @@ def _in_lanes(
     The solver proves that each contact is the first. The sensor curves must be valid down to l = 0.
 
     Returns:
-        Quantities of layout.STATES or layout.PEAKS by name, shape (m,) each, NaN if not determined; and the status, 0
-        if a contact is proved, shape (m,).
+        The named quantities of layout.STATES and layout.PEAKS, shape (m,) each, NaN if not determined; and the status,
+        0 if a contact is proved, shape (m,).
     """
     size = request.size if which is None else len(which)
     kept, status = np.empty((len(names), size)), np.empty(size, dtype=np.int8)
 
-    def take(part: slice, *outputs: FloatArray) -> None:
-        kept[:, part] = outputs[-1][: len(names)]
+    with_peaks = not set(PEAKS).isdisjoint(names)
 
-    more = {"peaks": (len(PEAKS),)} if names is PEAKS else {}
+    def take(part: slice, *outputs: FloatArray) -> None:
+        rows = dict(zip((*STATES, *PEAKS), (row for output in outputs for row in output), strict=with_peaks))
+        for row, name in zip(kept, names, strict=True):
+            row[part] = rows[name]
+
+    more = {"peaks": (len(PEAKS),)} if with_peaks else {}
     fill_by_lanes(request, which, _curves(request, which), status, take, most=_MOST, **more)
     return dict(zip(names, kept, strict=True)), status
 

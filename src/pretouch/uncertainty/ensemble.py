@@ -243,10 +243,11 @@ class Ensemble(Value):
         """Initial speed of the obstacle in each encounter [m/s]."""
         return np.abs(np.broadcast_to(self.scenario.obstacle.velocity, (len(self),)))
 
-    def contacts(self, gain: Any) -> ContactResult:
+    def contacts(self, gain: Any, *, peaks: bool = False) -> ContactResult:
         """Find time and state of contact in all encounters.
 
-        The last axis of the gains is 1 or n.
+        The last axis of the gains is 1 or n. If `peaks` will be read, such as the largest excursion, they are computed
+        together with the contacts where the law can.
 
         Returns:
             The contacts, for one gain or an array of gains.
@@ -256,6 +257,8 @@ class Ensemble(Value):
         if self.evaluator is not None:
             return self._evaluated(self.evaluator, gains)
         options: dict[str, Any] = {"method": self.method, "horizon": self.horizon}
+        if peaks and self.law == DAMPER:
+            options["peaks"] = True
         likeness = self.likeness
         if likeness is not None and likeness.sensor is self.sensor:
             return self.law.contact(self.scenario, self.sensor, gains, **options)

@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
+from scipy.optimize import least_squares
 
 from pretouch.calibration import Calibration, fit, fit_sensor
 from pretouch.calibration.averaging import count_copies_once, leave_out_empty_outliers
@@ -401,3 +402,29 @@ def test_distances_beyond_ten_meters_are_doubted():
     rising = Calibration(distances=1000 * measured.distances, outputs=-measured.outputs)
     assert any(reason.startswith(doubt) for reason in fit(rising).reasons)
     assert not any("PT114" in reason for reason in fit(measured).reasons)
+
+
+def test_the_influence_of_a_reading_is_the_change_of_the_slope_without_it() -> None:
+    """SciPy fits ln xi without each point, with the weights of the report."""
+    distance = np.linspace(0.0, 0.05, 9)
+    noise = 0.01 * np.random.default_rng(5).standard_normal(9)
+    output = 20_000.0 * (1 + distance / 0.0419) ** -3.32 * np.exp(noise)
+    report = fit(Calibration(distances=distance, outputs=output, no_object=np.zeros(5)))
+    found = next(each for each in report.fits if each.model == "inverse-power")
+
+    weight = output / found.noise.of_means(np.ones(9, dtype=int), output)
+
+    def slope(kept: np.ndarray) -> float:
+        def rest(p: np.ndarray) -> np.ndarray:
+            modeled = p[0] - np.exp(p[2]) * np.log(distance[kept] + np.exp(p[1]))
+            return (modeled - np.log(output[kept])) * weight[kept]
+
+        start = [np.log(20_000.0) + 3.32 * np.log(0.0419), np.log(0.0419), np.log(3.32)]
+        p = least_squares(rest, start, xtol=1e-14, ftol=1e-14).x
+        return float(-np.exp(p[2]) / np.exp(p[1]))
+
+    everything = np.arange(9)
+    changes = [slope(np.delete(everything, i)) / slope(everything) - 1 for i in everything]
+    # these weights are of the measured signal, which differs from that of the curve by 1 %
+    assert found.influences == pytest.approx(changes, abs=1e-2 * max(map(abs, changes)))
+    assert int(np.argmax(np.abs(found.influences))) == 0

@@ -229,7 +229,7 @@ def _symbol(symbol: str, text: str) -> Unit:
         # the gram has the factor 1e-3, so that "kg" is exactly 1
         factor = 1.0 if symbol == "kg" else _PREFIX[symbol[0]] * base.factor
         return Unit(factor, base.exponents)
-    symbols = "m, s, g, N, J, Pa, Hz, V with a prefix, min, h, in, ft, counts, %"
+    symbols = "m, s, g, N, J, Pa, Hz, V with a prefix, min, h, d, in, ft, counts, %"
     raise UnitError(
         f"{text!r} is not a valid unit: the symbol {symbol!r} is unknown; known symbols are {symbols}",
         argument="unit",

@@ -404,22 +404,29 @@ def _fit_curve(
         "middle_slope": with_choice_of_family(errors["middle_slope"], prepared),
         "sensor": sensor,
         "aicc": corrected_akaike(deviance, prepared.informed_by, len(x)),
-        "cross_validation": _cross_validation(problem, best, offset.value),
+        **_left_out_one_by_one(problem, best, offset.value),
     }
 
 
-def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | None:
-    """Return the cross-validation error of the log output.
+def _left_out_one_by_one(problem: Problem, best: Fits, offset: float) -> dict[str, Any]:
+    """Fit the curve without each distance in turn, with the same offset.
 
-    This RMS error is computed at distances left out of the fit one at a time.
+    Returns:
+        The RMS error of the log output at the distances that were left out, and the relative change of g at the nearest
+        distance. None of both with too few distances.
     """
-    curve, count = problem.curve, len(problem.curve.distance)
-    if count - 1 < problem.family.size:
-        return None
+    curve, count, family = problem.curve, len(problem.curve.distance), problem.family
+    if count - 1 < family.size:
+        return {"cross_validation": None}
     problems = replace(problem, offsets=np.full(count, offset), weights=~np.eye(count, dtype=bool))
     fits = problems.minimize(np.repeat(best.x, count, axis=0))
-    predicted = np.diagonal(problem.family.log_output(fits.x, curve.distance))
-    return root_mean_square(np.log(curve.output - offset) - predicted)
+    predicted = np.diagonal(family.log_output(fits.x, curve.distance))
+    nearest = curve.distance[:1]
+    changes = family.slope(fits.x, nearest)[:, 0] / family.slope(best.x, nearest)[0, 0] - 1
+    return {
+        "cross_validation": root_mean_square(np.log(curve.output - offset) - predicted),
+        "influences": tuple(changes.tolist()),
+    }
 
 
 def _fit_table(

@@ -213,6 +213,8 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
             place = format_quantity(s.worst_anywhere_at, "m", 3)
             where = f"from {near} to {far}, largest at {place}; includes the uncertainty of the offset"
             yield "in the whole usable range", uncertainty_in_words(s.largest_anywhere, 3), where
+    if (influence := _largest_influence(report.best)) is not None:
+        yield influence
     if report.noise is not None and report.noise.resolution > 0:
         step = report.noise.resolution
         yield "resolution", Measured(step, unit, supported_digits(step)), "smallest step between outputs"
@@ -225,6 +227,20 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
         yield "clipping level", Measured(level, unit, supported_digits(level)), "readings at or above it are not used"
     for text in report.left_out:
         yield "left out", "", text
+
+
+def _largest_influence(fit: SensorFit | None) -> Row | None:
+    """Return the distance whose readings decide the slope at the nearest distance; None if it is unknown."""
+    if fit is None or not fit.influences:
+        return None
+    index = max(range(len(fit.influences)), key=lambda i: abs(fit.influences[i]))
+    place, nearest = (format_quantity(float(fit.distances[i]), "m") for i in (index, 0))
+    change = f"{'+' if fit.influences[index] > 0 else ''}{format_percent(fit.influences[index])}"
+    return (
+        "distance with the largest influence",
+        place,
+        f"without the readings there, g at {nearest} would change by {change}; repeat them first, if you repeat any",
+    )
 
 
 def _offset_clause(report: CalibrationReport) -> str:

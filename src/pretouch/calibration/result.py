@@ -319,6 +319,8 @@ class SensorFit(Described, Value):
             with too few points.
         cross_validation: root mean square error of ln xi at distances left out one by one; None with too few.
         slope_shift: relative change of `middle_slope` for one standard error of the offset.
+        influences: relative change of g at the nearest distance if one distance is left out, for each of `distances`;
+            empty for a table, or with too few points.
         runs_p_value: p-value of the runs test: chance of as few runs of equal signs in independent residuals; None if
             all have one sign.
         outliers: indices of the readings that were left out as outliers.
@@ -342,6 +344,7 @@ class SensorFit(Described, Value):
     aicc: float | None
     cross_validation: float | None
     runs_p_value: float | None
+    influences: tuple[float, ...] = ()
     slope_shift: float = 0.0
     outliers: tuple[int, ...] = ()
     unidentifiable: tuple[str, ...] = ()
@@ -354,7 +357,15 @@ class SensorFit(Described, Value):
         """
         estimates = self.parameters.items()
         names = ("covariance", "middle_slope", "r_squared", "rmse_log_output", "rmse_log_slope", "aicc")
-        more = ("cross_validation", "runs_p_value", "slope_shift", "outliers", "unidentifiable", "warnings")
+        more = (
+            "cross_validation",
+            "influences",
+            "runs_p_value",
+            "slope_shift",
+            "outliers",
+            "unidentifiable",
+            "warnings",
+        )
         fields = {
             "name": self.model,
             "parameters": {name: e.value for name, e in estimates},

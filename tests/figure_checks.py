@@ -68,9 +68,30 @@ def is_blank(figure: Figure) -> bool:
     return not any(axes.lines or axes.patches or axes.texts for axes in figure.axes)
 
 
+def repeated_titles(figure: Figure) -> list[str]:
+    """Return the titles that several panels of a figure have."""
+    titles = [axes.get_title(loc) for axes in figure.axes for loc in ("left", "center") if axes.get_title(loc)]
+    return sorted({title for title in titles if titles.count(title) > 1})
+
+
+def crossed(figure: Figure) -> list[str]:
+    """Return the texts inside a panel that a line of the panel crosses."""
+    visible_texts(figure)  # lays the figure out
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    found = []
+    for axes in figure.axes:
+        lines = [line for line in axes.lines if line.get_linestyle() not in {"None", ""}]
+        paths = [line.get_transform().transform_path(line.get_path()) for line in lines]
+        for text in (text for text in axes.texts if text.get_text().strip()):
+            box = Text.get_window_extent(text, renderer).padded(-TOUCH)
+            found += [text.get_text() for path in paths if path.intersects_bbox(box, filled=False)]
+    return found
+
+
 def assert_legible(figure: Figure) -> None:
     """Fail where a reader would miss a unit or could not read a text."""
     assert not is_blank(figure)
     assert labels_without_unit(figure) == []
     assert outside(figure) == []
     assert overlaps(figure) == []
+    assert repeated_titles(figure) == []

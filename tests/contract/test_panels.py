@@ -13,7 +13,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from figure_checks import assert_legible, visible_texts
+from figure_checks import assert_legible, crossed, visible_texts
 from pretouch.report import Curve, Map, Mark, Panel, Span, panel_figure
 from pretouch.report.style import CURVES, MARKERS
 from refusals import refused
@@ -389,3 +389,21 @@ def test_what_makes_no_sense_is_said_in_one_line(case: str) -> None:
     with refused(**fields) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("slope", [1.0, 0.1, -0.1, -1.0])
+def test_no_line_crosses_the_text_at_the_end_of_a_curve(slope: float) -> None:
+    """A curve that ends at any place, with another one and a limit through the place where its text would be."""
+    x = np.linspace(0.0, 1.0, 200)
+    rising = Curve(x=x, y=0.5 + 0.4 * slope * x, label="one", end="0.123 m/s")
+    figure = panel_figure(
+        Panel(
+            x_label="time [s]",
+            y_label="speed [m/s]",
+            curves=[rising, Curve(x=x, y=1.02 * rising.y + 0.02, label="two")],
+            levels={"limit": 0.5},
+            y_limits=(0.0, 1.0),
+        )
+    )
+    assert_legible(figure)
+    assert crossed(figure) == []

@@ -24,7 +24,7 @@ from page_rows import row, table
 from pretouch._core.blocks import Code, Measured, Named, Paragraph
 from pretouch._core.errors import OutputExistsError
 from pretouch._core.files import is_own_unchanged
-from pretouch.calibration import Calibration, CalibrationReport, fit
+from pretouch.calibration import Calibration, CalibrationReport, fit, read_calibration
 from pretouch.config import load_scenario
 from pretouch.designs import (
     Constraint,
@@ -377,6 +377,17 @@ def test_symbols_and_numbers_of_the_text_look_as_in_the_figures_and_copied_text_
     assert all(copied in shown for copied in ("&quot;-0.5 N*s&quot;", "<code>D_p = -1</code>", "gain = -1"))
     cells = (Measured(-0.5, "m"), Measured(-math.inf), Named("gain", "D_p"), "-")
     assert list(map(cell_as_html, cells)) == ["\u2212500 mm", "\u2212\u221e", "gain D<sub>p</sub>", "\u2013"]
+
+
+def test_the_best_model_sets_the_axis_of_the_residuals() -> None:
+    """A model that does not fit leaves the axis, and the legend says so."""
+    report = fit(read_calibration(EXAMPLES / "sensor.csv"))
+    axes = plots.calibration(report).axes[-1]
+    best, worst = (np.abs(report.fits[i].residuals).max() for i in (0, 3))
+    assert worst > 5 * best
+    assert axes.get_ylim()[1] < 3 * best
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert [label for label in labels if "off the axis" in label] == [f"{report.fits[3].model}, off the axis"]
 
 
 def test_a_narrow_screen_shows_panels_and_cards_and_a_dark_one_inverts_figures() -> None:

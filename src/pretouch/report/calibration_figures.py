@@ -129,9 +129,9 @@ def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
     points = _points(report)
     axes.set_ylabel("residual of ln \u03be [1]")
     bounds = _TWO_SIGMA * points.deviation
-    parts = [fit.residuals for fit in report.fits if fit.model != "table"] or [report.fits[0].residuals]
-    largest = float(np.max(np.abs(np.concatenate([*parts, np.minimum(bounds, 0.5)])))) or 1.0
-    axes.set_ylim(-1.3 * largest, 1.3 * largest)
+    shown = np.concatenate([report.fits[0].residuals, np.minimum(bounds, 0.5)])  # a bad model leaves the axis
+    largest = 1.6 * float(np.max(np.abs(shown))) or 1.0
+    axes.set_ylim(-largest, largest)
     axes.axhline(0, color=QUIET, linewidth=0.8, zorder=1.5)
     axes.fill_between(
         points.distance / scale.factor, -bounds, bounds, color="#d9d9d9", linewidth=0, label=_BARS, zorder=1
@@ -146,7 +146,7 @@ def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
             linewidth=1.6 if i == 0 else 0.9,
             marker="o" if i == 0 else "",
             markersize=3.5,
-            label=fit.model,
+            label=fit.model if np.max(np.abs(fit.residuals)) <= largest else f"{fit.model}, off the axis",
             zorder=4 - 0.1 * i,
         )
 

@@ -47,6 +47,9 @@ _DIGITS: Final = 1e-3, 1e5  # an axis whose largest number is outside gets a pow
 _AT_EDGE: Final = 0.05  # share of a panel at its edge in which a contour line gets no number
 _SHORT: Final = 18  # letters of the longest name of a point that is written next to it
 _AT_TOP, _AT_BOTTOM = 0.9, 0.12  # shares of the height from which a text is below, and below which it is above
+_FAR: Final = 2.0  # share of a panel: a longer step of a line leaves the panel
+_OVER: Final = 0.05  # inch that a text may be above a panel, where nothing else is
+_CLOSE: Final = 0.01  # share of a panel between two points of a line, so that a text cannot lie between them
 _TEXT_HEIGHT: Final = 0.14  # inch between texts at the ends of curves
 _LINE: Final[dict[str, Any]] = {"color": LIMIT, "linestyle": ":", "linewidth": 1.1, "zorder": 2}
 _SPANS: Final[dict[str, dict[str, Any]]] = {
@@ -187,7 +190,7 @@ def _draw_panel(axes: Axes, panel: Panel, width: float, height: float) -> None:
     for mark in panel.marks:
         axes.plot([mark.x], [mark.y], clip_on=False, **_mark_style(mark))
     texts = [_Text(mark.label, mark.x, mark.y, _color(mark.style), False) for mark in panel.marks if _is_written(mark)]
-    _write(axes, [*texts, *_draw_ends(axes, panel)], width, height)
+    _write(axes, [*texts, *_draw_ends(axes, panel)], _lines_of(axes, panel) * [width, height], width, height)
 
 
 class _Look(NamedTuple):
@@ -293,28 +296,62 @@ def _draw_ends(axes: Axes, panel: Panel) -> Iterator[_Text]:
         yield max(sharing)._replace(color=colors.pop() if len(colors) == 1 else INK if colors else QUIET)
 
 
-def _write(axes: Axes, texts: Sequence[_Text], width: float, height: float) -> None:
-    """Write texts next to their points, one above the other where they would touch."""
-    boxes: list[
-        tuple[float, float, float, float]
-    ] = []  # left, right, bottom and top of the texts written so far [inch]
-    places = _shares(axes, [(text.x, text.y) for text in texts])
-    for i in np.argsort(places[:, 1], kind="stable"):
-        (across, up), text = places[i], texts[i]
-        lines = text.text.split("\n")
-        size = np.array([0.08 + 1.1 * _LETTER * max(map(len, lines)), _TEXT_HEIGHT * len(lines)])  # with some air
+class _Place(NamedTuple):
+    """A place for a text next to its point [inch]."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+    above: bool
+    to_right: bool
+    shift: float  # away from the point, because of other texts
+
+    def covers(self, points: FloatArray) -> int:
+        """Return how many of some points the text would cover."""
+        x, y = points[:, 0], points[:, 1]
+        return int(np.sum((x > self.left) & (x < self.right) & (y > self.bottom) & (y < self.top)))
+
+
+def _lines_of(axes: Axes, panel: Panel) -> FloatArray:
+    """Return points on all lines of a panel, as shares of its width and height, close enough that a text meets one."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    lines = [np.column_stack(_xy(curve)) for curve in panel.curves if curve.kind != "points"]
+    lines += [np.array([[left, at], [right, at]]) for at in panel.levels.values()]
+    lines += [np.array([[at, low], [at, high]]) for at in panel.positions.values()]
+    if not lines:
+        return np.empty((0, 2))
+    places = _shares(axes, np.concatenate([part for line in lines for part in (line, np.full((1, 2), np.nan))]))
+    steps = np.diff(places, axis=0)
+    length = np.hypot(*steps.T)
+    known = np.flatnonzero(np.isfinite(length))
+    count = 1 + (np.minimum(length[known], _FAR) / _CLOSE).astype(int)
+    first = np.repeat(known, count)
+    share = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)) / np.repeat(count, count)
+    return np.asarray(places[first] + share[:, None] * steps[first])
+
+
+def _write(axes: Axes, texts: Sequence[_Text], lines: FloatArray, width: float, height: float) -> None:
+    """Write texts next to their points, one above the other where they would touch, and off the lines where possible.
+
+    Points on the lines, width and height of the panel are in inches.
+    """
+    boxes: list[_Place] = []  # of the texts written so far
+    points = _shares(axes, [(text.x, text.y) for text in texts])
+    for i in np.argsort(points[:, 1], kind="stable"):
+        (across, up), text = points[i], texts[i]
+        rows = text.text.split("\n")
+        size = np.array([0.08 + 1.1 * _LETTER * max(map(len, rows)), _TEXT_HEIGHT * len(rows)])  # with some air
         at_bottom = up < _AT_BOTTOM
         above = at_bottom or not (up > _AT_TOP or text.falls)
         to_right = at_bottom or across * width + size[0] < width
-        left = across * width + (0.08 if to_right else -0.08 - size[0])
-        bottom = up * height + (0.04 if above else -0.04 - size[1])
-        more = 0.0
-        while any(
-            left < x1 and x0 < left + size[0] and bottom + more < y1 and y0 < bottom + more + size[1]
-            for x0, x1, y0, y1 in boxes
-        ):
-            more += _TEXT_HEIGHT / 2 if above else -_TEXT_HEIGHT / 2
-        boxes.append((left, left + size[0], bottom + more, bottom + more + size[1]))
+        sides = [(above, to_right), (not above, to_right), (above, not to_right), (not above, not to_right)]
+        places = [_place((across * width, up * height), size, *side, boxes) for side in sides]
+        fitting = [p for p in places if p.left >= 0 and p.bottom >= 0 and p.top <= height + _OVER]
+        inside = [p for p in fitting if p.right <= width]  # beyond the right end, the layout makes room
+        place = min([places[0], *inside, *fitting], key=lambda p: p.covers(lines))  # the first one of equals
+        boxes.append(place)
+        above, to_right, more = place.above, place.to_right, place.shift
         label = axes.annotate(
             minus_signs(text.text),
             (text.x, text.y),
@@ -331,7 +368,25 @@ def _write(axes: Axes, texts: Sequence[_Text], width: float, height: float) -> N
         label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
 
 
-def _shares(axes: Axes, places: Sequence[Any]) -> FloatArray:
+def _place(
+    point: tuple[float, float], size: FloatArray, above: bool, to_right: bool, boxes: Sequence[_Place]
+) -> _Place:
+    """Return the place of a text of a size at one side of its point, farther away than other texts there [inch]."""
+    left = point[0] + (0.08 if to_right else -0.08 - size[0])
+    bottom = point[1] + (0.04 if above else -0.04 - size[1])
+    shift = 0.0
+    while any(
+        left < box.right
+        and box.left < left + size[0]
+        and bottom + shift < box.top
+        and box.bottom < bottom + shift + size[1]
+        for box in boxes
+    ):
+        shift += _TEXT_HEIGHT / 2 if above else -_TEXT_HEIGHT / 2
+    return _Place(left, left + size[0], bottom + shift, bottom + shift + size[1], above, to_right, shift)
+
+
+def _shares(axes: Axes, places: Sequence[Any] | FloatArray) -> FloatArray:
     """Return places of a panel as shares of its width and height, shape (n, 2)."""
     pixels = axes.transData.transform(np.reshape(np.asarray(places, float), (-1, 2)))
     return np.asarray(axes.transAxes.inverted().transform(pixels))

@@ -130,10 +130,12 @@ def _plane(front: ParetoFront, i: int, k: int) -> Panel:
         curves.append(Curve(x=_broken(front, x), y=_broken(front, y), label="Pareto front", style=0))
     else:
         curves.append(Curve(x=x, y=y, label="Pareto front", kind="points", style=0))
+    first, second = (front.number.entry(name) for name in names)
+    title = "Trade-off" if len(front.quantities) == 2 else f"{second.short.capitalize()} over {first.short}"
     return Panel(
-        x_label=f"{front.number.entry(names[0]).words} [{across.unit}]",
-        y_label=f"{front.number.entry(names[1]).words} [{up.unit}]",
-        title="Trade-off",
+        x_label=f"{first.words} [{across.unit}]",
+        y_label=f"{second.words} [{up.unit}]",
+        title=title,
         curves=curves,
         marks=[
             _mark(point, point.values[names[0]] / across.factor, point.values[names[1]] / up.factor)
@@ -199,7 +201,7 @@ def _parameters(front: ParetoFront) -> Iterator[Panel]:
         yield Panel(
             x_label=f"{n.entry(name).words} [{scale.unit}]",
             y_label=f"{label} [{unit or '1'}]",
-            title="Parameters along the front",
+            title=f"{(n.name if parameter == 'gain' else label).capitalize()} along the front",
             curves=[curve],
             marks=[_mark(p, p.values[name] / scale.factor, at) for p, at in points if np.isfinite(at)],
             y_log=_is_wide(values),

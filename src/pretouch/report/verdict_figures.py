@@ -215,7 +215,7 @@ def _run_panel(shown: list[_Shown], name: str, label: tuple[str, str], clock: Sc
             Mark(
                 x=float(s.time[-1]) / clock.factor,
                 y=float(v[-1]) / scale.factor,
-                label="" if first else scale.text(float(v[-1])),
+                label="" if first else f"{s.label}, {scale.text(float(v[-1]))}",
                 style=s.style,
                 shape=s.shape,
             )

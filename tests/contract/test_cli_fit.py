@@ -35,6 +35,14 @@ def test_fit_prints_its_verdict_and_where_the_report_is(run, pages):
     assert "sensor-fit.html" in out.splitlines()[-1]
 
 
+def test_lines_to_copy_have_no_absolute_path(run, folder):
+    whole = run("fit", str(folder / "sensor.csv"), "--no-report")[1]
+    assert 'calibration = "sensor.csv"' in whole
+    assert str(folder) not in whole
+    nearer = f"../{folder.name}/sensor.csv"
+    assert f'calibration = "{nearer}"' in run("fit", nearer, "--no-report")[1]
+
+
 def test_fit_as_json_is_one_object(run):
     code, out, err = run("fit", "sensor.csv", "--json")
     assert (code, err) == (0, "")

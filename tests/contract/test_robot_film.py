@@ -17,6 +17,7 @@ import pytest
 from command_text import command
 
 import pretouch as pt
+from page_checks import parse
 from pretouch.config.robot_encounter import simulate_robot_file
 from pretouch.errors import InvalidInputError, ScenarioFileError
 from pretouch.report import plots, report_html, robot_film
@@ -93,6 +94,9 @@ def test_robot_writes_a_report_without_scripts_and_addresses(run, folder) -> Non
     assert "<script" not in page
     assert "http" not in re.sub(r"data:image[^\"]*", "", page).replace("http-equiv", "")
     assert "torque of the drives" in page or "<svg" in page
+    (note,) = json.loads(run("robot", "arm.toml", "--json")[1])["notes"]
+    assert parse(page).words.count(note) == 1
+    assert run("robot", "arm.toml", "--verbose", "--no-report")[1].count(note[:40]) == 1
 
 
 def test_a_viewer_without_a_display_is_refused(run, monkeypatch) -> None:

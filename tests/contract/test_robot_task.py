@@ -272,7 +272,9 @@ def test_the_command_prints_a_table_and_json(
     (bent,) = [row for row in rows if (row["keyframe"], row["site_axis"]) == ("bent", "+x")]
     assert bent["reflected_mass"] == pytest.approx(arm_projection().reflected_mass, rel=1e-12)
     assert [row["keyframe"] for row in rows if row.get("site_axis") == "+y" and "error" in row]
-    assert "singularity" in run_here("project", ARM, "--verbose")[1]
+    verbose = run_here("project", ARM, "--verbose")[1]
+    assert "singularity" in verbose
+    assert "joint_speeds" in verbose
 
 
 def test_the_command_refuses_with_one_sentence(tmp_path: Path) -> None:

@@ -279,7 +279,10 @@ class FitRequest:
 
     def _scenario_lines(self, calibration: Calibration, report: CalibrationReport) -> Iterator[str]:
         """Yield the scenario-file lines that repeat this fit. The lines belong to the section [sensor]."""
-        yield f"{CALIBRATION} = {_in_toml(self.path)}"
+        if self.path.is_absolute():  # of this machine, so that the file would be useless on others
+            yield f"{CALIBRATION} = {_in_toml(self.path.name)}  # its path from the folder of the scenario file"
+        else:
+            yield f"{CALIBRATION} = {_in_toml(self.path)}"
         if self.models and report.best is not None:
             yield f"model = {_in_toml(report.best.model)}"
         if self.select:

@@ -79,7 +79,8 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
         The elements of the body.
     """
     computed = (block.make() if isinstance(block, LazyBlock) else block for block in page.blocks)
-    lead, blocks = _without_lead((block for block in computed if block is not None), page.lead)
+    listed = (_without_items(block, page.findings) for block in computed)
+    lead, blocks = _without_lead((block for block in listed if block is not None), page.lead)
     sections = [block for block in blocks if isinstance(block, PageSection)]
     parts = [page_top(page, "" if lead is None else "\n".join(blocks_as_html((lead,), draw)))]
     parts += blocks_as_html((block for block in blocks if not isinstance(block, PageSection)), draw)
@@ -89,6 +90,14 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
         # a link opens the section because its target is inside
         parts += [f'<div id="{anchor}">', *blocks_as_html(section.blocks, draw, 3), "</div>", "</details>"]
     return "\n".join(parts)
+
+
+def _without_items(block: Block | None, shown: tuple[str, ...]) -> Block | None:
+    """Return a list without the items that the top of the page already shows; None if no other item remains."""
+    if not isinstance(block, Listing):
+        return block
+    items = tuple(item for item in block.items if item not in shown)
+    return replace(block, items=items) if items else None
 
 
 def lead_picture(page: Page) -> Picture | None:

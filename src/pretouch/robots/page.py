@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from pretouch._core.blocks import Cell, Measured, Page, PageTable
+from pretouch._core.blocks import Cell, Listing, Measured, Page, PageTable
 from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import with_context
 
@@ -91,6 +91,7 @@ def table_page(table: ProjectionTable) -> Page:
         blocks=(
             PageTable(head=head, rows=tuple(_cells(*row) for row in rows), brief=True),
             *((PageTable(head=("site", "without numbers", "reason"), rows=reasons, brief=True),) if reasons else ()),
+            *((Listing(items=(_FAST,), brief=True),) if fast else ()),
         ),
     )
 

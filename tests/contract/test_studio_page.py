@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ pytest.importorskip("playwright")
 from playwright.sync_api import sync_playwright
 
 import pretouch as pt
+from browser_checks import CHROMIUM, serious
 from page_core import built_core
 from pretouch._core.units import to_si
 from pretouch.studio.page_file import figures_text, page_text
@@ -23,7 +23,6 @@ from studio_server import running_studio
 from wrong_reading import write_task
 
 ROOT = Path(__file__).parents[2]
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 
 
@@ -364,29 +363,6 @@ def test_units_are_read_as_python_reads_them(open_page, static_file):
     for text, unit in QUANTITIES:
         found = page.evaluate("([text, unit]) => pretouch.parse(text, unit)", [text, unit])
         assert found == pytest.approx(to_si(text, unit, name=text, bare_text=True), rel=4e-16), text
-
-
-@lru_cache(maxsize=1)
-def axe():
-    """Return axe-core, which npm fetches once into build/; it is not part of pretouch."""
-    folder = ROOT / "build/axe"
-    script = folder / "package/axe.min.js"
-    if not script.exists():
-        if shutil.which("npm") is None:
-            pytest.skip("npm is not installed, and axe-core is not in build/axe")
-        folder.mkdir(parents=True, exist_ok=True)
-        command = ["npm", "pack", "axe-core@4", "--silent"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=120)
-        if done.returncode:
-            pytest.skip("axe-core cannot be fetched")
-        subprocess.run(["tar", "xzf", done.stdout.split()[-1]], cwd=folder, check=True)
-    return script.read_text(encoding="utf-8")
-
-
-def serious(page):
-    page.evaluate(axe())
-    found = page.evaluate("axe.run()")["violations"]
-    return [(v["id"], [n["target"] for n in v["nodes"]][:4]) for v in found if v["impact"] in {"serious", "critical"}]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -40,6 +40,7 @@ _CODE: Final = re.compile(r"(`[^`]+`)")
 _QUOTED: Final = re.compile(r'("[^"]*"|--[a-z-]+[ =]-[^ ]*)')
 _SUBSCRIPT: Final = re.compile(r"(?:(?<=\b[A-Za-z])|(?<=\bd[A-Z])|(?<=[\u2032\u2033]))_([a-z0-9]{1,3})(?![\w.(])")
 _SENTENCES: Final = ' class="text"'
+_MOST_COLUMNS: Final = 5  # of a table that fits into the page
 _LONGEST_LINE: Final = 40  # letters of the longest cell that stays in one line
 
 QUIET: Final = ' class="note"'
@@ -202,7 +203,9 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
             yield from blocks_as_html(block.blocks, draw, min(level + 1, 4))
         elif isinstance(block, PageTable):
             if block.rows:
-                yield f'<div class="scroll">{_table(block)}</div>'
+                wide = max(map(len, block.rows)) > _MOST_COLUMNS
+                reached = ' tabindex="0" role="group" aria-label="Wide table"' if wide else ""  # by the keyboard
+                yield f'<div class="scroll"{reached}>{_table(block)}</div>'
             if block.note:
                 yield f"<p{QUIET}>{_inline(block.note)}</p>"
         elif isinstance(block, Paragraph):

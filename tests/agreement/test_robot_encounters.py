@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+from pretouch._core.blocks import PageTable
 from pretouch.control import VirtualDrag
+from pretouch.report.pages import page_of
 from pretouch.robots import (
     ComputedTorque,
     OperationalSpace,
@@ -102,6 +104,11 @@ def test_the_recoil_of_a_floating_base_is_predicted(mass: float, gravity: float)
     assert detection.recoil_share == pytest.approx(0.25 / (0.25 + mass))
     assert detection.acceleration == pytest.approx(0.0, abs=1e-9)  # robot and ball fall alike
     assert share(simulated, continuous_speed(0.3)) > 0.02  # without kappa, the prediction would be wrong
+    (table,) = (block for block in page_of(result).blocks if isinstance(block, PageTable) and block.head[0] == "tip")
+    shown = {row[0]: row[1].value for row in table.rows}
+    relative = float(result.simulated("tip", "excursion")[0])
+    assert shown["largest excursion of the joints, relative to the base"] == relative
+    assert shown["largest excursion"] == pytest.approx(relative * mass / (0.25 + mass))  # of the site, as its limit
 
 
 def test_the_impact_force_is_that_of_the_reflected_mass() -> None:

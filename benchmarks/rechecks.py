@@ -145,9 +145,7 @@ def main(arguments: list[str] | None = None) -> None:
     total = sum(counts.values())
     agreed = sum(counts[name, name] for name in names[:3])
     undecided = sum(counts[right, "not-decided"] for right in names[:3])
-    print(
-        f"{agreed} of {total} verdicts are right, {undecided} are not decided, {total - agreed - undecided} are wrong"
-    )
+    print(f"{agreed} of {total} verdicts are right, {undecided} are not decided, {total - agreed - undecided} differ")
     print(f'{wrong} wrong "fine" with a contact speed that differs by more than {100 * TOLERANCE:.0f} %')
 
 

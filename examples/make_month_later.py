@@ -1,6 +1,6 @@
 """Print examples/month-later.csv: the sensor of examples/loop.toml a month after its calibration, at known distances.
 
-It has the columns of a raw file of `pretouch record`: the empty scene for 2 s, then an object at 5, 20 and 40 mm, with
+It has the columns of a raw file of `pretouch record`: the empty scene for 2 s, then an object at 2, 15 and 40 mm, with
 pauses while it moves. Its offset has risen from 150 to 171 counts, dust on the cover has
 cost 8 % of the signal, and each distance is wrong by up to 0.2 mm.
 """
@@ -8,7 +8,7 @@ cost 8 % of the signal, and each distance is wrong by up to 0.2 mm.
 import numpy as np
 
 RATE, NOISE, OFFSET, DUST = 250.0, 22.0, 171.0, 0.92  # Hz, counts, counts, 1
-PLACES = ((np.inf, 0.0), (0.005, 0.1e-3), (0.02, -0.15e-3), (0.04, 0.05e-3))  # m: distance as typed, and its error
+PLACES = ((np.inf, 0.0), (0.002, 0.1e-3), (0.015, -0.15e-3), (0.04, 0.05e-3))  # m: distance as typed, and its error
 HELD, MOVED = 2.0, 0.4  # s
 
 

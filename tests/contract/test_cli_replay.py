@@ -41,21 +41,30 @@ def test_a_table_is_replayed_as_json(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+CHECKED = ["replay", str(LOOP), str(ROOT / "examples/month-later.csv"), "--topic", "output", *GAIN]
+BY_TIME = ["--distances", "0-2 s: none, 2.4-4.39 s: 2 mm, 7.2-9.19 s: 40 mm"]
+
+
 def test_a_calibration_is_checked(tmp_path: Path) -> None:
-    words = ["replay", str(LOOP), str(ROOT / "examples/month-later.csv"), "--topic", "output", *GAIN, "--recheck"]
-    answer = run(*words, "--reference", "distance", "--elapsed", "30 d", "--json", folder=tmp_path)
+    answer = run(*CHECKED, "--recheck", "--reference", "distance", "--elapsed", "30 d", "--json", folder=tmp_path)
     assert answer.returncode == 0, answer.stderr
     told = json.loads(answer.stdout)
     assert told["status"] == "fine"
     assert told["offset"] == pytest.approx(171, abs=5)
     assert told["interval"] == pytest.approx(30 * 86400)
-    by_time = ["--distances", "0-2 s: none, 2.4-4.39 s: 5 mm, 7.2-9.19 s: 40 mm"]
-    held = json.loads(run(*words, *by_time, "--json", folder=tmp_path).stdout)
-    assert held["slope"] == pytest.approx(told["slope"], rel=0.02)
-    unknown = run(*words, "--json", folder=tmp_path)
+    assert run(*CHECKED, "--elapsed", "30 d", folder=tmp_path).returncode == 2
+
+
+@pytest.mark.slow
+def test_known_distances_are_named_by_time_or_by_a_column(tmp_path: Path) -> None:
+    words = [*CHECKED, "--recheck", "--json"]
+    column = json.loads(run(*words, "--reference", "distance", folder=tmp_path).stdout)
+    for part in ([], ["--from", "1 s"]):  # times count from the first reading of the file
+        held = json.loads(run(*words, *BY_TIME, *part, folder=tmp_path).stdout)
+        assert held["slope"] == pytest.approx(column["slope"], rel=0.02)
+    unknown = run(*words, folder=tmp_path)
     assert (unknown.returncode, json.loads(unknown.stdout)["status"]) == (1, "not-decided")
-    for more in ([*by_time, "--reference", "distance"], ["--elapsed", "30"]):
-        assert run(*words[: -1 if "30" in more else None], *more, folder=tmp_path).returncode == 2
+    assert run(*words, *BY_TIME, "--reference", "distance", folder=tmp_path).returncode == 2
 
 
 def test_true_contacts_by_time_and_a_part(tmp_path: Path) -> None:

@@ -89,7 +89,11 @@ def speed_on(sensor: Any) -> float:
 def test_another_slope_is_recalibrated() -> None:
     answer = check(*today((np.inf, 0.001, 0.01, 0.04), shift=0.02, factor=3.5), distance_error=2e-4)
     assert answer.decision == "recalibrate"
-    speed = speed_on(replace(task().sensor, distance_offset=0.0619, scale=3.5 * 0.533))
+    truth = replace(task().sensor, distance_offset=0.0619, scale=3.5 * 0.533)
+    design = pt.design(task().replace(sensor=truth, gain=None, stability_margin=None))
+    assert answer.optimal_gain == pytest.approx(design.gain, rel=0.1)
+    assert answer.optimal_gain_then == pytest.approx(-0.7463, abs=1e-4)
+    speed = speed_on(truth)
     assert speed > 1.15 * answer.contact_then
     assert answer.contact_updated.low < speed < answer.contact_updated.high
 

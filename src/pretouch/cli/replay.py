@@ -103,6 +103,7 @@ def replay(
     known contact contradicts the detections, 2 a mistake in the request. With --recheck: 0 fine, 1 any other verdict.
     """
     from pretouch.recording import replay as run  # noqa: PLC0415 - keeps `pretouch --help` quick
+    from pretouch.recording.known_distances import read_known_distances as read_distances  # noqa: PLC0415
 
     _refuse_swapped(file, recording)
     _refuse_incomplete(reference, joints, model, site)
@@ -131,7 +132,8 @@ def replay(
     written = _write(result, shown, chain, calibration, mcap)
     answer: Replay | Recheck = result
     if recheck:
-        answer = _recheck(task, result, distances, distance_error, elapsed)
+        known = None if distances is None else read_distances(distances, sensor)
+        answer = _recheck(task, result, known, distance_error, elapsed)
     shown.show(
         answer,
         f"{recording.name.partition('.')[0] or 'recording'}-replay.html",
@@ -168,15 +170,14 @@ def _refuse_without_recheck(
         raise InvalidInputError("--distances: found with --reference or --joints, expected one of them")
 
 
-def _recheck(task: Task, result: Replay, distances: str | None, error: str, elapsed: str | None) -> Recheck:
+def _recheck(task: Task, result: Replay, distances: Recording | None, error: str, elapsed: str | None) -> Recheck:
     """Compare the recording with the calibration of the scenario."""
-    from pretouch.recording.known_distances import read_known_distances  # noqa: PLC0415
     from pretouch.recording.recheck import recheck as run  # noqa: PLC0415
 
     return run(
         task,
         result,
-        distances=None if distances is None else read_known_distances(distances, result.recording),
+        distances=distances,
         distance_error=read_quantity(error, "m", name="--distance-error"),
         elapsed=None if elapsed is None else _time(elapsed, "--elapsed"),
     )

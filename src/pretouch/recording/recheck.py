@@ -22,6 +22,7 @@ from pretouch._core.numbers import nonnegative, positive
 from pretouch._core.units import format_percent, format_quantity
 from pretouch._core.values import Value
 from pretouch.designs import Task
+from pretouch.designs.gain import designed_number
 from pretouch.motion.laws import LawNumber
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SensorChain
@@ -95,6 +96,9 @@ class Recheck(Described, Value):
         contact_then: contact speed of the calibration [m/s]; None without a contact.
         contact: contact speed with the curve and offset of today, and the controller as it is.
         contact_updated: the same after the offset of the controller was updated.
+        optimal_gain_then: optimal gain of the ideal loop with the curve of the calibration; None if there is none, or
+            if the task has no objective or no bounds.
+        optimal_gain: the same with the best curve of today.
         limits: limits that hold at the contact speed of the calibration, but not in the whole range of today.
         elapsed: time from the calibration to the recording [s]; None if unknown.
         interval: recommended time to the next check [s]; None if unknown.
@@ -119,6 +123,8 @@ class Recheck(Described, Value):
     contact_then: float | None = None
     contact: Range | None = None
     contact_updated: Range | None = None
+    optimal_gain_then: float | None = None
+    optimal_gain: float | None = None
     limits: tuple[str, ...] = ()
     elapsed: float | None = None
     interval: float | None = None
@@ -138,7 +144,7 @@ class Recheck(Described, Value):
         names = (
             *("decision", "headline", "reasons", "gain", "offset_then", "offset_then_error", "offset", "offset_error"),
             *("places", "ratios", "ratio_errors", "slope_then", "slope", "slope_error", "contact_then"),
-            *("distances", "limits", "elapsed", "interval"),
+            *("optimal_gain_then", "optimal_gain", "distances", "limits", "elapsed", "interval"),
         )
         fields: dict[str, Any] = plain({name: getattr(self, name) for name in names})
         for name in ("contact", "contact_updated"):
@@ -267,6 +273,10 @@ def _decided(
     nominal, offset, error = base["contact_then"], base["offset"], base["offset_error"]
     now = base["contact"] = _range_of(speeds, curves, offset, error, None)
     updated = base["contact_updated"] = _range_of(speeds, curves, offset, error, offset)
+    if task.objective is not None and task.bounds is not None:
+        base["optimal_gain_then"], base["optimal_gain"] = (
+            _optimal_gain(task, each) for each in (task.sensor, curves[0][0])
+        )
     conditioning = replay.controller.conditioning
     noise = replay.noise.noise if replay.noise.noise is not None else replay.loop.chain.noise
     quiet = quiet_floor(conditioning, replay.timing.rate, noise)
@@ -288,6 +298,13 @@ def _decided(
         reasons = ("the controller takes the offset of today for an object",) if triggers else ()
     elif updated is None or updated.is_far_from(nominal):
         decision = "recalibrate"
+    elif _is_another_slope(base):
+        then, today = (format_quantity(base[name], "1/m", 3) for name in ("slope_then", "slope"))
+        decision = "recalibrate"
+        reasons = (
+            f"between the known distances, the mean slope g is {today} today and was {then}, and the recording does "
+            f"not show that the contact speed stays within {format_percent(TOLERANCE)}",
+        )
     else:
         decision, old = "not-decided", format_quantity(nominal, "m/s", 3)
         reasons = (
@@ -301,6 +318,21 @@ def _decided(
         base["limits"] = tuple(_limits_at_risk(task, nominal, speed.high))
     interval = None if decision == "not-decided" else _interval(base, rise, conditioning.floor - quiet)
     return Recheck(decision=decision, reasons=reasons, interval=interval, **base)
+
+
+def _optimal_gain(task: Task, curve: SensorModel | None) -> float | None:
+    """Return the optimal gain of the ideal loop with a curve; None if there is none."""
+    if curve is None:
+        return None
+    return designed_number(
+        task.replace(sensor=curve, gain=None, evaluate=None, stability_margin=None, calibration=None)
+    )
+
+
+def _is_another_slope(base: dict[str, Any]) -> bool:
+    """Return True if the slope has certainly changed by more than the tolerance."""
+    change = abs(base["slope"] - base["slope_then"]) - CERTAIN * base["slope_error"]
+    return bool(change > TOLERANCE * abs(base["slope_then"]))
 
 
 def _limits_at_risk(task: Task, nominal: float, high: float) -> Iterator[str]:

@@ -116,6 +116,12 @@ def _findings(check: Recheck) -> Iterator[str]:
             f"Check again after {_days(check.interval)} at the latest: {why}. One interval of drift supports no longer "
             "time than itself."
         )
+    then, now = check.optimal_gain_then, check.optimal_gain
+    if check.decision == "recalibrate" and then is not None and now is not None:
+        yield (
+            f"With the curve of today, the optimal {check.number.name} is about {check.number.text(now, 2)} instead of "
+            f"{check.number.text(then, 3)}; only a new calibration is exact enough to use it."
+        )
     for name in check.limits:
         yield (
             f"The limit of the {words_for(name)} held at the contact speed of the calibration, but the range of today "
@@ -191,7 +197,10 @@ def _rows(check: Recheck) -> Iterator[Row]:
         yield "contact speed, controller as it is", "unknown" if check.contact is None else check.contact.words, then
         updated = "unknown" if check.contact_updated is None else check.contact_updated.words
         yield "contact speed, offset updated", updated, then
-    yield check.number.label, "", Measured(check.gain, check.number.unit)
+    yield f"{check.number.label}, checked", "", Measured(check.gain, check.number.unit)
+    if check.optimal_gain_then is not None:
+        gains = (Measured(gain, check.number.unit) for gain in (check.optimal_gain, check.optimal_gain_then))
+        yield f"optimal {check.number.label}, ideal loop", *gains
     yield "noise without an object", Measured(noise.noise), Measured(chain.noise)
     yield "rate of new values", Measured(timing.value_rate, "Hz"), Measured(chain.rate, "Hz")
     if check.elapsed is not None and check.offset is not None:

@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from figure_checks import assert_legible, visible_texts
 from page_checks import EVIL, assert_sound, parse
 from page_rows import row, table
-from pretouch._core.blocks import Code, Measured, Named, Paragraph
+from pretouch._core.blocks import Code, Listing, Measured, Named, Page, PageSection, PageTable, Paragraph
 from pretouch._core.errors import OutputExistsError
 from pretouch._core.files import is_own_unchanged
 from pretouch.calibration import Calibration, CalibrationReport, fit, read_calibration
@@ -39,7 +39,7 @@ from pretouch.designs import (
 )
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario
 from pretouch.report import plots, report_html, write_report
-from pretouch.report.blocks_html import blocks_as_html, cell_as_html
+from pretouch.report.blocks_html import blocks_as_html, cell_as_html, page_as_html
 from pretouch.report.style import log_ticks, scale_for
 from pretouch.sensors import ExponentialFirstOrder, InversePower, Recessed
 from refusals import refused
@@ -377,6 +377,17 @@ def test_symbols_and_numbers_of_the_text_look_as_in_the_figures_and_copied_text_
     assert all(copied in shown for copied in ("&quot;-0.5 N*s&quot;", "<code>D_p = -1</code>", "gain = -1"))
     cells = (Measured(-0.5, "m"), Measured(-math.inf), Named("gain", "D_p"), "-")
     assert list(map(cell_as_html, cells)) == ["\u2212500 mm", "\u2212\u221e", "gain D<sub>p</sub>", "\u2013"]
+
+
+def test_a_sentence_of_an_open_section_is_not_repeated_and_labels_of_cells_have_no_tags() -> None:
+    reasons = PageSection(title="Why", blocks=(Listing(items=("one", "two")), Paragraph(text="x")), opened=True)
+    table = PageTable(head=("", "at D_p = -1 N s"), rows=(("a", "1"),))
+    page = Page(
+        kind="test", headline="h", findings=("two", "three"), blocks=(Listing(items=("three",)), reasons, table)
+    )
+    shown = page_as_html(page, str)
+    assert [shown.count(f"<li>{word}</li>") for word in ("one", "two", "three")] == [1, 1, 1]
+    assert 'data-label="at D\u209a = \u22121 N s"' in shown
 
 
 def test_the_best_model_sets_the_axis_of_the_residuals() -> None:

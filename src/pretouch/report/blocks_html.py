@@ -39,6 +39,7 @@ _PAGE_LINK: Final = re.compile(r"\[([^\]]+)\]\([^)#]+\)")
 _CODE: Final = re.compile(r"(`[^`]+`)")
 _QUOTED: Final = re.compile(r'("[^"]*"|--[a-z-]+[ =]-[^ ]*)')
 _SUBSCRIPT: Final = re.compile(r"(?:(?<=\b[A-Za-z])|(?<=\bd[A-Z])|(?<=[\u2032\u2033]))_([a-z0-9]{1,3})(?![\w.(])")
+_INDEX: Final = {"a": "\u2090", "p": "\u209a"}
 _SENTENCES: Final = ' class="text"'
 _MOST_COLUMNS: Final = 5  # of a table that fits into the page
 _LONGEST_LINE: Final = 40  # letters of the longest cell that stays in one line
@@ -83,7 +84,10 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
     listed = (_without_items(block, page.findings) for block in computed)
     lead, blocks = _without_lead((block for block in listed if block is not None), page.lead)
     sections = [block for block in blocks if isinstance(block, PageSection)]
-    parts = [page_top(page, "" if lead is None else "\n".join(blocks_as_html((lead,), draw)))]
+    opened = [block for section in sections if section.opened for block in section.blocks if isinstance(block, Listing)]
+    listed_below = {item for block in opened for item in block.items}
+    top = replace(page, findings=tuple(text for text in page.findings if text not in listed_below))
+    parts = [page_top(top, "" if lead is None else "\n".join(blocks_as_html((lead,), draw)))]
     parts += blocks_as_html((block for block in blocks if not isinstance(block, PageSection)), draw)
     for number, section in enumerate(sections, 1):
         anchor, title = section.anchor or f"section-{number}", _inline(section.title)
@@ -235,7 +239,7 @@ def _table(table: PageTable) -> str:
     titles = [cell_as_html(c) for c in table.head]
     kinds = [[kind or _long_text(cell) for cell in row] for row in table.rows]
     head = "".join(f'<th scope="col">{title}</th>' for title in titles)
-    labels = [f' data-label="{escape(re.sub(r"<[^>]*>", "", title))}"' if title else "" for title in titles]
+    labels = [f' data-label="{_without_tags(title)}"' if title else "" for title in titles]
     rows = (
         "".join(
             f'<th scope="row">{cell_as_html(c)}</th>'
@@ -247,6 +251,11 @@ def _table(table: PageTable) -> str:
     )
     top = f"<thead><tr>{head}</tr></thead>\n" if head else ""
     return "\n".join([f"<table>\n{top}<tbody>", *(f"<tr>{row}</tr>" for row in rows), "</tbody></table>"])
+
+
+def _without_tags(html: str) -> str:
+    """Return the text of a title for an attribute, which has no tags but may have the index letters of the figures."""
+    return re.sub("<sub>(.*?)</sub>", lambda m: _INDEX.get(m[1], f"_{m[1]}"), re.sub(r"<(?!/?sub>)[^>]*>", "", html))
 
 
 def _long_text(cell: Cell) -> str:

@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# the program without what only tests, sweeps and recordings of ROS need: a third of the packages' size
+PROGRAM := $(VENV)/.program
 # what the compiled core is made of: built by pip, with the machine's compiler or, where there is none, one that pip brings
 NATIVE := native/build.py $(wildcard native/*/*.c native/*/*.h native/*/*.cpp native/*/*.hpp)
 JOBS ?= 2
@@ -28,6 +30,7 @@ MUTANTS ?= 200
 ONLY ?=
 
 DOCS := $(VENV)/.docs
+COMMA := ,
 
 .PHONY: help page demo check test test-all words docs sanitize fuzz mutants benchmark clean
 
@@ -45,11 +48,19 @@ help:
 	@echo "make benchmark  what benchmarks/ measures, on this machine"
 	@echo "make clean      remove what make made"
 
-$(STAMP): pyproject.toml constraints.txt hatch_build.py $(NATIVE)
+define INSTALL
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "pretouch needs Python 3.11 or newer; name one with: make PYTHON=python3.12"; exit 1; }
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/python .ci/pip_progress.py install -c constraints.txt -e '.[dev]'
+	@$(BIN)/python .ci/pip_progress.py install -c constraints.txt -e '.[$(1)]'
+endef
+
+$(STAMP): pyproject.toml constraints.txt hatch_build.py $(NATIVE)
+	$(call INSTALL,dev)
+	@touch $(PROGRAM) $@
+
+$(PROGRAM): pyproject.toml constraints.txt hatch_build.py $(NATIVE)
+	$(call INSTALL,files$(COMMA)record$(COMMA)studio)
 	@touch $@
 
 # the core for the page of pretouch studio; zig comes by pip
@@ -57,7 +68,7 @@ page: $(STAMP)
 	@$(BIN)/python -c 'import ziglang' 2> /dev/null || $(BIN)/python -m pip install --quiet 'ziglang>=0.14,<0.18'
 	$(BIN)/python native/build.py --page
 
-demo: $(STAMP)
+demo: $(PROGRAM)
 	@$(BIN)/python examples/demo.py
 
 check: $(STAMP)

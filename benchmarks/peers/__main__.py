@@ -26,6 +26,10 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seconds", type=float, help="how long each pair is measured (default 3, quick 0.3)")
     parser.add_argument("--json", type=Path, help="write every number to this file")
     parser.add_argument("--figure", type=Path, help="measure cost over batch size and draw it to this file")
+    parser.add_argument("--old", metavar="COMMIT", help="only compare with an earlier build")
+    parser.add_argument(
+        "--growth", type=Path, help="only measure time and memory of growing work; draw it to this file"
+    )
     return parser.parse_args()
 
 
@@ -54,6 +58,9 @@ def main() -> None:
     """Run the requested cases."""
     asked = arguments()
     hold_to(asked.threads)
+    if asked.old or asked.growth:
+        _builds_and_growth(asked)
+        return
     seconds = asked.seconds or (0.3 if asked.quick else 3.0)
     peers = installed(asked.peer)
     record: dict[str, Any] = {
@@ -65,6 +72,23 @@ def main() -> None:
     }
     if asked.figure:
         record |= _growth(asked, peers, seconds)
+    if asked.json:
+        asked.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+
+
+def _builds_and_growth(asked: argparse.Namespace) -> None:
+    """Compare this build with an earlier one, and measure growing work."""
+    from .builds import compare  # noqa: PLC0415 - after the processors are counted
+    from .growing import draw, grow  # noqa: PLC0415
+
+    record: dict[str, Any] = {}
+    if asked.old:
+        sizes = (1, 100, 400) if asked.quick else (5, 10_000, 1_000_000)
+        record["builds"] = compare(asked.old, *sizes)
+    if asked.growth:
+        grown = grow(1000 if asked.quick else 10**7)
+        draw(grown, asked.growth)
+        record["growth"] = [one._asdict() for one in grown]
     if asked.json:
         asked.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 

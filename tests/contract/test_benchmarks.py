@@ -18,7 +18,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from benchmarks.peers import registry, work
+from benchmarks.peers import builds, growing, registry, work
 from benchmarks.peers.measuring import in_turn, inputs_for, problem_for, relative_error
 from benchmarks.peers.protocol import missing
 
@@ -368,3 +368,28 @@ def test_live_topics_without_ros_are_skipped(
     lines = capsys.readouterr().out.splitlines()
     assert [line.partition(":")[0] for line in lines] == ["Kilted", "Jazzy", "Humble"]
     assert all("skipped" in line for line in lines)
+
+
+def test_two_builds_run_the_same_work_in_turn(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    listed = builds.jobs(designs=2, points=4)
+    assert {"--help", "verify, text", "verify, report on top", "2 designs, limit"} <= {job.name for job in listed}
+    chosen = [job for job in listed if job.name in {"--help", "2 designs, limit"}]
+    monkeypatch.setattr(builds, "jobs", lambda designs, points: chosen)  # noqa: ARG005
+    rows = builds.compare(str(ROOT), rounds=1, designs=2, points=4)
+    assert [row["work"] for row in rows] == ["--help", "2 designs, limit"]
+    assert all(float(row["ratio"]) > 0 for row in rows)
+    assert "2 designs, limit" in capsys.readouterr().out
+
+
+def test_growing_work_is_measured_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    work = {one.name: one for one in growing.WORK}
+    assert len(work) == 4
+    small = [one._replace(sizes=one.sizes[:2]) for one in growing.WORK if one.name.startswith("designs")]
+    monkeypatch.setattr(growing, "WORK", small)
+    (grown,) = growing.grow(largest=100)
+    assert grown.sizes == (10, 100)
+    assert min(grown.megabytes) > 10
+    growing.draw([grown], tmp_path / "growth.png")
+    assert (tmp_path / "growth.png").stat().st_size > 1000

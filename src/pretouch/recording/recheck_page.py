@@ -77,17 +77,18 @@ def recheck_page(check: Recheck) -> Page:
 
 def _key_figures(check: Recheck) -> Iterator[tuple[str, Cell]]:
     if check.offset is not None:
-        yield f"offset; calibration {_offset_then(check)}", f"{check.offset:.6g} ± {check.offset_error:.2g}"
+        yield f"offset; calibration {_offset_then(check)}", _with_error(check.offset, check.offset_error)
     if check.slope is not None and check.slope_then is not None:
         where = f"{format_quantity(check.places[0], 'm', 3)} to {format_quantity(check.places[-1], 'm', 3)}"
         then = format_quantity(check.slope_then, "1/m", 3)
         yield (
             f"mean slope g from {where}; calibration {then}",
-            f"{format_quantity(check.slope, '1/m', 3)} ± {check.slope_error:.2g} 1/m",
+            f"{_with_error(check.slope, check.slope_error)} 1/m",
         )
         near = 100 * math.expm1(check.ratios[0])
         error = 100 * math.exp(check.ratios[0]) * check.ratio_errors[0]
-        yield f"signal at {format_quantity(check.places[0], 'm', 3)}", f"{near:+.3g} ± {error:.2g} % of the calibration"
+        where = format_quantity(check.places[0], "m", 3)
+        yield f"signal at {where}; change since the calibration", f"{_with_error(near, error, '+')} %"
     noise, chain = check.replay.noise.noise, check.replay.loop.chain
     if noise is not None:
         yield f"noise; scenario {chain.noise:.3g}", f"{noise:.3g}"
@@ -103,9 +104,17 @@ def _warnings(check: Recheck) -> Iterator[str]:
             yield text
 
 
+def _with_error(value: float, error: float, sign: str = "") -> str:
+    """Return a value with its standard error, which has two digits, as text. `sign` is "+" for changes."""
+    if not 0 < error < math.inf:
+        return f"{value:{sign}.6g}"
+    decimals = max(1 - math.floor(math.log10(error)), 0)
+    return f"{value:{sign}.{decimals}f} ± {error:.{decimals}f}"
+
+
 def _offset_then(check: Recheck) -> str:
     error = check.offset_then_error
-    return f"{check.offset_then:.6g}" + (f" ± {error:.2g}" if error else "")
+    return _with_error(check.offset_then, error) if error else f"{check.offset_then:.6g}"
 
 
 def _findings(check: Recheck) -> Iterator[str]:
@@ -174,11 +183,11 @@ def _distances(check: Recheck) -> PageSection | None:
             (
                 "no object" if math.isinf(each.distance) else format_quantity(each.distance, "m"),
                 f"{each.count:,}",
-                f"{each.reading:.6g} ± {each.error:.2g}",
+                _with_error(each.reading, each.error),
                 f"{each.signal:.4g}" if each.signal > 0 else "-",
                 "-"
                 if math.isnan(ratio)
-                else f"{100 * math.expm1(ratio):+.3g} % ± {100 * math.exp(ratio) * error:.2g} %",
+                else f"{_with_error(100 * math.expm1(ratio), 100 * math.exp(ratio) * error, '+')} %",
             )
         )
     head = ("distance", "readings", "mean reading", "\u03be of the calibration", "change of \u03be")
@@ -188,9 +197,9 @@ def _distances(check: Recheck) -> PageSection | None:
 def _rows(check: Recheck) -> Iterator[Row]:
     timing, noise, chain = check.replay.timing, check.replay.noise, check.replay.loop.chain
     if check.offset is not None:
-        yield "offset", f"{check.offset:.6g} ± {check.offset_error:.2g}", _offset_then(check)
+        yield "offset", _with_error(check.offset, check.offset_error), _offset_then(check)
     if check.slope is not None:
-        slope = f"{check.slope:.4g} ± {check.slope_error:.2g} 1/m"
+        slope = f"{_with_error(check.slope, check.slope_error)} 1/m"
         yield "mean slope g between the known distances", slope, Measured(check.slope_then, "1/m")
     if check.contact_then is not None:
         then = Measured(check.contact_then, "m/s", 3)

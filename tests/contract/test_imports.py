@@ -177,3 +177,11 @@ def test_the_report_of_a_design_loads_only_its_own_figures() -> None:
     assert "pretouch.report.motion_figures" in loaded
     parts = ("simulation", "verification", "recording", "robots", "calibration", "sweeps")
     assert not loaded & {"scipy", *(f"pretouch.{part}" for part in parts)}
+
+
+def test_a_verdict_without_a_calibration_loads_no_fits() -> None:
+    code = "import sys, pretouch.verification; print(*sys.modules)"
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(answer.stdout.split())
+    assert "pretouch.verification.verdict" in loaded
+    assert not any(name.startswith("pretouch.calibration") for name in loaded)

@@ -8,18 +8,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import OUTPUT, OUTPUT_RATE, check_declared, flag, quantity
 from pretouch._core.units import format_quantity
-from pretouch.calibration import SensorFit
 from pretouch.control import Controller
 from pretouch.control.components import format_output
 
 from .disturbance import checked_disturbances, native_disturbances
+
+if TYPE_CHECKING:
+    from pretouch.calibration import SensorFit
+
 
 Row = tuple[str, Cell]
 
@@ -239,7 +242,14 @@ def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: f
     Returns:
         The chain. Its noise is the scatter of readings at one distance; its misfit is the deviation of their means from
         the curve.
+
+    Raises:
+        InvalidInputError: `fit` is not a fit, but, for example, a report with several fits.
     """
+    from pretouch.calibration import SensorFit as Fit  # noqa: PLC0415 - loops without a calibration start faster
+
+    if not isinstance(fit, Fit):
+        raise InvalidInputError(f"fit: found {type(fit).__name__}, expected a SensorFit", argument="fit", value=fit)
     saturation = fit.window.saturation
     return SensorChain(
         rate=rate,

@@ -6,7 +6,7 @@ If the calibration is not accurate enough, the check recommends measurements.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -15,15 +15,18 @@ from pretouch._core.progress import note_work
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.warning_codes import split_code
-from pretouch.calibration import CalibrationReport
-from pretouch.calibration.contact_check import WitnessCheck, check_on_readings, is_within, measurement_that_helps, mount
-from pretouch.calibration.result import DrawnCurve
 from pretouch.designs import Task
 from pretouch.designs.quantities import size_of
 from pretouch.simulation import SensorChain
 from pretouch.uncertainty.reservations import recess_advice
 
 from .appraisal import simulated_quantity
+
+if TYPE_CHECKING:
+    from pretouch.calibration import CalibrationReport
+    from pretouch.calibration.contact_check import WitnessCheck
+    from pretouch.calibration.result import DrawnCurve
+
 
 _DRAWS: Final = 100
 _ALIKE: Final = 20  # factor on the draws; those with the nearest offsets are kept, as if the offset were known
@@ -132,6 +135,8 @@ class CalibrationCheck(Value):
             return f"{text}."
         low, high = format_quantity(self.low, "m/s", 3), format_quantity(self.high, "m/s", 3)
         text = f"{text}, and {low} to {high} with 90 % of these sensors."
+        from pretouch.calibration.contact_check import is_within  # noqa: PLC0415 - fits, only with a calibration
+
         if is_within(self.predicted, self.low, self.high):
             return text
         softer = self.predicted < self.low
@@ -192,6 +197,9 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
     if report.curves is None or report.offset is None:  # too few readings to draw other curves
         return None
     chain = _without_noise(task.loop.chain)
+    from pretouch.calibration.contact_check import check_on_readings, measurement_that_helps  # noqa: PLC0415 - fits
+    from pretouch.calibration.result import DrawnCurve  # noqa: PLC0415
+
     nominal = DrawnCurve(sensor=task.sensor, offset=report.offset.value)
     predicted = _run(task, gain, replace(chain, misfit=0.0), (nominal,))
     if np.isnan(predicted.speed[0]):
@@ -235,6 +243,8 @@ def _mount(drawn: DrawnCurve, task: Task) -> DrawnCurve:
 
     It gets the same mounting depth and distance range. The sensor chain already has the controller's offset.
     """
+    from pretouch.calibration.contact_check import mount  # noqa: PLC0415
+
     start = float(np.max(task.scenario.distance))
     return replace(drawn, sensor=mount(drawn, task.sensor, drawn.offset, start))
 
@@ -270,6 +280,8 @@ def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], outcome: _
     value = report.offset.value
     many = report.curves.draw(_ALIKE * _DRAWS, _SEED)
     nearest = sorted(many, key=lambda curve: abs(curve.offset - value))[:_DRAWS]
+    from pretouch.calibration.result import DrawnCurve  # noqa: PLC0415
+
     fitted = DrawnCurve(sensor=task.sensor, offset=value)
     smooth = _run(task, gain, replace(chain, misfit=0.0), drawn).badness(predicted)
     known_offset = _run(task, gain, chain, tuple(_mount(curve, task) for curve in nearest)).badness(predicted)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import caution
-from pretouch.calibration import CalibrationReport
 from pretouch.control import Controller, Status
 from pretouch.designs import GainDesign
 from pretouch.motion import ContinuousLaw, LawNumber, Scenario
@@ -27,6 +26,10 @@ from .effect import EFFECT, SIGNIFICANT, chase_in_words, contact_speeds, is_hard
 from .encounter_parts import LoopContact, QuantityComparison, ReportedFlag, missed_share
 from .result import Comparison
 from .stability import limit_of, stability_margin
+
+if TYPE_CHECKING:
+    from pretouch.calibration import CalibrationReport
+
 
 _LATE: Final = 0.1  # a detection is late if more than this share of the change of ln xi until contact has happened
 _SHARE: Final = 0.1  # a cause is named if it explains at least this share of the time to detection

@@ -205,7 +205,7 @@ def test_more_runs_without_noise_are_one_run_and_nothing_helps_a_perfect_loop() 
 
 
 def test_a_change_has_one_sentence_with_its_numbers() -> None:
-    filtered = {"median_window": 5, "low_pass_order": 2, "cutoff": 50.0, "offset": 0.1}
+    filtered = {"median_window": 5, "moving_average": 3, "low_pass_order": 2, "cutoff": 50.0, "offset": 0.1}
     loop = replace(
         loop_of(offset=0.1, crosstalk=0.02, drift=0.01, delay=0.003, noise=1e-3, conditioning=filtered),
         plant=pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=50.0),
@@ -216,6 +216,7 @@ def test_a_change_has_one_sentence_with_its_numbers() -> None:
         "delay": "Remove the sensor latency of 3 ms.",
         "noise": "Halve the sensor noise to a standard deviation of 0.0005 (unit of the readings) instead of 0.001.",
         "median": "Remove the 5-sample median filter.",
+        "moving-average": "Remove the moving average over 3 readings.",
         "low-pass": "Remove the low-pass filter of order 2 at 50 Hz.",
         "controller-rate": "Run the controller at 2000 Hz instead of 1000 Hz.",
         "robot-bandwidth": "Raise the bandwidth of the robot's controller from 50 Hz to 100 Hz.",

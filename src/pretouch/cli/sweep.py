@@ -218,7 +218,7 @@ def _present(
     reservations: Reservations | None,
     shown: Presentation,
     figure: Path | None,
-    table: Path | None,
+    table: Path | None = None,
 ) -> None:
     """Draw the figure of a sweep, write its table, print its results, and exit."""
     from pretouch.sweeps.results import (  # noqa: PLC0415

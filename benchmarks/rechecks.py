@@ -16,8 +16,8 @@ import numpy as np
 
 import pretouch as pt
 from pretouch.recording import Recording, recheck, replay
+from pretouch.recording.calibration_recheck import TOLERANCE
 from pretouch.recording.noise import quiet_floor
-from pretouch.recording.recheck import TOLERANCE
 from pretouch.sensors import ExponentialFirstOrder, InversePower
 
 EXAMPLES: Final = Path(__file__).parents[1] / "examples"

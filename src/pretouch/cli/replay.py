@@ -172,7 +172,7 @@ def _refuse_without_recheck(
 
 def _recheck(task: Task, result: Replay, distances: Recording | None, error: str, elapsed: str | None) -> Recheck:
     """Compare the recording with the calibration of the scenario."""
-    from pretouch.recording.recheck import recheck as run  # noqa: PLC0415
+    from pretouch.recording.calibration_recheck import recheck as run  # noqa: PLC0415
 
     return run(
         task,

@@ -15,7 +15,7 @@ from pretouch._core.warning_codes import split_code
 from .replay_page import replay_warnings
 
 if TYPE_CHECKING:
-    from .recheck import Recheck
+    from .calibration_recheck import Recheck
 
 Row = tuple[Cell, ...]
 

@@ -85,7 +85,7 @@ def _robots() -> Rows:
 
 
 def _recording() -> Rows:
-    from pretouch.recording.recheck import Recheck
+    from pretouch.recording.calibration_recheck import Recheck
     from pretouch.recording.recheck_page import recheck_page
     from pretouch.recording.record_page import recording_page
     from pretouch.recording.record_session import RecordedCalibration

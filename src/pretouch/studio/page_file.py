@@ -37,6 +37,7 @@ _FIGURES: Final = ("core", "model", "charts", "encounter", "live", "figures")
 _PAGE: Final = ("core", "model", "charts", "encounter", "live", "app", "start")
 _STUDIO: Final = (*_PAGE[:-1], "server", "start")
 _IMPORT: Final = re.compile(r"^import\s[^;]*;\n", re.MULTILINE)
+_TRAILING: Final = re.compile(r"(?<=[;{},(]) +// [^\"'`]*$")
 _EXPORT: Final = re.compile(r"^export (?=async|class|const|function|let)", re.MULTILINE)
 _POLICY: Final = (
     '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
@@ -107,10 +108,9 @@ def _joined(names: Sequence[str], run: str) -> str:
 
 
 def _tight(text: str) -> str:
-    """Remove indentation and full-line comments from a script."""
-    lines = [
-        line.strip() for line in re.sub(r"^\s*/\*\*.*?\*/\n", "", text, flags=re.MULTILINE | re.DOTALL).split("\n")
-    ]
+    """Remove indentation and comments from a script; what could be part of a text in quotes stays."""
+    bare = re.sub(r"^\s*/\*\*.*?\*/\n", "", text, flags=re.MULTILINE | re.DOTALL)
+    lines = [_TRAILING.sub("", line.strip()) for line in bare.split("\n")]
     return "\n".join(line for line in lines if line and not line.startswith("//"))
 
 
@@ -123,7 +123,8 @@ def _page_style() -> str:
     roots = (
         f":root {{ color-scheme: light dark; {light} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}"
     )
-    return "\n".join([_read("vendor/uPlot.min.css"), roots, _read("figures.css"), _read("style.css")])
+    style = "\n".join([_read("vendor/uPlot.min.css"), roots, _read("figures.css"), _read("style.css")])
+    return re.sub(r"\s*([{};,])\s*|(?<=:) ", r"\1", style)  # without the spaces that only readers need
 
 
 def _figure_style() -> str:

@@ -313,6 +313,13 @@ def test_readings_that_are_older_than_the_timeout_are_named() -> None:
     assert not any(text.startswith("PT405: The object was never") for text in verdict(patient, runs=5).warnings)
 
 
+def test_before_all_else_the_object_must_approach() -> None:
+    resting = replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, velocity=0.0))
+    found = pt.verify(pt.Task(resting, SENSOR, OBJECTIVE, loop=NOISY, bounds=(-10.0, -0.01), gain=-0.5), changes=False)
+    assert found.advice is not None
+    assert (found.advice.kind, page_of(found).next_step) == ("approach", found.advice.sentence)
+
+
 def test_the_next_step_for_an_unstable_loop_is_a_stable_gain() -> None:
     found = verdict(NOISY, gain=-10.0, bounds=(-100.0, -5.0), runs=10, changes=False)
     assert found.stability is not None

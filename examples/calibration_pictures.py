@@ -71,7 +71,7 @@ def slope_panel(axes: Axes, case: Case, wrong: Callable[[Array], Array] | None =
     low_band, high_band = known.slope * (1 + known.uncertainty), known.slope * (1 - known.uncertainty)
     drawn = [fitted, truth, local, low_band, np.zeros(1)] + ([] if wrong is None else [wrong(every)])
     _distance_axis(axes, case)
-    axes.set_title(title or "Its slope, which the controller feels")
+    axes.set_title(title or f"Slope g: {case.name}")
     axes.set_ylabel("slope g [1/m]")
     low, high = span(np.concatenate(drawn), 0.1)
     axes.set_ylim(low, high)

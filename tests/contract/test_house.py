@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import inspect
 import subprocess
 import sys
 from collections import Counter
@@ -19,7 +20,7 @@ from pretouch.config import load_scenario
 from pretouch.designs import design
 from pretouch.errors import InvalidInputError
 from pretouch.motion import Admittance, Obstacle, Scenario
-from pretouch.report import report_html
+from pretouch.report import plots, report_html
 from pretouch.report.pages import PAGES, page_of
 
 ROOT = Path(__file__).parents[2]
@@ -93,6 +94,7 @@ ALLOWED = {
     "pretouch": "attach_stub",  # the public names, imported when they are first used
     "pretouch.config": "attach_stub",
     "pretouch.report": "attach_stub",
+    "pretouch.report.plots": "import_module",  # modules that it also imports for type checkers, see below
     "pretouch._core.errors": "import_module",  # optional libraries of others, see `require`
     "pretouch.robots.descriptions": "find_spec import_module",  # collections of models, if they are installed
     "pretouch.robots.urdf": "import_module",  # xacro, which is no extra of pretouch
@@ -146,6 +148,13 @@ def test_no_module_is_imported_by_a_string() -> None:
     """Otherwise no tool sees the import, and neither a circle nor a layer is checked."""
     found = {name: set(imports_by_string(path.read_text(encoding="utf-8"))) for name, path in MODULES.items()}
     assert {name: " ".join(sorted(strings)) for name, strings in found.items() if strings} == ALLOWED
+
+
+def test_plot_functions_are_imported_from_where_type_checkers_look() -> None:
+    """So that tools see the imports that are made by name."""
+    imports = [node for node in ast.walk(ast.parse(inspect.getsource(plots))) if isinstance(node, ast.ImportFrom)]
+    seen = {node.module: tuple(alias.name for alias in node.names) for node in imports if node.level}
+    assert seen == plots._MODULES
 
 
 def shown_classes(kind: type) -> Iterator[type]:

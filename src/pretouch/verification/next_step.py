@@ -64,8 +64,10 @@ def _before_gain(task: Task, v: Verdict) -> Iterator[Advice | None]:
 
 
 def _is_searchable(v: Verdict) -> bool:
-    """Return True if another gain or loop can be compared by the contacts that it leads to."""
-    # with an unstable gain, the motion at rest says nothing about the noise
+    """Return True if another gain or loop can be compared by the contacts that it leads to.
+
+    With an unstable gain, the motion at rest says nothing about the noise.
+    """
     is_stable = v.stability is None or v.stability.margin > 1
     if is_stable and v.at_rest is not None and v.at_rest.reaches_object and v.at_rest.quiet_floor is None:
         return False  # no floor keeps the noise away

@@ -54,8 +54,8 @@ def advice_section(v: Verdict) -> PageSection | None:
     effects = PageTable(head=("", "now", "with the change"), rows=tuple(_effects(v, best)))
     unchecked = f"Not checked with this change: whether {' and '.join(open_reasons)}." if open_reasons else ""
     single = f"The single change that helps most{enough}: {best.sentence}"
-    if advice and advice[0].startswith(best.sentence.removesuffix(".")):  # the advice is this change
-        single = ""
+    if advice and advice[0].startswith(best.sentence.removesuffix(".")):  # the advice is this change, with its verdict
+        single = unchecked = ""
     text = " ".join(text for text in (*advice, single, rate, unchecked) if text)
     return PageSection(title=title, titled=True, blocks=(Paragraph(text=text, brief=True), effects), opened=True)
 

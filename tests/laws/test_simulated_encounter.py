@@ -197,6 +197,11 @@ def test_a_contact_that_lasts_has_no_end() -> None:
     last = encounter.contacts[-1]
     assert last.rebound_velocity is None
     assert " in contact at the end " in line(str(encounter), f"after {format_quantity(last.time, 's')}")
+    first = encounter.unmitigated_contacts[0]
+    assert (first.time, first.peak_force) == (
+        encounter.unmitigated.time,
+        pytest.approx(encounter.unmitigated.peak_force),
+    )
     assert encounter.grows_after_impact
     assert "PT407" in {warning[:5] for warning in encounter.warnings}
 

@@ -21,6 +21,9 @@ from pretouch.designs.constraints import CONSTRAINT_NAMES
 from pretouch.designs.robust.required import least_probability, runs_to_show
 from pretouch.report.pages import page_of
 from pretouch.verification.appraisal import simulated_quantity
+from pretouch.verification.at_rest import RestMotion
+from pretouch.verification.next_step import next_step
+from pretouch.verification.result import Advice
 from verification_samples import NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
 pytestmark = pytest.mark.usefixtures("short_rest")
@@ -318,6 +321,19 @@ def test_before_all_else_the_object_must_approach() -> None:
     found = pt.verify(pt.Task(resting, SENSOR, OBJECTIVE, loop=NOISY, bounds=(-10.0, -0.01), gain=-0.5), changes=False)
     assert found.advice is not None
     assert (found.advice.kind, page_of(found).next_step) == ("approach", found.advice.sentence)
+
+
+def test_no_gain_is_sought_against_noise_that_no_floor_keeps_away() -> None:
+    """The search compares contacts, which such noise hardly changes."""
+    task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=NOISY, bounds=(-10.0, -0.01), gain=-0.5)
+    found = pt.verify(task.replace(verify=replace(task.verify, runs=2)), changes=False)
+    other = Advice(kind="change", sentence="use another gain")
+    assert next_step(task, found, lambda: other) is other
+    rest = RestMotion(distance=0.04, motion=0.04, duration=30.0)
+    step = next_step(task, replace(found, at_rest=rest), lambda: other)
+    assert step is not None
+    assert (step.kind, step.sentence) == ("floor", rest.remedy(NOISY.law))
+    assert next_step(task, replace(found, at_rest=replace(rest, quiet_floor=0.1)), lambda: other) is other
 
 
 def test_the_next_step_for_an_unstable_loop_is_a_stable_gain() -> None:

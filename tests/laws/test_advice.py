@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tomllib
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from scipy.stats import beta
 
 import pretouch as pt
 from pretouch._core.units import written_unit
+from pretouch.verification import advice as advice_search
 from pretouch.verification.appraisal import count_to_show, draw_encounters, make_problem
 from pretouch.verification.changed_loop import candidates_of
 from pretouch.verification.result import Advice
@@ -174,6 +176,49 @@ def test_the_advised_value_is_never_the_one_that_is_set() -> None:
         if found.advice is not None and found.advice.kind == "change":
             assert found.advice.settings
             assert found.advice.settings.get("controller.gain") != "-0.8 N*s" or len(found.advice.settings) > 1
+
+
+def test_a_step_that_the_gain_does_not_need_is_not_advised(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search is made to find a gain on a loop with two changes only; the gain alone is enough."""
+    loops = candidates_of(NOISY, 24.0, 0.01)
+    first = next(one for one in loops if one.name == "controller-rate")
+    plain = advice_search._Start(NOISY, ())
+    one = advice_search._Start(first.loop, ("run the controller faster",), first.name, plain)
+    second = next(one for one in candidates_of(first.loop, 24.0, 0.01) if one.name == "noise")
+    two = advice_search._Start(second.loop, (*one.words, "halve the noise"), second.name, one)
+
+    def searches(seeker: Any) -> Iterator[Any]:
+        yield two, seeker._search(two.loop)
+
+    monkeypatch.setattr(advice_search._Seeker, "_searches", searches)
+    found = verdict(NOISY, gain=-0.5, runs=60, constraints=[velocity_limit(0.1, 0.9)], uncertainty=SPEED)
+    assert found.advice is not None
+    assert found.advice.kind == "change"
+    assert set(found.advice.settings) == {"controller.gain"}
+    assert found.advice.status is pt.verification.VerdictStatus.HOLDS
+
+
+def test_fewer_changes_are_tried_in_the_order_of_their_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    loops = {one.name: one for one in candidates_of(NOISY, 24.0, 0.01)}
+    plain = advice_search._Start(NOISY, ())
+    one = advice_search._Start(loops["noise"].loop, ("noise",), "noise", plain)
+    changed = {id(NOISY): [one, advice_search._Start(loops["delay"].loop, ("delay",), "delay", plain)]}
+    monkeypatch.setattr(
+        advice_search._Seeker,
+        "_changed",
+        lambda _, start, is_free: [] if is_free else changed.get(id(start.loop), []),
+    )
+    two = advice_search._Start(loops["delay"].loop, ("noise", "delay"), "delay", one)
+    seeker: Any = object.__new__(advice_search._Seeker)
+    words = [fewer.words for fewer in seeker._with_fewer_changes(two)]
+    assert words[0] == ()
+    assert sorted(words[1:]) == [("delay",), ("noise",)]
+
+
+def test_only_a_limit_that_fell_short_gets_more_reserve() -> None:
+    factors = advice_search._stricter(np.array([0.0, 0.9, 1.02, 1.5]))
+    assert factors.tolist() == [1.0, 1.0, 1.02, 1.15]
+    assert advice_search._stricter(np.array([1.02]), 1)[0] > 1.02
 
 
 @pytest.mark.parametrize(("total", "p"), [(59, 0.95), (60, 0.9), (200, 0.95), (298, 0.99), (299, 0.99), (1000, 0.99)])

@@ -62,6 +62,8 @@ class _Start(NamedTuple):
 
     loop: ClosedLoop
     words: tuple[str, ...]
+    name: str = ""  # short name of the last change
+    before: _Start | None = None  # the loop without the last change
 
 
 class _Checked(NamedTuple):
@@ -69,8 +71,13 @@ class _Checked(NamedTuple):
 
     task: Task  # with the advised settings
     verdict: Verdict  # what users will get
-    shortfall: float  # the largest shortfall of a limit, over the user's runs and over fresh ones
+    shortfalls: FloatArray  # the shortfall of each requirement, over the user's runs and over fresh ones
     fresh: int  # number of fresh runs
+
+    @property
+    def shortfall(self) -> float:
+        """The largest shortfall; NaN if the loop could not be simulated."""
+        return float(self.shortfalls.max())
 
 
 def search_advice(task: Task, verdict: Verdict, found: Improvements, passed: Passed, judge: Judge) -> Advice | None:
@@ -115,7 +122,7 @@ class _Seeker:
             note_work(f"checking advice on fresh runs: {', '.join(start.words) or 'another gain'}")
             checked = self._with_best_gain(search)
             if checked is not None:
-                return self._change(checked, start.words)
+                return self._change(*self._without_needless(checked, start))
         return self._larger_limit() or self._none()
 
     def _improvement(self) -> Advice | None:
@@ -127,7 +134,11 @@ class _Seeker:
         checked = self._check(self.task.replace(gain=change.gain, loop=loop))
         if not checked.shortfall <= 1 or checked.verdict.status is not VerdictStatus.HOLDS:
             return None
-        words = () if change.name == "gain" else (_as_step(change.sentence),)
+        words: tuple[str, ...] = () if change.name == "gain" else (_as_step(change.sentence),)
+        if self.verdict.status is not VerdictStatus.HOLDS:  # otherwise, the change improves the objective
+            unchanged = _Start(self.task.loop, ())
+            start = unchanged if change.name == "gain" else _Start(loop, words, change.name, unchanged)
+            checked, words = self._without_needless(checked, start)
         advice = self._change(checked, words)
         if self.verdict.status is not VerdictStatus.HOLDS or change.improvement is None:
             return advice
@@ -140,7 +151,8 @@ class _Seeker:
         if rest is not None and rest.reaches_object and rest.quiet_floor is not None:
             law: Any = self.task.loop.law
             words = f"set the floor to {rest.quiet_floor:g} instead of {law.conditioning.floor:g}"
-            start = _Start(with_settings(self.task.loop, conditioning={"floor": rest.quiet_floor}), (words,))
+            quiet = with_settings(self.task.loop, conditioning={"floor": rest.quiet_floor})
+            start = _Start(quiet, (words,), "floor", start)
             yield start, self._search(start.loop)
         else:
             yield start, self.found.search
@@ -161,7 +173,11 @@ class _Seeker:
     def _changed(self, start: _Start, *, is_free: bool) -> list[_Start]:
         """Return loops with one more change."""
         candidates = self.found.loops if start.loop is self.task.loop else self._candidates(start.loop)
-        return [_Start(c.loop, (*start.words, _as_step(c.sentence))) for c in candidates if c.is_free is is_free]
+        return [
+            _Start(c.loop, (*start.words, _as_step(c.sentence)), c.name, start)
+            for c in candidates
+            if c.is_free is is_free
+        ]
 
     def _candidates(self, loop: ClosedLoop) -> list[ChangedLoop]:
         problem = self.found.search.problem
@@ -208,7 +224,7 @@ class _Seeker:
 
         If a gain does not hold, the next one has more reserve.
         """
-        for _ in range(_TRIES):
+        for number in range(_TRIES):
             gain = search.best
             if gain is None:
                 if not search.has_room:
@@ -222,29 +238,60 @@ class _Seeker:
                 return checked
             if math.isnan(checked.shortfall) or (checked.shortfall <= 1 and _misses_no_limit(checked.verdict)):
                 return None  # more reserve does not help against other reasons
-            search = search.stricter(min(max(checked.shortfall, _STRICTER), _STRICTEST))
+            search = search.stricter(_stricter(checked.shortfalls, number))
         return None
+
+    def _without_needless(self, checked: _Checked, start: _Start) -> tuple[_Checked, tuple[str, ...]]:
+        """Return a checked advice without the changes of the loop that its gain does not need, and the other changes.
+
+        The gain is checked with fewer changes, first with none. It must get the same status, also in fresh runs.
+        """
+        for fewer in self._with_fewer_changes(start):
+            if not fewer.words and checked.task.gain == self.verdict.gain:
+                continue  # this is the verified gain on its loop
+            note_work(f"checking the advised gain with fewer changes: {', '.join(fewer.words) or 'only the gain'}")
+            again = self._check(checked.task.replace(loop=fewer.loop))
+            if again.shortfall <= 1 and again.verdict.status.place <= checked.verdict.status.place:
+                return again, fewer.words
+        return checked, start.words
+
+    def _with_fewer_changes(self, start: _Start) -> list[_Start]:
+        """Return loops with some of the changes of a loop, those with the fewest changes first."""
+        levels = [[start]]
+        while levels[-1]:
+            levels.append(_each_once(fewer for one in levels[-1] for fewer in self._without_one(one)))
+        return [one for level in reversed(levels[1:]) for one in level]
+
+    def _without_one(self, start: _Start) -> Iterator[_Start]:
+        """Yield the loops that lack one of the changes of a loop."""
+        if start.before is None:
+            return
+        yield start.before
+        for fewer in self._without_one(start.before):
+            changed = (one for is_free in (True, False) for one in self._changed(fewer, is_free=is_free))
+            yield from (one for one in changed if one.name == start.name)
 
     def _check(self, task: Task) -> _Checked:
         """Follow an advice: return the user's verdict, and the shortfall in fresh runs."""
         try:
             verdict = self.judge(task)
         except InvalidInputError:  # for example, contact is predicted only after the horizon of the loop
-            return _Checked(task, self.verdict, math.nan, 0)
-        kept = [1.0 if c.is_met else (c.value or math.inf) / c.limit for c in verdict.limits]
-        shortfall = max([0.0, *(ratio for ratio in kept if ratio > 1)])
+            return _Checked(task, self.verdict, np.array([math.nan]), 0)
+        ratios = [0.0 if c.is_met else (c.value or math.inf) / c.limit for c in verdict.limits]
+        shortfalls = np.array([0.0] * _FIRST_LIMIT + ratios)
+        shortfalls[shortfalls <= 1] = 0.0
         if verdict.status is VerdictStatus.DOES_NOT_HOLD:
-            return _Checked(task, verdict, shortfall, 0)
+            return _Checked(task, verdict, shortfalls, 0)
         count = _fresh_runs(task)
         fresh = _fresh_outcomes(task, count)
-        shortfall = max(shortfall, float(fresh.shortfalls(count, task.verify.confidence).max()))
+        shortfalls = np.maximum(shortfalls, fresh.shortfalls(count, task.verify.confidence))
         runs = _runs_that_show(fresh, task.verify.confidence)
-        if shortfall <= 1 and lacks_only_runs(verdict) and runs > task.verify.runs:
+        if shortfalls.max() <= 1 and lacks_only_runs(verdict) and runs > task.verify.runs:
             more = task.replace(verify=replace(task.verify, runs=runs))
             with_more = self.judge(more)
             if with_more.status is VerdictStatus.HOLDS:
-                return _Checked(more, with_more, shortfall, count)
-        return _Checked(task, verdict, shortfall, count)
+                return _Checked(more, with_more, shortfalls, count)
+        return _Checked(task, verdict, shortfalls, count)
 
     def _change(self, checked: _Checked, words: tuple[str, ...]) -> Advice:
         """Describe a change with the verdict that results from it."""
@@ -290,7 +337,7 @@ class _Seeker:
                     return self._limit_advice(checked, limits, larger)
                 if math.isnan(checked.shortfall):
                     break
-                factor *= min(max(checked.shortfall, _STRICTER), _STRICTEST)
+                factor *= float(_stricter(checked.shortfalls).max())
         return None
 
     def _limit_advice(self, checked: _Checked, limits: tuple[Required, ...], larger: dict[int, float]) -> Advice:
@@ -334,6 +381,15 @@ def _nearest_limits(search: GainSearch, places: list[int]) -> tuple[float, dict[
     one = search.results(np.array([best]))[0]
     shortfalls = search.shortfalls(one)
     return one.gain, {i: float(shortfalls[_FIRST_LIMIT + i]) for i in places if shortfalls[_FIRST_LIMIT + i] > 1}
+
+
+def _stricter(shortfalls: FloatArray, number: int = 0) -> FloatArray:
+    """Return the factors on the reserves of a further try, for those requirements that fell short.
+
+    With each try, the reserve grows faster, because a slightly other gain fails in the same fresh runs.
+    """
+    factors = np.minimum(np.maximum(shortfalls, _STRICTER) ** (1 + number), _STRICTEST)
+    return np.where(shortfalls > 1, factors, 1.0)
 
 
 def _with_limit(constraint: Any, limit: float | None) -> Any:

@@ -83,7 +83,7 @@ class GainSearch:
     margin: float | None  # gain margin that all gains on the axis have; None if it is not known
     runs: int  # number of runs of each gain
     has_room: bool = True  # whether a share of each limit must remain free
-    strictness: float = 1.0  # factor on the shortfalls
+    strictness: float | FloatArray = 1.0  # factor on the shortfalls, or one factor for each of them
     whole: bool = False  # whether every gain is simulated in all runs, also if it misses a requirement
     tried: dict[float, _Tried] = field(default_factory=dict)  # the tried gains by coordinate
 
@@ -138,11 +138,15 @@ class GainSearch:
         return self
 
     def relaxed(self, effort: Effort = RUNS) -> GainSearch:
-        """Return a search that needs less reserve: no share of a limit must remain free."""
-        return replace(self, has_room=False).run([], effort)
+        """Return a search that needs less reserve: no share of a limit must remain free.
 
-    def stricter(self, factor: float, effort: Effort = RUNS) -> GainSearch:
-        """Return a search with more reserve."""
+        Requirements that need more reserve than others keep it.
+        """
+        strictness = np.where(np.asarray(self.strictness) > 1, self.strictness / np.float64(1 - ROOM), 1.0)
+        return replace(self, has_room=False, strictness=strictness).run([], effort)
+
+    def stricter(self, factor: FloatArray, effort: Effort = RUNS) -> GainSearch:
+        """Return a search with more reserve, by one factor for each requirement."""
         return replace(self, strictness=self.strictness * factor).run([], effort)
 
     @property

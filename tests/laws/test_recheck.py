@@ -14,7 +14,7 @@ import pytest
 import pretouch as pt
 from pretouch.errors import InvalidInputError
 from pretouch.recording import Recheck, Recording, recheck, replay
-from pretouch.recording.curve_today import _shifted, explanations_of, signals_of
+from pretouch.recording.curve_today import _shifted, curves_of, explanations_of, signals_of
 from pretouch.recording.known_distances import KnownDistance, read_known_distances
 from pretouch.recording.recheck_page import recheck_page
 from pretouch.sensors import ExponentialFirstOrder, InversePower
@@ -40,9 +40,10 @@ def today(
     count: int = 300,
     highest: float = 65535.0,
     slips: tuple[float, ...] = (),
+    seed: int = 7,
 ) -> tuple[Recording, Recording]:
     """Return readings of a drifted sensor and the distances; each one is held for `count` readings of 4 ms."""
-    rng = np.random.default_rng(7)
+    rng = np.random.default_rng(seed)
     places = np.repeat(held, count)
     true = np.repeat(np.asarray(held) + np.asarray(slips or [0.0] * len(held)), count)
     signal = np.where(
@@ -68,6 +69,35 @@ def test_a_sensor_without_drift_is_fine() -> None:
     assert abs(answer.slope - answer.slope_then) < 3 * answer.slope_error
     assert answer.contact.low < answer.contact_then < answer.contact.high
     assert 0 < answer.interval <= 30 * 86400.0  # never longer than the only interval that was seen
+
+
+@pytest.mark.slow(keep=2)
+@pytest.mark.parametrize("seed", range(30))
+def test_chance_does_not_decide(seed: int) -> None:
+    """With distances wrong by 1.5 mm, the signal at 5 mm is uncertain by 11 %: no range can be within 15 %."""
+    recording, distances = today(seed=seed)
+    answer = check(recording, distances, distance_error=1.5e-3)
+    assert answer.decision == "not-decided"
+    assert answer.contact.low < 0.85 * answer.contact_then
+    fewer = replace(distances, values=np.where(distances.values == HELD[1 + seed % 3], np.nan, distances.values))
+    assert check(recording, fewer, distance_error=1.5e-3).decision != "fine"
+
+
+def test_every_explanation_that_fits_is_moved_within_its_errors() -> None:
+    """Two distances fit all three explanations, and noise does not decide which one counts."""
+    sensor = InversePower(scale=0.533, distance_offset=0.0419, exponent=3.32)
+    found = signals(sensor, 1.0, 0.0, (0.005, 0.04))
+    wide = found._replace(covariance=np.diag([0.05**2, 0.05**2]))
+    explanations = explanations_of(wide, sensor)
+    assert len(explanations) == 3
+    for each in explanations:
+        best, *moved = (np.log(curve.output(0.001)) for curve in curves_of(each, 0.0))
+        assert len(moved) == 4
+        assert max(moved) - best > 2 * 0.05
+        assert best - min(moved) > 2 * 0.05
+    for ratios in np.random.default_rng(5).normal(0, 0.05, (8, 2)):
+        first = explanations_of(wide._replace(ratios=ratios), sensor)[0]
+        assert isinstance(first.curve(first.ends), InversePower)
 
 
 def test_an_offset_above_the_floor_is_updated() -> None:

@@ -50,7 +50,7 @@ _LIKELY: Final = 2 / 3  # of the range: two standard errors, which are enough to
 
 
 class Range(NamedTuple):
-    """A contact speed [m/s] with the range within three standard errors."""
+    """A contact speed [m/s] with the range within three standard errors, whose ends are NaN if they are unknown."""
 
     value: float
     low: float
@@ -68,6 +68,8 @@ class Range(NamedTuple):
     @property
     def words(self) -> str:
         """The speed with its range, as text."""
+        if math.isnan(self.low + self.high):
+            return f"{format_quantity(self.value, 'm/s', 3)} (with an unknown range)"
         ends = " to ".join(format_quantity(end, "m/s", 3) for end in (self.low, self.high))
         return f"{format_quantity(self.value, 'm/s', 3)} ({ends})"
 
@@ -149,7 +151,7 @@ class Recheck(Described, Value):
         fields: dict[str, Any] = plain({name: getattr(self, name) for name in names})
         for name in ("contact", "contact_updated"):
             speed: Range | None = getattr(self, name)
-            fields[name] = None if speed is None else speed._asdict()
+            fields[name] = None if speed is None else plain(speed._asdict())
         timing, noise = self.replay.timing, self.replay.noise
         return {"status": self.decision, **fields, **plain({"timing": timing, "noise": noise})}
 
@@ -259,7 +261,7 @@ def recheck(
     if reasons or nominal is None:
         return Recheck(decision="not-decided", reasons=tuple(reasons), **base)
     base["contact_then"] = nominal
-    return _decided(base, task, replay, speeds, curves_of(explanations, recess))
+    return _decided(base, task, replay, speeds, [curves_of(each, recess) for each in explanations])
 
 
 def _decided(
@@ -267,12 +269,14 @@ def _decided(
     task: Task,
     replay: Replay,
     speeds: _Speeds,
-    curves: tuple[list[SensorModel | None], list[SensorModel | None]],
+    curves: list[tuple[SensorModel | None, ...]],
 ) -> Recheck:
-    """Decide by the contact speeds with the curves that the readings of today allow."""
+    """Decide by the contact speeds with all curves that the readings of today allow."""
     nominal, offset, error = base["contact_then"], base["offset"], base["offset_error"]
-    now = base["contact"] = _range_of(speeds, curves, offset, error, None)
-    updated = base["contact_updated"] = _range_of(speeds, curves, offset, error, offset)
+    as_it_is = [_range_of(speeds, each, offset, error, None) for each in curves]
+    with_update = [_range_of(speeds, each, offset, error, offset) for each in curves]
+    now = base["contact"] = _union(as_it_is)
+    updated = base["contact_updated"] = _union(with_update)
     if task.objective is not None and task.bounds is not None:
         base["optimal_gain_then"], base["optimal_gain"] = (
             _optimal_gain(task, each) for each in (task.sensor, curves[0][0])
@@ -296,7 +300,7 @@ def _decided(
     elif updated is not None and updated.is_near(nominal):
         decision = "update-offset"
         reasons = ("the controller takes the offset of today for an object",) if triggers else ()
-    elif updated is None or updated.is_far_from(nominal):
+    elif updated is None or all(each is None or each.is_far_from(nominal) for each in with_update):
         decision = "recalibrate"
     elif _is_another_slope(base):
         then, today = (format_quantity(base[name], "1/m", 3) for name in ("slope_then", "slope"))
@@ -408,27 +412,43 @@ class _Speeds:
 
 
 def _range_of(
-    speeds: _Speeds,
-    curves: tuple[list[SensorModel | None], list[SensorModel | None]],
-    offset: float,
-    error: float,
-    subtracted: float | None,
+    speeds: _Speeds, curves: tuple[SensorModel | None, ...], offset: float, error: float, subtracted: float | None
 ) -> Range | None:
-    """Return the contact speed with the curves of today; None if a curve does not fall, or without a contact."""
-    (best, *moved), others = curves
+    """Return the contact speed with the curves of one explanation.
+
+    Args:
+        speeds: the contact speeds.
+        curves: the best curve, and those three standard errors from it.
+        offset: the offset of today.
+        error: its standard error.
+        subtracted: the offset that the controller subtracts; None: as in the scenario.
+
+    Returns:
+        The range; None if the best curve has no contact speed. Its ends are NaN if another one has none.
+    """
+    best, *moved = curves
     value = speeds.at(best, offset, subtracted)
+    if value is None:
+        return None
     pairs = [speeds.at(curve, offset, subtracted) for curve in moved]
     pairs += [speeds.at(best, offset + side * CERTAIN * error, subtracted) for side in (-1, 1)]
-    alternatives = [speeds.at(curve, offset, subtracted) for curve in others]
-    if value is None or any(each is None for each in (*pairs, *alternatives)):
-        return None
-    changes = np.array(pairs, dtype=np.float64) - value
+    changes = np.array(pairs, dtype=np.float64) - value  # None becomes NaN
     # independent errors add in squares; each pair has a step to both sides
     below, above = (
         float(np.hypot.reduce(np.clip(side * changes, 0, None).reshape(-1, 2).max(axis=1))) for side in (-1, 1)
     )
-    ends = np.array([value, *alternatives], dtype=np.float64)
-    return Range(value, float(ends.min()) - below, float(ends.max()) + above)
+    return Range(value, value - below, value + above)
+
+
+def _union(ranges: list[Range | None]) -> Range | None:
+    """Return the range that contains those of all explanations, with the value of the first one that has one."""
+    known = [each for each in ranges if each is not None]
+    if not known:
+        return None
+    if len(known) < len(ranges):
+        return Range(known[0].value, math.nan, math.nan)
+    low, high = np.min([each.low for each in known]), np.max([each.high for each in known])
+    return Range(known[0].value, float(low), float(high))
 
 
 def _slower(task: Task, replay: Replay, speeds: _Speeds, nominal: float) -> str:

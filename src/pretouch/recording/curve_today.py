@@ -26,6 +26,7 @@ _CLOSER: Final = 200.0  # how much denser these points are near the sensor than 
 _FARTHEST: Final = 1.0  # m, up to which such a curve reaches at least
 _MISFIT: Final = 13.8  # chi-square with 2 degrees of freedom, exceeded by chance in 0.1 %
 _LEAST_MISFIT: Final = 0.03  # of ln xi: smaller deviations do not matter
+_CLEARLY: Final = 4.0  # of the cost, by which an explanation is clearly better: two standard errors
 _ROUNDS: Final = 8  # steps toward the best shift
 _STEP: Final = 1e-6  # of ln xi, for a derivative
 _ROUNDING: Final = 1e-12  # variance of ln xi, which keeps the covariance of exact readings regular
@@ -195,9 +196,9 @@ def explanations_of(signal: Signal, bare: SensorModel) -> tuple[Explanation, ...
         bare: the curve of the calibration.
 
     Returns:
-        The explanations with which the readings agree, best first; a shift only of an inverse power curve, because an
-        exponential curve does not show it. The line comes twice: nearer than the nearest distance, the change continues
-        or stays constant.
+        The explanations with which the readings agree; a shift only of an inverse power curve, because an exponential
+        curve does not show it. The line comes twice: nearer than the nearest distance, the change continues or stays
+        constant. The first one is the most likely: the shift, unless the line fits clearly better.
     """
     near, far = float(signal.places[0]), float(signal.places[-1])
     u = (signal.places - near) / (far - near)
@@ -210,8 +211,10 @@ def explanations_of(signal: Signal, bare: SensorModel) -> tuple[Explanation, ...
 
     shift = _fitted(signal, predicted, lambda ends: _shifted(bare, near, far, ends), start=line.ends)
     constant = line._replace(curve=lambda ends: _tilted(bare, near, far, ends, continues=False))
-    fitting = [each for each in (line, shift, constant) if each.fits]
-    return tuple(sorted(fitting, key=lambda each: each.cost))
+    fitting = [each for each in (shift, line, constant) if each.fits]
+    # noise decides between nearly equal costs, so that they must not decide which one comes first
+    least = min((each.cost for each in fitting), default=0.0)
+    return tuple(sorted(fitting, key=lambda each: each.cost > least + _CLEARLY))
 
 
 def _fitted(
@@ -242,31 +245,25 @@ def _fitted(
     return Explanation(curve, ends, covariance, cost, fits=False)
 
 
-def curves_of(
-    explanations: Sequence[Explanation], recess: float
-) -> tuple[list[SensorModel | None], list[SensorModel | None]]:
-    """Return the curves that the readings of today allow.
+def curves_of(explanation: Explanation, recess: float) -> tuple[SensorModel | None, ...]:
+    """Return the curves that an explanation allows.
 
     Args:
-        explanations: at least one, best first.
+        explanation: one with which the readings agree.
         recess: distance of the sensor behind the contact surface [m].
 
     Returns:
-        The best curve and four that are three standard errors from it; then the best curves of the other explanations.
-        A curve that does not fall is None.
+        Its best curve, and four that are three standard errors from it: two to both sides along each principal axis of
+        the errors. A curve that does not fall is None.
     """
-    best, *rest = explanations
-    values, vectors = np.linalg.eigh(best.covariance)
+    values, vectors = np.linalg.eigh(explanation.covariance)
     moved = [
-        best.ends + side * CERTAIN * math.sqrt(max(value, 0.0)) * vector
+        explanation.ends + side * CERTAIN * math.sqrt(max(value, 0.0)) * vector
         for value, vector in zip(values, vectors.T, strict=True)
         for side in (-1, 1)
     ]
-
-    def mounted(curve: SensorModel | None) -> SensorModel | None:
-        return curve if curve is None or not recess else Recessed(sensor=curve, recess=recess)
-
-    return [mounted(best.curve(ends)) for ends in (best.ends, *moved)], [mounted(e.curve(e.ends)) for e in rest]
+    curves = [explanation.curve(ends) for ends in (explanation.ends, *moved)]
+    return tuple(curve if curve is None or not recess else Recessed(sensor=curve, recess=recess) for curve in curves)
 
 
 def _tilted(bare: SensorModel, near: float, far: float, ends: FloatArray, *, continues: bool) -> SensorModel | None:

@@ -32,10 +32,10 @@ _STATUS: Final = {
 _HEAD: Final = ("", "today", "calibration")
 _REST: Final = (
     "The contact speeds are those of the encounter of the scenario on its sampled loop without noise. Ranges are three "
-    "standard errors. They contain the errors of the readings, of the offset and of the known distances, and three "
-    "explanations of the change nearer than the nearest known distance. They hold for the recorded object: one "
-    "with another size or tilt has another curve. They do not contain the uncertainty of the calibration itself, which "
-    "`pretouch verify` tests."
+    "standard errors. They contain the errors of the readings, of the offset and of the known distances, for each "
+    "explanation of the change with which the readings agree: up to three, which differ nearer than the nearest known "
+    "distance. They hold for the recorded object: one with another size or tilt has another curve. They do not contain "
+    "the uncertainty of the calibration itself, which `pretouch verify` tests."
 )
 
 

@@ -10,6 +10,7 @@ from pretouch._core.display import Described
 from pretouch._core.files import plain
 from pretouch._core.values import Value
 from pretouch.verification import Verdict
+from pretouch.verification.settings import setting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -61,7 +62,8 @@ class Export(Described, Value):
         if not self.is_written and self.attraction:
             return "change the sign of the gain"
         if not self.is_written:
-            return "run pretouch verify for the reasons; --unverified exports the law in spite of them"
+            gain = _as_option(self.verdict)
+            return f"run pretouch verify{gain}: it says why, and searches for a remedy"
         if self.verdict is None:
             return "run pretouch verify with the same file and gain, and export the law again without --unverified"
         return f"read {self.folder / 'README.md'}, and run its test on the target"
@@ -83,3 +85,10 @@ class Export(Described, Value):
 
     def __repr__(self) -> str:
         return f"<Export: {len(self.files)} files in {self.folder}>"
+
+
+def _as_option(verdict: Verdict | None) -> str:
+    """Return the verified gain as an option of a command."""
+    if verdict is None or verdict.gain is None:
+        return ""
+    return f' --gain "{setting(verdict.gain, verdict.law.number.unit)}"'

@@ -199,7 +199,7 @@ def sweep_as_csv(dataset: xr.Dataset) -> str:
     """
     head, columns = _columns(dataset)
     names = [f"{name} [{unit}]" if unit else name for name, unit in head]
-    cells = [[repr(v) if np.isfinite(v) else "" for v in column.tolist()] for column in columns]
+    cells = [[f"{v:.15g}" if np.isfinite(v) else "" for v in column.tolist()] for column in columns]
     rows = zip(*cells, _status_words(dataset), strict=True)
     return "\n".join([",".join([*names, STATUS]), *map(",".join, rows)]) + "\n"
 

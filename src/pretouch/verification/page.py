@@ -137,7 +137,11 @@ def _findings(v: Verdict) -> Iterator[str]:
             share, p = share_in_words(c.held), c.required.probability
             required = "every run" if p == 1 else f"{100 * p:g} %"
             free = c.name == "impact_force" and v.loop.contact is None
-            only = ", without what pushes during the impact: that needs [contact]" if free else ""
+            only = (
+                "; a drive or a wall that pushes during the impact adds to it: simulate it with [contact]"
+                if free
+                else ""
+            )
             yield (
                 f"{c.label} within {format_quantity(c.limit, c.unit)} in {share} of {_runs(v)} ({required} required)"
                 f"{only}"

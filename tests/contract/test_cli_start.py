@@ -268,6 +268,22 @@ def test_values_that_belong_together_say_so(tmp_path: Path) -> None:
     assert re.search(r"^mass = .*# .*together with robot_mass in \[impact\]$", text, re.MULTILINE)
 
 
+def test_the_spread_of_the_speeds_is_given_or_marked_as_assumed(tmp_path: Path) -> None:
+    def velocity(*options: str) -> tuple[str, dict[str, list[str]]]:
+        assert run("init", "--speed", "0.2 m/s", *options, "--force", folder=tmp_path).returncode == 0
+        text = (tmp_path / "scenario.toml").read_text(encoding="utf-8")
+        return text, tomllib.loads(text)["uncertainty"]["obstacle"]["velocity"]
+
+    text, assumed = velocity()
+    assert re.search(r"^# ASSUMED: .* --speed-spread", text, re.MULTILINE)
+    assert assumed == {"normal": ["-0.2 m/s", "0.04 m/s"], "between": ["-0.32 m/s", "-0.08 m/s"]}
+    text, given = velocity("--speed-spread", "0.01 m/s")
+    assert "ASSUMED" not in text
+    assert given == {"normal": ["-0.2 m/s", "0.01 m/s"], "between": ["-0.23 m/s", "-0.17 m/s"]}
+    _, wide = velocity("--speed-spread", "0.1 m/s")
+    assert wide["between"] == ["-0.5 m/s", "-0.01 m/s"]
+
+
 def test_the_typical_curve_has_the_signal_of_the_part(tmp_path: Path) -> None:
     run("init", "--part", "VCNL4010", folder=tmp_path)
     at, output = PARTS["VCNL4010"].signal

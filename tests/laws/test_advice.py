@@ -18,6 +18,7 @@ from pretouch._core.units import written_unit
 from pretouch.verification import advice as advice_search
 from pretouch.verification.appraisal import count_to_show, draw_encounters, make_problem
 from pretouch.verification.changed_loop import candidates_of
+from pretouch.verification.missed_runs import missed_in_words
 from pretouch.verification.result import Advice
 from pretouch.verification.settings import settings_between
 from verification_samples import NOISY, SCENARIO, SENSOR, velocity_limit, verdict
@@ -219,6 +220,53 @@ def test_only_a_limit_that_fell_short_gets_more_reserve() -> None:
     factors = advice_search._stricter(np.array([0.0, 0.9, 1.02, 1.5]))
     assert factors.tolist() == [1.0, 1.0, 1.02, 1.15]
     assert advice_search._stricter(np.array([1.02]), 1)[0] > 1.02
+
+
+def relaxed(limits: list[pt.designs.Required], **fields: Any) -> Any:
+    """The verdict on limits that no gain keeps; only the gain is varied, so that the search ends soon."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(advice_search._Seeker, "_searches", lambda _: iter(()))
+        return verdict(NOISY, gain=-0.7463, runs=60, constraints=limits, uncertainty=SPEED, **fields)
+
+
+def test_no_limit_is_offered_that_is_met_without_mitigation() -> None:
+    """With a tiny excursion, only a weak gain is left: the contact speed is then about that without mitigation."""
+    excursion = pt.designs.Required(constraint=pt.Constraint(name="excursion", limit=1e-4))
+    found = relaxed([velocity_limit(0.05, 0.9), excursion])
+    assert found.advice.kind in {"limit", "none"}
+    if (value := found.advice.settings.get("constraints.relative_velocity")) is not None:
+        assert float(str(value).split()[0]) < np.abs(found.unmitigated.relative_velocity).mean()
+
+
+def test_the_runs_that_miss_a_limit_are_named_by_what_is_uncertain_in_them() -> None:
+    found = relaxed([velocity_limit(0.08), pt.designs.Required(constraint=pt.Constraint(name="excursion", limit=0.1))])
+    assert "obstacle.velocity" in found.advice.sentence
+    task = found.design.problem.task.replace(loop=NOISY, verify=pt.designs.VerifyOptions(runs=60), uncertainty=SPEED)
+    draws = draw_encounters(task)
+    missed = draws.speed > np.quantile(draws.speed, 0.7)
+    assert f"{draws.speed.max():.3g} m/s" in missed_in_words(draws, missed)
+    scattered = np.argsort(np.argsort(draws.speed)) % 2 == 0
+    assert missed_in_words(draws, scattered) == ""
+
+
+@pytest.mark.slow(keep=1)
+@pytest.mark.parametrize("padding", ["modulus", "stiffness"])
+def test_the_computed_padding_keeps_the_force_in_the_same_runs(padding: str) -> None:
+    impact: Any = pt.HertzImpact(robot_mass=4.0, effective_modulus=1e7, radius=0.01)
+    key = "effective_modulus"
+    if padding == "stiffness":
+        impact, key = pt.designs.SpringImpact(robot_mass=4.0, stiffness=2e4), "stiffness"
+    limits = [
+        pt.designs.Required(constraint=pt.Constraint(name="impact_force", limit=5.0)),
+        pt.designs.Required(constraint=pt.Constraint(name="excursion", limit=0.15)),
+    ]
+    found = relaxed(limits, impact=impact)
+    assert set(found.advice.settings) == {"controller.gain", "constraints.impact_force"}
+    text = found.advice.sentence.partition(f"{key} = ")[2]
+    value = float(text.split()[0]) * (1e6 if key == "effective_modulus" else 1.0)
+    assert value < getattr(impact, key)
+    softer = replace(impact, **{key: value})
+    assert followed(found, runs=60, constraints=limits, uncertainty=SPEED, impact=softer).status is found.advice.status
 
 
 @pytest.mark.parametrize(("total", "p"), [(59, 0.95), (60, 0.9), (200, 0.95), (298, 0.99), (299, 0.99), (1000, 0.99)])

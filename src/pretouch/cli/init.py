@@ -79,6 +79,10 @@ def init(
         option("DISTANCE", "Distance at which the sensor sees the object; by default the end of the usable range."),
     ] = None,
     speed: Annotated[str | None, option("SPEED", 'Approach speed, such as "0.3 m/s".')] = None,
+    speed_spread: Annotated[
+        str | None,
+        option("SPEED", 'Standard deviation of the approach speed, such as "0.02 m/s"; by default 20 % of the speed.'),
+    ] = None,
     acceleration: Annotated[
         str | None, option("ACCELERATION", 'Acceleration of the object; "-9.81 m/s^2" for a leg that lands.')
     ] = None,
@@ -107,7 +111,7 @@ def init(
     answers |= {"control-rate": control_rate, "latency": latency, "acceleration": acceleration}
     answers |= {"excursion": excursion, "contact-speed": contact_speed, "impact-force": impact_force}
     answers |= {"robot-mass": robot_mass, "stiffness": stiffness, "effective-modulus": effective_modulus}
-    answers |= {"radius": radius}
+    answers |= {"radius": radius, "speed-spread": speed_spread}
 
     def run() -> None:
         request = _request(csv, columns, labels, select)
@@ -231,6 +235,7 @@ def _draft(
         distance=float(f"{start:.4g}"),
         floor=None,
         speed=size("speed"),
+        speed_spread=given("speed-spread"),
         acceleration=size("acceleration"),
         excursion=size("excursion"),
         contact_speed=given("contact-speed"),
@@ -335,6 +340,7 @@ _SIZES: Final = {
     "recess": _Size("length", "m", "200 mm", "", sign="nonnegative"),
     "distance": _Size("length", "m", "200 mm", ""),
     "speed": _Size("speed", "m/s", "0.3 m/s", "0.3 m/s", "How fast does the object approach"),
+    "speed-spread": _Size("speed", "m/s", "0.02 m/s", ""),
     "acceleration": _Size("acceleration", "m/s^2", "-9.81 m/s^2", "0 m/s^2", sign="any"),
     "excursion": _Size("length", "m", "200 mm", "0.2 m", "How far can the robot retreat"),
     "contact-speed": _Size("speed", "m/s", "0.3 m/s", ""),
@@ -381,6 +387,7 @@ _OPTION_OF: Final = {
     "controller": "--control-rate, --latency",
     "obstacle.position": "--distance",
     "obstacle.velocity": "--speed",
+    "uncertainty.obstacle.velocity": "--speed, --speed-spread",
     "obstacle.acceleration": "--acceleration",
     "constraints.excursion": "--excursion",
     "constraints.relative_velocity": "--contact-speed",

@@ -48,6 +48,7 @@ excursion = "{excursion}"            # how far the robot can retreat
 robot_mass = "{robot_mass}"             # reflected mass at the contact point; change it together with mass in [robot]
 {padding}
 [uncertainty]                     # pretouch robust and pretouch verify vary these inputs
+{spread_source}
 # normal = [mean, standard deviation]: change the mean together with velocity in [obstacle]
 obstacle.velocity = {{ normal = ["-{speed}", "{spread}"], between = ["-{fastest}", "-{slowest}"] }}
 
@@ -107,6 +108,13 @@ _WAITING: Final = 5.0  # sensor periods: with a longer latency, the controller n
 _DAMPER: Final = """\
 approach_only = true                 # the force ends if a sensor fails, or if an object leaves
 """
+_SPREAD: Final = 0.2  # standard deviation of the approach speed that is assumed, as a share of the speed
+_FARTHEST: Final = 3.0  # standard deviations: speeds farther from the mean are left out
+_SLOWEST: Final = 0.05  # smallest speed with a wide spread, as a share of the speed
+_ASSUMED_SPREAD: Final = (
+    "# ASSUMED: a spread of 20 %; pretouch init --speed-spread sets it. Limits apply to the fastest"
+)
+_GIVEN_SPREAD: Final = "# between: three standard deviations to either side, but no standstill"
 _SIGMAS: Final = 3.0  # smallest floor, in standard deviations of the noise
 _PROVISIONAL: Final = 1.0  # floor with which the output of a sensor without noise is computed
 
@@ -128,6 +136,7 @@ class FirstScenario(Value):
         distance: distance at the start of the encounter [m].
         floor: detection threshold of the controller [output unit]; None for three standard deviations of the noise.
         speed: approach speed at the start [m/s].
+        speed_spread: standard deviation of the approach speed [m/s]; None for 20 % of the speed, as an assumption.
         acceleration: acceleration of the object [m/s^2], negative toward the robot.
         excursion: largest distance by which the robot can retreat [m].
         contact_speed: largest allowed speed at contact [m/s]; None for no limit.
@@ -151,6 +160,7 @@ class FirstScenario(Value):
     distance: float
     floor: float | None
     speed: float
+    speed_spread: float | None
     acceleration: float
     excursion: float
     contact_speed: float | None
@@ -180,6 +190,8 @@ class FirstScenario(Value):
             if limit
             else ('# relative_velocity = "0.1 m/s" # largest speed at contact\n')
         )
+        spread = _SPREAD * self.speed if self.speed_spread is None else self.speed_spread
+        fastest, slowest = self.speed + _FARTHEST * spread, self.speed - _FARTHEST * spread
         unit = "N*s^2" if self.drag else "N*s"
         ends = ("0.0001", "1") if self.drag else ("-10", "-0.001")
         text = _TEXT.format(
@@ -199,9 +211,10 @@ class FirstScenario(Value):
             control_rate=_as_text(self.control, "Hz"),
             horizon=_as_text(max(_SHORTEST, _LONGEST * self.distance / self.speed), "s"),
             robot_mass=_as_text(self.robot_mass, "kg"),
-            spread=_as_text(0.2 * self.speed, "m/s"),
-            fastest=_as_text(1.6 * self.speed, "m/s"),
-            slowest=_as_text(0.4 * self.speed, "m/s"),
+            spread=_as_text(spread, "m/s"),
+            fastest=_as_text(fastest, "m/s"),
+            slowest=_as_text(max(slowest, _SLOWEST * self.speed), "m/s"),
+            spread_source=_ASSUMED_SPREAD if self.speed_spread is None else _GIVEN_SPREAD,
             chain=self._chain(),
             controller=self._controller(),
         )

@@ -18,16 +18,17 @@ from pretouch._core.progress import note_work
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch._core.warning_codes import split_code
-from pretouch.designs import Task
+from pretouch.designs import HertzImpact, SpringImpact, Task
 from pretouch.designs.robust.required import Required, limits_of
 from pretouch.designs.search import RUNS, Effort, GainAxis, Landscape, search_axis
 from pretouch.simulation import ClosedLoop, chain_of_fit
 
-from .appraisal import USUAL_MARGIN, LoopOutcomes, LoopProblem, draw_encounters
+from .appraisal import AT_CONTACT, USUAL_MARGIN, LoopOutcomes, LoopProblem, draw_encounters
 from .changed_loop import ChangedLoop, candidates_of, rounded_up, with_settings
 from .effect import VerdictStatus
 from .gain_search import GainSearch, runs_of_search, stable_axis
 from .improvement import Improvements, redesign
+from .missed_runs import missed_in_words
 from .reasons import lacks_only_runs, likely_runs
 from .result import Advice, Verdict
 from .settings import settings_between
@@ -93,14 +94,18 @@ def search_advice(task: Task, verdict: Verdict, found: Improvements, passed: Pas
     Returns:
         The advice; None if the verdict holds and nothing improves it.
     """
-    advice = _Seeker(task, verdict, found, passed, judge).advice()
+    seeker, is_guess = _Seeker(task, verdict, found, passed, judge), _is_noise_a_guess(task)
+    if is_guess and verdict.status is VerdictStatus.DOES_NOT_HOLD:
+        return seeker.another_gain() or _repeat_readings()
+    advice = seeker.advice()
     against_noise = advice is None or advice.kind == "none" or bool(_AGAINST_NOISE & set(advice.settings))
-    if verdict.reasons and against_noise and _is_noise_a_guess(task):
-        text = (
-            "read each distance three times or more, and calibrate again: without repeats, the noise of the sensor is a"
-        )
-        return Advice(kind="readings", sentence=f"{text} guess, and so is every change that reduces noise")
-    return advice
+    return _repeat_readings() if is_guess and verdict.reasons and against_noise else advice
+
+
+def _repeat_readings() -> Advice:
+    """Advise to measure the noise before anything that costs more than another gain."""
+    text = "read each distance three times or more, and calibrate again: without repeats, the noise of the sensor is a"
+    return Advice(kind="readings", sentence=f"{text} guess, and so is every change that reduces noise")
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +129,13 @@ class _Seeker:
             if checked is not None:
                 return self._change(*self._without_needless(checked, start))
         return self._larger_limit() or self._none()
+
+    def another_gain(self) -> Advice | None:
+        """Return the advice to use another gain on the unchanged loop; None if none holds."""
+        if self.verdict.at_rest is not None and self.verdict.at_rest.reaches_object:
+            return None  # a larger floor is needed, too
+        checked = self._with_best_gain(self.found.search)
+        return None if checked is None else self._change(checked, ())
 
     def _improvement(self) -> Advice | None:
         """Return the most helpful change of a loop whose gain holds, if it then holds without reservation."""
@@ -324,6 +336,7 @@ class _Seeker:
         if not limits or not base.axis.low < base.axis.high:
             return None
         places = [i for i, limit in enumerate(limits) if limit.constraint.name != "gain"]
+        unmitigated = self._unmitigated()
         options = [option for i in places if (option := _nearest_limits(base, [i])) is not None]
         if not options and len(places) > 1 and (together := _nearest_limits(base, places)) is not None:
             options = [together]
@@ -331,6 +344,8 @@ class _Seeker:
             factor = 1.0
             for _ in range(_TRIES):
                 larger = {i: rounded_up(limits[i].constraint.limit * r * factor, 3) for i, r in increase.items()}
+                if any(value >= unmitigated[i] for i, value in larger.items()):
+                    break  # a limit that is met without mitigation, too, says nothing
                 constraints = tuple(_with_limit(c, larger.get(i)) for i, c in enumerate(self.task.constraints))
                 checked = self._check(self.task.replace(gain=base.printed(gain), constraints=constraints))
                 if checked.shortfall <= 1 and checked.verdict.status.is_passed:
@@ -349,17 +364,47 @@ class _Seeker:
             kept.append(old)
         runs = f", and simulate {checked.task.verify.runs} runs" if checked.task.verify != self.task.verify else ""
         text = (
-            f"allow {' and '.join(texts)}, with {number.equals(float(checked.task.gain or 0.0))}{runs}: no change "
-            f"within reach keeps {' and '.join(kept)}"
+            f"allow {' and '.join(texts)}, with {number.equals(float(checked.task.gain or 0.0))}{runs}: no simulated "
+            f"change of gain, controller, sensor and drive keeps {' and '.join(kept)}"
         )
-        return self._advice("limit", f"{text}. {_outcome(checked)}", checked)
+        softer = _softer_padding(checked.task, limits, larger)
+        return self._advice("limit", f"{text}. {_outcome(checked)}{softer}{self._missed()}", checked)
 
-    @staticmethod
-    def _none() -> Advice:
-        """Say that no change within reach holds."""
-        tried = "other gains, and one or two changes of controller, sensor and robot with the best gain for them"
-        text = f"no change within reach holds; {tried} were simulated. Change the robot, the sensor or the requirements"
-        return Advice(kind="none", sentence=text)
+    def _unmitigated(self) -> list[float]:
+        """Return the smallest value of each limit that says nothing about the mitigation; infinite for most quantities.
+
+        For quantities at contact, it is their mean without mitigation, or less if the limit would then be met.
+        """
+        problem = self.found.search.problem
+        limits, values = limits_of(self.task.constraints), []
+        if problem.unmitigated is None:
+            return [math.inf] * len(limits)
+        for limit, ratio in zip(
+            limits, problem.appraised(problem.unmitigated, self.task.loop, 0.0).ratios, strict=True
+        ):
+            least = min(float(ratio.mean()), float(limit.share(ratio)))
+            values.append(least * limit.constraint.limit if limit.constraint.quantity in AT_CONTACT else math.inf)
+        return values
+
+    def _none(self) -> Advice:
+        """Say that no simulated change holds."""
+        tried = "other gains, and one or two changes of controller, sensor and drive with the best gain for them"
+        text = f"none of the simulated changes holds ({tried}). Change the robot, the sensor or the requirements"
+        return Advice(kind="none", sentence=f"{text}{self._missed()}")
+
+    def _missed(self) -> str:
+        """Return a sentence on the uncertain input that distinguishes the runs that miss a limit; empty if none does.
+
+        The runs are those of the best or nearest gain on the unchanged loop.
+        """
+        if self.found.best is None:
+            return ""
+        (gain, result), draws = self.found.best, draw_encounters(self.task)
+        problem = LoopProblem(draws=draws, predicted=np.isfinite(draws.predicted(gain)[0]), unmitigated=None)
+        outcomes = problem.appraised(result, self.task.loop, gain)
+        held = [r.held for r in outcomes.requirements[1:] if not r.is_met]
+        text = missed_in_words(draws, ~np.all(held, axis=0)) if held else ""
+        return f". With {self.task.law.number.equals(gain)}, {text}" if text else ""
 
 
 def _nearest_limits(search: GainSearch, places: list[int]) -> tuple[float, dict[int, float]] | None:
@@ -381,6 +426,37 @@ def _nearest_limits(search: GainSearch, places: list[int]) -> tuple[float, dict[
     one = search.results(np.array([best]))[0]
     shortfalls = search.shortfalls(one)
     return one.gain, {i: float(shortfalls[_FIRST_LIMIT + i]) for i in places if shortfalls[_FIRST_LIMIT + i] > 1}
+
+
+def _softer_padding(task: Task, limits: tuple[Required, ...], larger: dict[int, float]) -> str:
+    """Return a sentence on the padding that keeps a limit of the impact force with the advised gain.
+
+    The peak force of an elastic impact is proportional to k^(1 / (n + 1)) at every speed. So a stiffness that is
+    smaller by the factor (limit / raised limit)^(n + 1) results in the same ratios of force and limit in every run.
+    Empty if the contact is simulated, or another limit must be raised, too.
+    """
+    impact: Any = task.impact
+    keys: dict[type, str] = {HertzImpact: "effective_modulus", SpringImpact: "stiffness"}
+    if len(larger) != 1 or task.loop.contact is not None or type(impact) not in keys:
+        return ""
+    ((place, raised),) = larger.items()
+    constraint = limits[place].constraint
+    if constraint.quantity != "impact_force":
+        return ""
+    key = keys[type(impact)]
+    present, (factor, unit) = getattr(impact, key), (1e6, "MPa") if key == "effective_modulus" else (1.0, "N/m")
+    needed = present * (constraint.limit / raised) ** (impact.exponent + 1)
+    return (
+        f". Instead, a padding with {key} = {_rounded_down(needed / factor):g} {unit} instead of {present / factor:g} "
+        f"{unit} keeps {format_quantity(constraint.limit, 'N')} with this gain (computed with the impact model at the "
+        "simulated speeds of contact)"
+    )
+
+
+def _rounded_down(value: float) -> float:
+    """Round a positive number down to three significant digits."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return float(f"{math.floor(value / step) * step:.3g}")
 
 
 def _stricter(shortfalls: FloatArray, number: int = 0) -> FloatArray:

@@ -29,6 +29,7 @@ from pretouch.uncertainty.ensemble import check_nominal
 from .effect import EFFECT, Effect, VerdictStatus, contact_speeds, effect_of
 
 USUAL_MARGIN: Final = 2.0  # gain margin: 6 dB
+AT_CONTACT: Final = frozenset({"relative_velocity", "impact_force", "peak_force"})  # quantities that a gain reduces
 ROOM: Final = 0.03  # share of a limit; a smaller margin counts as narrow
 _ALMOST: Final = 1 - EFFECT  # score of a gain without effect: better than a gain that does harm
 _ROUNDING: Final = 1e-12  # share of a limit, as in the validation of robust designs
@@ -36,7 +37,6 @@ _COMPARED: Final = 200  # runs on which changes are compared
 _COMPARED_SENSORS: Final = 100  # the same if each run has its own sensor curve, which is tabulated first
 _FIRST: Final = 0.16  # share of these runs after which gains that certainly miss a requirement are given up
 _LEAST_FIRST: Final = 16  # fewer runs than that are not worth a separate call
-_AT_CONTACT: Final = frozenset({"relative_velocity", "impact_force", "peak_force"})
 _WHOLE_MOTION: Final = frozenset({*PEAKS, "drive_force", "gain"})
 _COUNT_ROUNDING: Final = 1e-9  # a share times a number of runs may be just above a whole number
 _SLOWEST: Final = 1e-9  # m/s: a smaller speed is not divided by
@@ -417,7 +417,7 @@ class LoopProblem:
         magnitude = simulated_quantity(quantity, result, gain, loop, self.draws.task.impact)
         ratio = np.where(np.isfinite(magnitude), size_of(quantity, magnitude) / limit.constraint.limit, np.inf)
         # A gain that avoids a contact also avoids its speed and force, but not the motion before it.
-        avoided = 0.0 if quantity in _AT_CONTACT else ratio if quantity in _WHOLE_MOTION else np.inf
+        avoided = 0.0 if quantity in AT_CONTACT else ratio if quantity in _WHOLE_MOTION else np.inf
         without = np.where(self.predicted[: len(ratio)], np.inf, avoided)
         return np.where(result.touched, ratio, without)
 

@@ -207,9 +207,9 @@ class Advice(Value):
             controller never detects the object), `start` (the encounter starts elsewhere than the controller detects
             the object), `calibration` (a better one), `horizon` (a longer one), `floor` (another one, so that noise
             does not move the robot), `runs` (more runs, whose result is open), `change` (another gain or loop),
-            `limit` (no change within reach keeps the limits, so one is relaxed), `readings` (repeated readings,
+            `limit` (no simulated change keeps the limits, so one is relaxed), `readings` (repeated readings,
             because the noise of the sensor is a guess), `gain` (a weaker one, or one of the other sign), `sensor` (a
-            faster one) or `none` (no change within reach helps).
+            faster one) or `none` (no simulated change helps).
         sentence: what to do, with numbers and with the verdict that results from it.
         settings: the same as keys of a scenario file and their new values, such as
             `{"controller.gain": "-0.86 N*s"}`; None removes a key.

@@ -239,7 +239,7 @@ def test_no_limit_is_offered_that_is_met_without_mitigation() -> None:
 
 
 def test_the_runs_that_miss_a_limit_are_named_by_what_is_uncertain_in_them() -> None:
-    found = relaxed([velocity_limit(0.08), pt.designs.Required(constraint=pt.Constraint(name="excursion", limit=0.1))])
+    found = relaxed([velocity_limit(0.09), pt.designs.Required(constraint=pt.Constraint(name="excursion", limit=0.1))])
     assert "obstacle.velocity" in found.advice.sentence
     task = found.design.problem.task.replace(loop=NOISY, verify=pt.designs.VerifyOptions(runs=60), uncertainty=SPEED)
     draws = draw_encounters(task)

@@ -35,7 +35,8 @@ def next_step(of: pt.Task) -> str:
 @pytest.mark.parametrize(
     ("infeasible", "helps"),
     [
-        (task(0.02, 0.1), ()),
+        (task(0.02, 0.001), ()),
+        (task(0.02, 0.1), ("start",)),
         (task(0.07, 0.1), ("start",)),
         (task(0.07, 0.2, (-0.5, -0.1)), ("bounds",)),
         (task(0.07, 0.2, (-0.05, -0.02)), ("bounds",)),
@@ -52,3 +53,13 @@ def test_following_the_next_step_leads_to_a_gain(infeasible: pt.Task, helps: tup
         moved = replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, position=1e-3 * float(start[1])))
         assert pt.design(infeasible.replace(scenario=moved)).gain is not None
     assert "earlier" not in text
+
+
+def test_a_much_nearer_start_is_named_if_a_gain_exists_from_there() -> None:
+    """From 300 mm, the excursion is used up before contact; from 50 mm, it is not."""
+    obstacle = pt.Obstacle(position=0.3, velocity=-0.5)
+    far = task(0.2, 0.04, (-10.0, -1e-3)).replace(scenario=replace(SCENARIO, obstacle=obstacle))
+    start = re.search(r"act from a distance of (\S+) mm", next_step(far))
+    assert start is not None
+    nearer = replace(SCENARIO, obstacle=replace(obstacle, position=1e-3 * float(start[1])))
+    assert pt.design(far.replace(scenario=nearer)).gain is not None

@@ -13,7 +13,7 @@ from .relaxation import Relaxation, relaxations_in_words
 from .task import Task
 
 _WIDER: Final = 100.0  # factor on the ends of the bounds of a gain
-_STARTS: Final = (0.75, 0.5, 1.5, 2.0)  # factors on the start distance
+_STARTS: Final = (0.75, 0.5, 1.5, 2.0, 1 / 3, 1 / 4, 1 / 6, 1 / 8)  # factors on the start distance
 _NO_RESERVE: Final = 1e-3  # share of a limit; at a smaller distance from it, the limit is active
 
 

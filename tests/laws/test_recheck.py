@@ -177,6 +177,55 @@ def test_a_recording_that_cannot_decide_does_not(held: tuple[float, ...], drift:
     assert answer.interval is None
 
 
+@pytest.mark.parametrize(
+    ("held", "drift", "action"),
+    [
+        (HELD, {"factor": 0.0, "noise": 0.0}, "cable"),
+        (HELD, {"factor": 0.0}, "cable"),
+        (HELD, {"sign": -1.0}, "named distances"),
+        ((np.inf, 0.005, 0.04), {"slips": (0.0, 0.035, -0.035)}, "correct the named distances"),
+        (HELD, {"slips": (0.0, 0.0, 0.004, 0.0)}, "object is that of the calibration"),
+        ((np.inf, 0.0, 0.04), {"highest": 20000.0}, "farther away"),
+        ((np.inf, 0.03, 0.035), {}, "close to"),
+        ((0.005, 0.04), {}, "as none"),
+        (HELD, {"count": 5}, "longer parts"),
+    ],
+)
+def test_the_next_step_follows_from_the_reason(held: tuple[float, ...], drift: dict[str, Any], action: str) -> None:
+    answer = check(*today(held, **drift))
+    assert len(answer.actions) == 1
+    assert action in answer.actions[0]
+    assert recheck_page(answer).next_step == answer.actions[0]
+
+
+def test_a_changed_offset_is_updated_even_if_the_curve_is_not_decided() -> None:
+    for offset, updates in ((OFFSET + 100, False), (OFFSET + 2500, True)):
+        answer = check(*today(offset=offset), distance_error=1.5e-3)
+        assert (answer.decision, answer.updates_offset) == ("not-decided", updates)
+        assert bool(recheck_page(answer).next_lines) is updates
+        assert (f"offset to {answer.offset:.5g}" in answer.reasons[0]) is updates
+
+
+def test_noise_is_that_of_the_named_empty_scene_if_the_offset_is_taken_for_an_object() -> None:
+    answer = check(*today(offset=OFFSET + 2500, noise=40.0))
+    assert answer.replay.noise.noise == pytest.approx(40, rel=0.15)
+    assert any("PT607" in text for text in recheck_page(answer).warnings)
+
+
+def test_the_needed_exactness_of_the_distances_decides() -> None:
+    answer = check(*today(), distance_error=1.5e-3)
+    needed = answer.actions[0].partition('--distance-error "')[2].partition(" mm")[0]
+    assert 0.5 < float(needed) < 1.5
+    assert check(*today(), distance_error=1e-3 * float(needed)).decision == "fine"
+
+
+def test_equal_readings_have_the_error_of_their_rounding() -> None:
+    recording, distances = today()
+    recording = replace(recording, values=np.where(np.isinf(distances.values), OFFSET, recording.values))
+    answer = check(recording, distances)
+    assert answer.offset_error == pytest.approx(1 / 12**0.5)
+
+
 def test_without_distances_nothing_is_decided() -> None:
     answer = check(today()[0], None)
     assert answer.decision == "not-decided"
@@ -277,7 +326,8 @@ def test_known_distances_are_read(text: str, expected: dict[float, float]) -> No
 
 
 @pytest.mark.parametrize(
-    "text", ["5 mm", "0-5 s 5 mm", "900-950 s: none", "2-1 s: none", "0-1 s: -5 mm", "0-1 s: 5 kg"]
+    "text",
+    ["5 mm", "0-5 s 5 mm", "900-950 s: none", "2-1 s: none", "0-1 s: -5 mm", "0-1 s: 5 kg", "0-1 s: 5", "0-1 s: 40-5"],
 )
 def test_unclear_distances_are_refused(text: str) -> None:
     with pytest.raises(pt.errors.PretouchError):

@@ -173,12 +173,13 @@ def _refuse_without_recheck(
 def _recheck(task: Task, result: Replay, distances: Recording | None, error: str, elapsed: str | None) -> Recheck:
     """Compare the recording with the calibration of the scenario."""
     from pretouch.recording.calibration_recheck import recheck as run  # noqa: PLC0415
+    from pretouch.recording.known_distances import read_length  # noqa: PLC0415
 
     return run(
         task,
         result,
         distances=distances,
-        distance_error=read_quantity(error, "m", name="--distance-error"),
+        distance_error=read_length(error, name="--distance-error"),
         elapsed=None if elapsed is None else _time(elapsed, "--elapsed"),
     )
 

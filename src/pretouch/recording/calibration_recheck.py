@@ -8,7 +8,7 @@ sampled loop runs with the gain of the calibration on the curve and offset of to
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
@@ -28,8 +28,18 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SensorChain
 from pretouch.verification.verdict import chosen_gain
 
-from .curve_today import CERTAIN, curves_of, explanations_of, offset_of, saturated, signal_of, signals_of
-from .known_distances import KnownDistance, known_distances
+from .curve_today import (
+    CERTAIN,
+    Doubt,
+    curves_of,
+    explanations_of,
+    is_from_distances,
+    offset_of,
+    saturated,
+    signal_of,
+    signals_of,
+)
+from .known_distances import FEWEST, KnownDistance, known_distances
 from .noise import quiet_floor
 from .recording import Recording
 from .result import Replay
@@ -39,9 +49,22 @@ Decision: TypeAlias = Literal["fine", "update-offset", "recalibrate", "not-decid
 TOLERANCE: Final = 0.15
 """Change of the contact speed that ends a calibration."""
 
-_NO_EMPTY_SCENE: Final = (
-    "no part of the recording is named as one without an object, so the offset is unknown: record the empty scene, too"
+_NO_EMPTY_SCENE: Final = Doubt(
+    "no part of the recording is named as one without an object, so the offset is unknown",
+    "name the part without an object as none; if there is no such part, record again with the empty scene first",
 )
+_MISFIT: Final = Doubt(
+    "the readings at the known distances do not fit the curve of the calibration, even with another offset, scale "
+    "factor or distance",
+    "check the named distances, whether the empty scene was empty, and whether the object is that of the calibration; "
+    "if all are right, recalibrate",
+)
+_NO_CONTACT: Final = Doubt(
+    "the encounter of the scenario ends without a contact, so there is no contact speed to compare",
+    "check the gain, and position and velocity in [obstacle]; the recording needs no change",
+)
+_TAKEN_FOR_OBJECT: Final = "the controller takes the offset of today for an object"
+_LARGE_OFFSET: Final = 0.5  # of the floor, from which a changed offset is updated in any case, like PT608
 _RUNS: Final = 8  # runs with other phases of the sensor, of which the contact speed is the mean
 _COVERED: Final = 0.4  # share of the change of ln xi between detection and contact that the distances must cover
 _SLOWER: Final = 0.95  # of the rate of the scenario
@@ -81,6 +104,7 @@ class Recheck(Described, Value):
     Args:
         decision: "fine", "update-offset", "recalibrate" or "not-decided".
         reasons: why nothing is decided, or why the calibration does not hold, in clauses.
+        actions: what to do about these reasons, in clauses; empty if the decision says it.
         replay: the replay of the recording.
         distances: mean readings at the known distances.
         gain: the gain of the calibration, in the unit of the law's number.
@@ -101,6 +125,8 @@ class Recheck(Described, Value):
         optimal_gain_then: optimal gain of the ideal loop with the curve of the calibration; None if there is none, or
             if the task has no objective or no bounds.
         optimal_gain: the same with the best curve of today.
+        updates_offset: whether the controller should subtract the offset of today, whatever the curve is.
+        triggers: whether the controller takes the offset of today for an object.
         limits: limits that hold at the contact speed of the calibration, but not in the whole range of today.
         elapsed: time from the calibration to the recording [s]; None if unknown.
         interval: recommended time to the next check [s]; None if unknown.
@@ -130,6 +156,9 @@ class Recheck(Described, Value):
     limits: tuple[str, ...] = ()
     elapsed: float | None = None
     interval: float | None = None
+    actions: tuple[str, ...] = ()
+    updates_offset: bool = False
+    triggers: bool = False
 
     @property
     def is_good(self) -> bool:
@@ -144,7 +173,19 @@ class Recheck(Described, Value):
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as one JSON object in SI units."""
         names = (
-            *("decision", "headline", "reasons", "gain", "offset_then", "offset_then_error", "offset", "offset_error"),
+            *(
+                "decision",
+                "headline",
+                "reasons",
+                "actions",
+                "updates_offset",
+                "triggers",
+                "gain",
+                "offset_then",
+                "offset_then_error",
+                "offset",
+                "offset_error",
+            ),
             *("places", "ratios", "ratio_errors", "slope_then", "slope", "slope_error", "contact_then"),
             *("optimal_gain_then", "optimal_gain", "distances", "limits", "elapsed", "interval"),
         )
@@ -202,10 +243,19 @@ def recheck(
         (replay.noise.largest or math.inf) if replay.noise.clipped else math.inf,
     )
     measured: tuple[KnownDistance, ...] = ()
+    short: tuple[tuple[float, int], ...] = ()
     if places is not None and places.kind == "distance":
         latency = None if replay.latency is None else replay.latency.value
         shift = loop.chain.latency if latency is None else latency
-        measured = known_distances(replay.recording, places, signal_of(bare), shift=shift, limit=limit)
+        measured, short = known_distances(
+            replay.recording,
+            places,
+            signal_of(bare),
+            shift=shift,
+            limit=limit,
+            resolution=replay.noise.resolution,
+        )
+        replay = _with_noise(replay, measured)
     then = loop.chain.offset + loop.chain.crosstalk
     old = None if task.calibration is None else task.calibration.offset
     known = old is not None and math.isclose(old.value, then)
@@ -218,18 +268,18 @@ def recheck(
         "offset_then_error": old.standard_error if old is not None and known else None,
         "elapsed": elapsed,
     }
-    reasons = list(_unusable(replay, places is not None))
+    unusable = tuple(_unusable(replay, places is not None))
+    if unusable:
+        return _undecided(base, unusable)
     offset = offset_of(measured, conditioning.floor)
     if offset is None:
-        reasons += [] if places is None else [_NO_EMPTY_SCENE]
-        return Recheck(decision="not-decided", reasons=tuple(reasons), **base)
+        return _undecided(base, tuple(_too_short(short)) or (_NO_EMPTY_SCENE,))
     base |= {"offset": offset[0], "offset_error": offset[1]}
     if full := saturated(measured, offset, bare, distance_error, limit):
         return Recheck(decision="recalibrate", reasons=(full,), **base)
     signal, doubts = signals_of(measured, offset, bare, conditioning.floor, distance_error)
-    reasons += doubts
-    if signal is None or reasons:
-        return Recheck(decision="not-decided", reasons=tuple(reasons), **base)
+    if signal is None or doubts:
+        return _undecided(base, (*doubts, *_too_short(short)) if signal is None else doubts)
     base |= {
         "places": tuple(signal.places.tolist()),
         "ratios": tuple(signal.ratios.tolist()),
@@ -242,26 +292,18 @@ def recheck(
         ends, covariance = explanations[0].ends, explanations[0].covariance
         base["slope"] = base["slope_then"] + float(ends[1] - ends[0]) / (far - near)
         base["slope_error"] = math.sqrt(np.array([1, -1]) @ covariance @ np.array([1, -1])) / (far - near)
-    else:
-        reasons.append(
-            "the readings at the known distances do not fit the curve of the calibration, even with another offset, "
-            "scale factor or distance: check the distances; if they are right, recalibrate"
-        )
-    share = _covered(task, loop, near, far)
-    if share < _COVERED:
-        reasons.append(
-            f"the distances from {format_quantity(near, 'm')} to {format_quantity(far, 'm')} contain only "
-            f"{format_percent(share)} of the change of ln \u03be between detection and contact: hold the object nearer "
-            "to the contact, and farther away"
-        )
     speeds = _Speeds(task, loop, gain)
     nominal = speeds.at(task.sensor, then)
-    if nominal is None:
-        reasons.append("the encounter of the scenario ends without a contact, so there is no contact speed to compare")
-    if reasons or nominal is None:
-        return Recheck(decision="not-decided", reasons=tuple(reasons), **base)
+    doubts = (
+        *(() if explanations else (_MISFIT,)),
+        *_uncovered(task, loop, near, far),
+        *((_NO_CONTACT,) if nominal is None else ()),
+    )
+    if doubts or nominal is None:
+        return _undecided(base, doubts)
     base["contact_then"] = nominal
-    return _decided(base, task, replay, speeds, [curves_of(each, recess) for each in explanations])
+    main = distance_error if is_from_distances(signal, bare, distance_error) else 0.0
+    return _decided(base, task, replay, speeds, [curves_of(each, recess) for each in explanations], distance_error=main)
 
 
 def _decided(
@@ -270,6 +312,8 @@ def _decided(
     replay: Replay,
     speeds: _Speeds,
     curves: list[tuple[SensorModel | None, ...]],
+    *,
+    distance_error: float,
 ) -> Recheck:
     """Decide by the contact speeds with all curves that the readings of today allow."""
     nominal, offset, error = base["contact_then"], base["offset"], base["offset_error"]
@@ -286,20 +330,30 @@ def _decided(
     quiet = quiet_floor(conditioning, replay.timing.rate, noise)
     rise = offset - conditioning.offset
     triggers = rise + CERTAIN * error + quiet >= conditioning.floor
+    changes = _changes(as_it_is[0], with_update[0]) and abs(rise) > CERTAIN * error
+    base |= {
+        "updates_offset": triggers or changes or abs(rise) > _LARGE_OFFSET * conditioning.floor,
+        "triggers": triggers,
+    }
     if slower := _slower(task, replay, speeds, nominal):
-        return Recheck(decision="not-decided", reasons=(slower,), **base)
+        return _undecided(base, slower)
     reasons: tuple[str, ...] = ()
+    actions: tuple[str, ...] = ()
     if quiet >= conditioning.floor:
         decision: Decision = "recalibrate"
         reasons = (
             f"the noise without an object is {noise:.3g}, too much for the noise floor of {conditioning.floor:.4g}, "
             f"which must be at least {quiet:.3g}",
         )
+        actions = (
+            f"find the cause of the noise, or raise floor in [controller] to at least {quiet:.3g}; then run pretouch "
+            "design and verify",
+        )
     elif not triggers and now is not None and now.is_near(nominal):
         decision = "fine"
     elif updated is not None and updated.is_near(nominal):
         decision = "update-offset"
-        reasons = ("the controller takes the offset of today for an object",) if triggers else ()
+        reasons = (_TAKEN_FOR_OBJECT,) if triggers else ()
     elif updated is None or all(each is None or each.is_far_from(nominal) for each in with_update):
         decision = "recalibrate"
     elif _is_another_slope(base):
@@ -310,18 +364,69 @@ def _decided(
             f"not show that the contact speed stays within {format_percent(TOLERANCE)}",
         )
     else:
-        decision, old = "not-decided", format_quantity(nominal, "m/s", 3)
-        reasons = (
-            f"with the offset of today, the contact speed is {updated.words}, and with the calibration it was {old}, "
-            "so the recording does not show whether it changes by more than "
-            f"{format_percent(TOLERANCE)}; hold the object nearer to the contact and at more distances, set them more "
-            "exactly (--distance-error), or recalibrate",
+        shown, when = (now, "with the curve and offset of today") if now is not None else (updated, "")
+        if base["updates_offset"] or now is None:
+            shown, when = updated, f"after an update of the offset to {offset:.5g}"
+        reason = (
+            f"{when}, the contact speed is {shown.words}, and with the calibration it was "
+            f"{format_quantity(nominal, 'm/s', 3)}, so the recording does not show whether it changes by more than "
+            f"{format_percent(TOLERANCE)}"
         )
+        return _undecided(base, (Doubt(reason, _more_exact(shown, nominal, distance_error)),))
     speed = updated if decision == "update-offset" else now
     if decision in {"fine", "update-offset"} and speed is not None:
         base["limits"] = tuple(_limits_at_risk(task, nominal, speed.high))
-    interval = None if decision == "not-decided" else _interval(base, rise, conditioning.floor - quiet)
-    return Recheck(decision=decision, reasons=reasons, interval=interval, **base)
+    base["updates_offset"] &= decision != "recalibrate"
+    base["updates_offset"] |= decision == "update-offset"
+    interval = _interval(base, rise, conditioning.floor - quiet)
+    return Recheck(decision=decision, reasons=reasons, actions=actions, interval=interval, **base)
+
+
+def _undecided(base: dict[str, Any], doubts: Sequence[Doubt]) -> Recheck:
+    """Return the answer of a recording that decides nothing, for reasons."""
+    actions = dict.fromkeys(doubt.action for doubt in doubts)
+    return Recheck(
+        decision="not-decided", reasons=tuple(doubt.reason for doubt in doubts), actions=tuple(actions), **base
+    )
+
+
+def _changes(as_it_is: Range | None, with_update: Range | None) -> bool:
+    """Return True if an update of the offset changes the contact speed by more than the tolerance."""
+    if as_it_is is None or with_update is None:
+        return as_it_is is not with_update
+    return abs(as_it_is.value / with_update.value - 1) > TOLERANCE
+
+
+def _more_exact(speed: Range, nominal: float, distance_error: float) -> str:
+    """Return how a recording would decide.
+
+    Args:
+        speed: the contact speed with its range.
+        nominal: that of the calibration [m/s].
+        distance_error: standard deviation of a known distance [m]; 0 if other errors are larger.
+    """
+    low, high = nominal * (1 - TOLERANCE), nominal * (1 + TOLERANCE)
+    share = min((speed.value - low) / (speed.value - speed.low), (high - speed.value) / (speed.high - speed.value))
+    if 0 < share < 1 and distance_error > 0:
+        step = 10.0 ** math.floor(math.log10(share * distance_error))
+        needed = format_quantity(step * math.floor(share * distance_error / step), "m", 1)
+        return (
+            "record again, with distances that are exact to about "
+            f'{needed} (set them with gauge blocks or a stage, and state it: --distance-error "{needed}"), or at more '
+            "distances near the contact; or recalibrate"
+        )
+    return (
+        "record again, with the object nearer to the contact, at more distances, and with more readings at each; or "
+        "recalibrate"
+    )
+
+
+def _with_noise(replay: Replay, measured: Sequence[KnownDistance]) -> Replay:
+    """Return a replay with the noise of the named empty scene, if the controller detected an object all the time."""
+    empty = [each for each in measured if math.isinf(each.distance)]
+    if replay.noise.noise is not None or not empty:
+        return replay
+    return replace(replay, noise=replace(replay.noise, noise=empty[0].spread))
 
 
 def _optimal_gain(task: Task, curve: SensorModel | None) -> float | None:
@@ -352,29 +457,52 @@ def _limits_at_risk(task: Task, nominal: float, high: float) -> Iterator[str]:
             yield limit.name
 
 
-def _unusable(replay: Replay, named: bool) -> Iterator[str]:
+def _unusable(replay: Replay, named: bool) -> Iterator[Doubt]:
     """Yield why the recording cannot decide anything."""
     finite = replay.recording.values[np.isfinite(replay.recording.values)]
     if not len(finite):
-        yield "the recording has no reading that is a number"
+        yield Doubt(
+            "the recording has no reading that is a number",
+            "check the topic (--topic), then the sensor and its cable, and record again",
+        )
     elif finite.min() == finite.max():
-        yield f"all readings are {finite[0]:.6g}: check the sensor and its cable"
-    if not named:
-        yield (
-            "the slope was not checked, because no distance is known: name the distances with --reference or "
-            '--distances, such as --distances "0-5 s: none, 8-12 s: 5 mm, 15-19 s: 40 mm"'
+        yield Doubt(f"all readings are {finite[0]:.6g}", "check the sensor and its cable, and record again")
+    elif not named:
+        yield Doubt(
+            "the slope was not checked, because no distance is known",
+            "name the distances of this recording with --reference or --distances, such as "
+            '--distances "0-5 s: none, 8-12 s: 5 mm, 15-19 s: 40 mm"; if the object was not held at two of them, '
+            "record again",
         )
 
 
-def _covered(task: Task, loop: ClosedLoop, near: float, far: float) -> float:
-    """Return the share of the change of ln xi between detection and contact that two distances contain."""
+def _too_short(short: Sequence[tuple[float, int]]) -> Iterator[Doubt]:
+    """Yield which named parts of the recording have too few readings."""
+    for distance, count in short:
+        where = "without an object" if math.isinf(distance) else f"at {format_quantity(distance, 'm')}"
+        yield Doubt(
+            f"the part {where} has only {count} {'reading' if count == 1 else 'readings'}, and at least "
+            f"{FEWEST} are needed",
+            "name longer parts of the recording; if there are none, record again with two seconds for each",
+        )
+
+
+def _uncovered(task: Task, loop: ClosedLoop, near: float, far: float) -> Iterator[Doubt]:
+    """Yield that two distances contain too little of the change of ln xi between detection and contact."""
     bare, recess = task.sensor.bare
     low, high = bare.valid_range
     seen = min(float(task.scenario.distance), float(loop.farthest_start(task.scenario, task.sensor))) + recess
     contact, start = max(recess, low), min(max(seen, recess), high)
     ends = np.array([contact, start, np.clip(near, contact, start), np.clip(far, contact, start)])
     first, last, inner, outer = np.asarray(bare.log_output(ends)).tolist()
-    return (inner - outer) / (first - last) if first > last else 0.0
+    share = (inner - outer) / (first - last) if first > last else 0.0
+    if share < _COVERED:
+        yield Doubt(
+            f"the distances from {format_quantity(near, 'm')} to {format_quantity(far, 'm')} contain only "
+            f"{format_percent(share)} of the change of ln \u03be between detection and contact",
+            f"record again, with the object close to {format_quantity(contact, 'm', 2)}, where it touches, and close "
+            f"to {format_quantity(start, 'm', 2)}, where the law begins to act",
+        )
 
 
 class _Speeds:
@@ -451,21 +579,24 @@ def _union(ranges: list[Range | None]) -> Range | None:
     return Range(known[0].value, float(low), float(high))
 
 
-def _slower(task: Task, replay: Replay, speeds: _Speeds, nominal: float) -> str:
+def _slower(task: Task, replay: Replay, speeds: _Speeds, nominal: float) -> tuple[Doubt, ...]:
     """Return why the rate of the recording prevents a decision; empty if it does not."""
     rate, declared = replay.timing.value_rate, replay.loop.chain.rate
     if not 0 < rate < _SLOWER * declared:
-        return ""
+        return ()
     chain: SensorChain = replay.loop.chain
     period = 1 / rate
     changed = speeds.at(task.sensor, chain.offset + chain.crosstalk, rate=rate, exposure=min(chain.exposure, period))
     if changed is not None and abs(changed / nominal - 1) <= TOLERANCE:
-        return ""
+        return ()
     effect = "no contact" if changed is None else f"a contact speed of {format_quantity(changed, 'm/s', 3)}"
     return (
-        f"the recording has {format_quantity(rate, 'Hz', 3)} instead of the {format_quantity(declared, 'Hz', 4)} of "
-        f"the scenario, which would mean {effect} instead of {format_quantity(nominal, 'm/s', 3)}: record at the rate "
-        "of the robot, or copy the measured section [chain] into the scenario file, and verify"
+        Doubt(
+            f"the recording has {format_quantity(rate, 'Hz', 3)} instead of the {format_quantity(declared, 'Hz', 4)} "
+            f"of the scenario, which would mean {effect} instead of {format_quantity(nominal, 'm/s', 3)}",
+            "record at the rate of the robot; if this is its rate, write the measured section [chain] with --chain "
+            "PATH, copy it into the scenario file, and run pretouch verify",
+        ),
     )
 
 
@@ -504,7 +635,15 @@ def _headline(check: Recheck) -> Iterator[str]:
             yield f"With the old gain, the contact speed is {updated}; with the calibration, it was {nominal}."
         case _:
             yield f"Not decided: {reasons}."
+            if check.updates_offset:
+                yield f"Without an update of the offset, {_without_update(check)}."
             yield from _offset_in_words(check)
+
+
+def _without_update(check: Recheck) -> str:
+    if check.triggers:
+        return _TAKEN_FOR_OBJECT
+    return f"it is {'unknown' if check.contact is None else check.contact.words}"
 
 
 def _offset_in_words(check: Recheck) -> Iterator[str]:

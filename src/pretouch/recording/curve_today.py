@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -30,6 +30,18 @@ _CLEARLY: Final = 4.0  # of the cost, by which an explanation is clearly better:
 _ROUNDS: Final = 8  # steps toward the best shift
 _STEP: Final = 1e-6  # of ln xi, for a derivative
 _ROUNDING: Final = 1e-12  # variance of ln xi, which keeps the covariance of exact readings regular
+
+
+class Doubt(NamedTuple):
+    """Why a recording cannot decide whether a calibration still holds.
+
+    Args:
+        reason: what is wrong, as a clause.
+        action: what to do about it, as a clause that follows "Next:".
+    """
+
+    reason: str
+    action: str
 
 
 class Signal(NamedTuple):
@@ -73,7 +85,7 @@ def signals_of(
     bare: SensorModel,
     floor: float,
     distance_error: float,
-) -> tuple[Signal | None, tuple[str, ...]]:
+) -> tuple[Signal | None, tuple[Doubt, ...]]:
     """Return the signals of today relative to the calibration.
 
     Args:
@@ -84,21 +96,31 @@ def signals_of(
         distance_error: standard deviation of a known distance [m].
 
     Returns:
-        The signals; None if there are too few. And reasons not to use them, as clauses.
+        The signals; None if there are too few. And reasons not to use them.
     """
     near = [each for each in measured if math.isfinite(each.distance) and each.signal >= _FAINT * floor]
-    doubts = tuple(filter(None, [_doubt_about_offset(measured, offset, floor), *(_doubt(e, offset) for e in near)]))
-    used = [each for each in near if not _doubt(each, offset)]
+    doubts = (*_doubts_about_offset(measured, offset, floor), *_doubts(near, offset))
+    used = [each for each in near if _doubt(each, offset) is None]
     places = np.array([each.distance for each in used])
     if len(used) < 2:
-        few = (
-            "the slope needs the readings at two distances or more within the range of the calibration: hold the "
-            "object at a near and a far distance"
-        )
-        return None, doubts or (few,)
+        return None, doubts or (_too_few(measured, bare),)
     height = np.array([each.reading - offset[0] for each in used])
+    if (np.diff(height) > 0).all():
+        return None, (
+            *doubts,
+            Doubt(
+                "the signal grows with the named distance, as if the near and the far distances were swapped",
+                "correct the named distances (--distances or --reference), and run pretouch replay again",
+            ),
+        )
     if (np.diff(height) >= 0).any():
-        return None, (*doubts, "the signal does not fall with the distance: check the distances and the sensor")
+        return None, (
+            *doubts,
+            Doubt(
+                "the signal does not fall with the distance",
+                "check whether two of the named distances are swapped or wrong; if they are right, check the sensor",
+            ),
+        )
     covariance = np.diag((np.array([each.error for each in used]) / height) ** 2)
     covariance += np.outer(offset[1] / height, offset[1] / height)
     by_distance = np.asarray(bare.log_slope(places)) * distance_error
@@ -111,33 +133,70 @@ def signals_of(
     return Signal(places, ratios, covariance + np.diag(np.full(len(used), _ROUNDING))), doubts
 
 
-def _doubt_about_offset(measured: Sequence[KnownDistance], offset: tuple[float, float], floor: float) -> str:
-    """Return why the readings without an object are no offset; empty if they are one."""
+def _doubts_about_offset(
+    measured: Sequence[KnownDistance], offset: tuple[float, float], floor: float
+) -> Iterator[Doubt]:
+    """Yield why the readings without an object are no offset."""
     for each in measured:
         if math.isinf(each.distance) and not each.is_steady(offset[0] - floor):
-            return (
-                f"without an object, the readings change by {each.change:+.4g} during the recording: let the sensor "
-                "warm up, keep everything out of its view, and record again"
+            yield Doubt(
+                f"without an object, the readings change by {each.change:+.4g} during the recording",
+                "let the sensor warm up, keep everything out of its view, and record again",
             )
-    return ""
 
 
-def _doubt(each: KnownDistance, offset: tuple[float, float]) -> str:
-    """Return why the readings at a distance cannot be used; empty if they can."""
-    place, error = format_quantity(each.distance, "m"), math.hypot(each.error, offset[1])
+def _too_few(measured: Sequence[KnownDistance], bare: SensorModel) -> Doubt:
+    """Return which distances would be needed for the slope."""
+    low, high = bare.valid_range
+    within = format_quantity(low, "m")
+    within += " on" if math.isinf(high) else f" to {format_quantity(high, 'm')}"
+    known = [each.distance for each in measured if math.isfinite(each.distance)]
+    return Doubt(
+        "the slope needs the readings at two distances or more within the range of the calibration, which is from "
+        f"{within}; the recording has {_in_words(known) if known else 'none'}",
+        "record again, with the object at a near and at a far distance within this range",
+    )
+
+
+def _doubts(measured: Sequence[KnownDistance], offset: tuple[float, float]) -> Iterator[Doubt]:
+    """Yield why the readings at distances cannot be used, each reason once."""
+    places: dict[Doubt, list[float]] = {}
+    for each in measured:
+        doubt = _doubt(each, offset)
+        if doubt is not None:
+            places.setdefault(doubt, []).append(each.distance)
+    for doubt, distances in places.items():
+        yield doubt._replace(reason=doubt.reason.format(_in_words(distances)))
+
+
+def _in_words(distances: Sequence[float]) -> str:
+    *others, last = (format_quantity(each, "m") for each in distances)
+    return f"{', '.join(others)} and {last}" if others else last
+
+
+def _doubt(each: KnownDistance, offset: tuple[float, float]) -> Doubt | None:
+    """Return why the readings at a distance, which the reason has as {}, cannot be used; None if they can."""
+    error = math.hypot(each.error, offset[1])
     height = each.reading - offset[0]
     if each.clipped:
-        return f"the readings at {place} are at the limit of the sensor: hold the object farther away"
+        return Doubt("the readings at {} are at the limit of the sensor", "record again, with the object farther away")
     if height < -_SHOWN * error:
-        return f"the reading at {place} is below the one without an object: check sign, wiring and distances"
-    if height <= _SHOWN * error:
-        return f"the sensor shows no object at {place}: check the sensor, its cable and the distances"
-    if not each.is_steady(offset[0]):
-        return (
-            f"the readings at {place} change by {each.change:+.4g} while the object is held: check the times, or let "
-            "the sensor warm up"
+        return Doubt(
+            "the reading at {} is below the one without an object",
+            "check the named distances; if they are right, check sign and wiring of the sensor",
         )
-    return ""
+    if height <= _SHOWN * error:
+        return Doubt(
+            "the sensor shows no object at {}",
+            "check the sensor and its cable, and whether the object was there; then record again",
+        )
+    if not each.is_steady(offset[0]):
+        return Doubt(
+            "the readings at {} change while the object is held",
+            "check the times of the named distances; if they are right, let the sensor warm up, hold the object still, "
+            "and record again",
+        )
+    return None
 
 
 def saturated(
@@ -302,6 +361,18 @@ def _shifted(bare: SensorModel, near: float, far: float, ends: FloatArray) -> Se
         return None
     factor = float(ends[0]) + bare.exponent * math.log((one + shift) / one)
     return replace(bare, distance_offset=place, scale=bare.scale * math.exp(factor))
+
+
+def is_from_distances(signal: Signal, bare: SensorModel, distance_error: float) -> bool:
+    """Return True if the error of the known distances is the largest part of the error of the nearest signal.
+
+    Args:
+        signal: the signals.
+        bare: the curve of the calibration.
+        distance_error: standard deviation of a known distance [m].
+    """
+    part = float(np.asarray(bare.log_slope(signal.places[0]))) * distance_error
+    return bool(part**2 > signal.covariance[0, 0] / 2)
 
 
 def signal_of(bare: SensorModel) -> Callable[[FloatArray], FloatArray]:

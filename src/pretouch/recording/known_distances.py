@@ -18,16 +18,20 @@ from pretouch._core.values import Value
 from .distance_pairs import match_distances
 from .recording import Recording
 
+FEWEST: Final = 8
+"""Readings that a known distance needs."""
+
 _MOST_HOLDS: Final = 40  # different distances, above which the object moves
 _BINS: Final = 12  # of the distances of a moving object
-_FEWEST: Final = 8  # readings at a distance
 _BATCHES: Final = 8  # parts of the readings at a distance, in the order of time; within a part, readings depend
 _PICOMETERS: Final = 12  # digits of a distance in m that are compared
 _CLIPPED: Final = 0.01  # share of readings at the limit of the sensor
 _SAME: Final = 4.0  # standard errors by which the halves of a hold may differ
+_DITHERED: Final = 0.5  # of the resolution: with more noise, rounding errors average out
 _STEADY: Final = 0.03  # of the signal: a smaller change during a hold does not matter
 _PART: Final = re.compile(r"\s*(?P<start>.*?)\s*(?:-|\bto\b)\s*(?P<end>.*?)\s*:\s*(?P<place>.+?)\s*", re.DOTALL)
 _NONE: Final = ("none", "empty", "no object", "inf")
+_BARE: Final = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?", re.IGNORECASE)
 _RANGE: Final = re.compile(r"\s*(?:-|\bto\b)\s*")
 
 
@@ -45,6 +49,7 @@ class KnownDistance(Value):
         change_error: standard error of this change.
         clipped: whether readings are at the limit of the sensor.
         span: half the range of the distances, which is 0 for an object that is held [m].
+        spread: standard deviation of a reading; NaN for a moving object.
     """
 
     distance: float
@@ -56,6 +61,7 @@ class KnownDistance(Value):
     change_error: float
     clipped: bool
     span: float = 0.0
+    spread: float = math.nan
 
     def is_steady(self, offset: float) -> bool:
         """Return True if the readings do not change while the object is held.
@@ -100,7 +106,8 @@ def read_known_distances(text: str, recording: Recording) -> Recording:
             distance[inside] = np.inf
             continue
         first, *rest = _RANGE.split(place)
-        near, far = _ends(first, rest[0], "m") if rest else (read_quantity(place, "m", name="--distances"),) * 2
+        read_length((rest or [first])[0], name="--distances")
+        near, far = _ends(first, rest[0], "m") if rest else (read_length(place, name="--distances"),) * 2
         if not 0 <= min(near, far) <= max(near, far) < math.inf:
             raise InvalidInputError(f"--distances: found {place}, expected a distance of 0 mm or more, or none")
         distance[inside] = near + (far - near) * (time[inside] - start) / (end - start)
@@ -114,6 +121,27 @@ def read_known_distances(text: str, recording: Recording) -> Recording:
         clock=recording.clock,
         unit="mm",
     )
+
+
+def read_length(text: str, *, name: str) -> float:
+    """Read a length that must have a unit, because a number alone would count as meters.
+
+    Args:
+        text: the length, such as "5 mm".
+        name: name of the option in messages.
+
+    Returns:
+        The length [m].
+
+    Raises:
+        InvalidInputError: the length has no unit, or cannot be read.
+    """
+    value = read_quantity(text, "m", name=name)
+    if value and _BARE.fullmatch(text.strip()):
+        raise InvalidInputError(
+            f'{name}: found {text.strip()} without a unit, expected one, such as "{text.strip()} mm"'
+        )
+    return value
 
 
 def _ends(first: str, last: str, unit: str) -> tuple[float, float]:
@@ -131,7 +159,8 @@ def known_distances(
     *,
     shift: float,
     limit: float,
-) -> tuple[KnownDistance, ...]:
+    resolution: float = 0.0,
+) -> tuple[tuple[KnownDistance, ...], tuple[tuple[float, int], ...]]:
     """Average the readings at each known distance.
 
     An object with more than 40 different distances moves: its readings are averaged in 12 intervals of the distance.
@@ -142,9 +171,11 @@ def known_distances(
         signal: the curve of the calibration, which returns the signal at distances [m].
         shift: by how much the readings of a moving object lag the distances [s].
         limit: reading from which the sensor is clipped.
+        resolution: step of the readings; 0 if they have none.
 
     Returns:
-        The mean readings, by increasing distance; those without an object come last.
+        The mean readings, by increasing distance; those without an object come last. And the distances with too few
+        readings, with their numbers of readings.
     """
     moving = len(np.unique(distances.values[np.isfinite(distances.values)])) > _MOST_HOLDS
     if np.array_equal(recording.stamps, distances.stamps) and not (moving and shift):
@@ -163,21 +194,32 @@ def known_distances(
         place = np.clip(np.searchsorted(edges, held, side="right") - 1, 0, _BINS - 1)
         groups = [near & (place == i) for i in range(_BINS)]
     groups.append(np.isposinf(held))
-    return tuple(
-        _average(held[group], recording.values[group], signal, limit, moving)
+    averages = tuple(
+        _average(held[group], recording.values[group], signal, limit, resolution, moving=moving)
         for group in groups
-        if group.sum() >= _FEWEST
+        if group.sum() >= FEWEST
     )
+    few = ((float(held[group][0]), int(group.sum())) for group in groups if 0 < group.sum() < FEWEST)
+    return averages, () if moving else tuple(few)
 
 
 def _average(
-    distance: FloatArray, values: FloatArray, signal: Callable[[FloatArray], FloatArray], limit: float, moving: bool
+    distance: FloatArray,
+    values: FloatArray,
+    signal: Callable[[FloatArray], FloatArray],
+    limit: float,
+    resolution: float,
+    *,
+    moving: bool,
 ) -> KnownDistance:
     empty = bool(np.isposinf(distance[0]))
     moving = moving and not empty
     parts = np.array_split(values, min(_BATCHES, len(values) // 2))
     means = np.array([part.mean() for part in parts])
-    single = float(values.std(ddof=1)) / math.sqrt(len(values))
+    spread = float(values.std(ddof=1))
+    single = spread / math.sqrt(len(values))
+    if spread < _DITHERED * resolution:  # rounding errors of readings that are equal do not average out
+        single = math.hypot(single, resolution / math.sqrt(12))
     between = float(means.std(ddof=1)) / math.sqrt(len(means))
     half = len(values) // 2
     return KnownDistance(
@@ -190,4 +232,5 @@ def _average(
         change_error=2 * single,
         clipped=bool((values >= limit).mean() > _CLIPPED),
         span=float(np.ptp(distance)) / 2 if moving else 0.0,
+        spread=math.nan if moving else spread,
     )

@@ -22,6 +22,12 @@ Row = tuple[Cell, ...]
 _OF_THE_ROBOT: Final = ("PT605", "PT608", "PT609")  # warnings that the verdict replaces
 _SLOWER: Final = 0.95  # of the rate of the scenario
 _LARGE: Final = 0.3  # change of the signal that has a cause to look for
+_UPDATE: Final = "write these lines into the scenario file, remove offset from [controller] if it has one"
+_UPDATE_FIRST: Final = (
+    "write these lines into the scenario file and remove offset from [controller] if it has one, because the offset "
+    "was measured, whatever the curve is"
+)
+_EXACT: Final = 1e-6  # relative error that is only one of rounding
 _DAY: Final = 86400.0  # s
 _STATUS: Final = {
     "fine": "fine",
@@ -91,7 +97,11 @@ def _key_figures(check: Recheck) -> Iterator[tuple[str, Cell]]:
         yield f"signal at {where}; change since the calibration", f"{_with_error(near, error, '+')} %"
     noise, chain = check.replay.noise.noise, check.replay.loop.chain
     if noise is not None:
-        yield f"noise; scenario {chain.noise:.3g}", f"{noise:.3g}"
+        where, unit = "with" if check.replay.noise.limited else "without", check.replay.recording.unit
+        yield (
+            f"noise {where} an object; scenario {chain.noise:.3g}",
+            f"{noise:.3g} {unit or '(unit of the readings)'}",
+        )
 
 
 def _warnings(check: Recheck) -> Iterator[str]:
@@ -106,7 +116,7 @@ def _warnings(check: Recheck) -> Iterator[str]:
 
 def _with_error(value: float, error: float, sign: str = "") -> str:
     """Return a value with its standard error, which has two digits, as text. `sign` is "+" for changes."""
-    if not 0 < error < math.inf:
+    if not _EXACT * abs(value) < error < math.inf:
         return f"{value:{sign}.6g}"
     decimals = max(1 - math.floor(math.log10(error)), 0)
     return f"{value:{sign}.{decimals}f} ± {error:.{decimals}f}"
@@ -130,6 +140,11 @@ def _findings(check: Recheck) -> Iterator[str]:
         yield (
             f"With the curve of today, the optimal {check.number.name} is about {check.number.text(now, 2)} instead of "
             f"{check.number.text(then, 3)}; only a new calibration is exact enough to use it."
+        )
+    if check.is_good and check.updates_offset and check.offset is not None:
+        yield (
+            f"The offset has changed by more than half of the noise floor: set offset = {check.offset:.6g} in [chain], "
+            "so that objects are detected as far away as before."
         )
     for name in check.limits:
         yield (
@@ -156,17 +171,15 @@ def _next_step(check: Recheck) -> str:
         case "fine":
             return "check again later; with the time since the calibration (--elapsed), pretouch recommends when"
         case "update-offset":
-            return (
-                "write these lines into the scenario file, remove offset from [controller] if it has one, and run "
-                "pretouch verify and pretouch export again"
-            )
-        case "recalibrate":
+            return f"{_UPDATE}, and run pretouch verify and pretouch export again"
+        case "recalibrate" if not check.actions:
             return "record a new calibration (pretouch record), then run pretouch fit, design and verify"
-    return "record again: first the empty scene, then the object at a near and a far distance"
+    actions = "; ".join(check.actions)
+    return f"{_UPDATE_FIRST}; then {actions}" if check.updates_offset else actions
 
 
 def _next_lines(check: Recheck) -> tuple[str, ...]:
-    if check.decision != "update-offset" or check.offset is None:
+    if not check.updates_offset or check.is_good or check.offset is None:
         return ()
     crosstalk = ("crosstalk = 0",) if check.replay.loop.chain.crosstalk else ()
     return ("[chain]", f"offset = {float(f'{check.offset:.6g}')!r}", *crosstalk)

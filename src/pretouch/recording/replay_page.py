@@ -205,7 +205,7 @@ def replay_warnings(replay: Replay) -> Iterator[str]:
         yield caution(
             "PT606",
             f"The sensor is slower than the scenario says{_new_values(replay)}, so the verification does not hold for "
-            "it: copy the section [chain] of this recording into the scenario file, and run pretouch verify."
+            "it: copy its section [chain] (--chain FILE) into the scenario file, and run pretouch verify."
             + _lost_between(replay),
         )
     lag = None if replay.latency is None else replay.latency.low
@@ -213,8 +213,8 @@ def replay_warnings(replay: Replay) -> Iterator[str]:
         yield caution(
             "PT606",
             f"The readings lag at least {format_quantity(lag, 's', 3)} behind the reference, but the scenario has a "
-            f"latency of {format_quantity(chain.latency, 's', 3)}: copy the section [chain] of this recording into the "
-            "scenario file, and run pretouch verify.",
+            f"latency of {format_quantity(chain.latency, 's', 3)}: copy the section [chain] of this recording "
+            "(--chain FILE) into the scenario file, and run pretouch verify.",
         )
     yield from (caution("PT601", note) for note in replay.notes)
     yield from _fault_warnings(replay)
@@ -231,15 +231,15 @@ def replay_warnings(replay: Replay) -> Iterator[str]:
             "PT607",
             f"The recorded noise of a distance is {format_quantity(replay.distance_noise, 'm', 3)}, "
             f"{replay.distance_noise / chain.distance_noise:.2g} times that of the scenario, so the verification is "
-            "too optimistic: copy the section [chain] of this recording into the scenario file.",
+            "too optimistic: copy the section [chain] of this recording (--chain FILE) into the scenario file.",
         )
     if replay.recording.kind == "reading" and noise.noise is not None:
         if noise.noise > _NOISIER * chain.noise and chain.noise > 0:
             yield caution(
                 "PT607",
                 f"The recorded noise of {noise.noise:.3g} is {noise.noise / chain.noise:.2g} times the noise in the "
-                "scenario, so the verification is too optimistic: copy the section [chain] of this recording into the "
-                "scenario file.",
+                "scenario, so the verification is too optimistic: copy the section [chain] of this recording "
+                "(--chain FILE) into the scenario file.",
             )
         needed = quiet_floor(replay.controller.conditioning, replay.timing.rate, noise.noise)
         if floor < needed:
@@ -253,8 +253,9 @@ def replay_warnings(replay: Replay) -> Iterator[str]:
             yield caution(
                 "PT608",
                 f"Without an object, the median reading is {noise.offset:.5g}, but the controller subtracts the offset "
-                f"{replay.controller.conditioning.offset:.5g}: copy the section [chain] of this recording into the "
-                "scenario file, and remove offset from [controller] if it has one. The controller then subtracts this "
+                f"{replay.controller.conditioning.offset:.5g}: copy the section [chain] of this recording "
+                "(--chain FILE) into the scenario file, and remove offset from [controller] if it has one. The "
+                "controller then subtracts this "
                 "median.",
             )
 

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+from pretouch._core.blocks import PageTable
 from pretouch._core.numbers import FloatArray
 from pretouch.control import VirtualDamper
 from pretouch.control.laws import release_for_noise
 from pretouch.simulation import ClosedLoop
 from pretouch.verification.at_rest import _largest
 from pretouch.verification.breakage import Breakage, return_rate
+from pretouch.verification.breakage_page import breakage_section
 from verification_samples import loop_of, verdict
 
 GAIN = -0.7463
@@ -84,6 +86,20 @@ def test_no_force_away_from_the_object_makes_the_return_faster_than_its_bound(da
         fastest.append(back / farthest)
     assert max(fastest) <= return_rate(admittance) * (1 + 1e-3)
     assert fastest[0] == pytest.approx(return_rate(admittance), rel=1e-3)
+
+
+def test_text_and_table_count_the_same_runs() -> None:
+    """Without a force, the admittance returns to its reference, so that contact is harder than without mitigation."""
+    breakage = breakage_of(check(loop_of(noise=2e-4, conditioning={"largest_rate": 500.0})))
+    section = breakage_section(breakage)
+    assert section is not None
+    rows = next(block for block in section.blocks if isinstance(block, PageTable)).rows
+    counts = [int(str(row[-1]).partition(" of ")[0]) for row in rows]
+    assert sum(counts) == breakage.harder_than_unmitigated >= breakage.harder
+    assert all(one.harder_than_unmitigated >= one.harder for one in breakage.results)
+    assert (sum(counts) > 0) == (max(one.increase for one in breakage.results) > 0)
+    assert sum(counts) > 0
+    assert f"{sum(counts)} of {breakage.runs} runs" in breakage.text
 
 
 def test_stuck_readings_are_the_motion_of_the_admittance_alone() -> None:

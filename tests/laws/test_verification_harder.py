@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+from pretouch.control import Limits
 from pretouch.motion import DAMPER
 from pretouch.report.pages import page_of
 from pretouch.simulation.stability import passage
@@ -361,3 +362,14 @@ def test_the_next_step_for_a_gain_of_the_wrong_sign_is_the_sign(gain: float, ste
     assert found.is_mitigated is page_of(found).good is (gain < 0)
     assert ("predicted 0.8" in found.headline) is (gain > 0)
     assert ("(" in found.headline) is (gain < 0)
+
+
+def test_a_gain_without_effect_is_explained_by_an_excursion_that_is_used_up() -> None:
+    """The robot retreats by 2 mm, and then stands still at its limit until contact."""
+    law: Any = NOISY.law
+    short = replace(NOISY, law=replace(law, limits=Limits(excursion=2e-3)))
+    found = verdict(short, gain=-0.7463, runs=20, changes=False)
+    assert found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD
+    assert found.reasons[0].startswith("the allowed excursion of 2 mm is used up before contact in 100 % of 20 runs")
+    free = verdict(NOISY, gain=-0.7463, runs=20, changes=False)
+    assert not any("used up" in reason for reason in free.reasons)

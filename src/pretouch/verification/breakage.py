@@ -41,9 +41,10 @@ class BreakageResult(Value):
         speed: the largest speed of the robot toward the object, beyond that of the reference [m/s].
         distance: the distance at which the disturbance with this speed begins [m].
         contact_speed: largest |l'| at contact [m/s]; None if no run ends in contact.
-        harder: number of runs in which contact is harder than in the same run without mitigation, and harder than if
-            the readings were stuck from any of these distances on.
-        increase: largest increase of |l'| at contact in these runs, compared with no mitigation [m/s]; 0 if none.
+        harder_than_unmitigated: number of runs in which contact is harder than in the same run without mitigation.
+        harder: number of those of them in which contact is also harder than if the readings were stuck from any of
+            these distances on. A better check of the readings can prevent only these.
+        increase: largest increase of |l'| at contact, compared with no mitigation [m/s]; 0 if no contact is harder.
         runs: number of runs.
     """
 
@@ -51,6 +52,7 @@ class BreakageResult(Value):
     speed: float
     distance: float
     contact_speed: float | None
+    harder_than_unmitigated: int
     harder: int
     increase: float
     runs: int
@@ -95,8 +97,13 @@ class Breakage(Value):
 
     @property
     def harder(self) -> int:
-        """The number of runs in which contact is harder than without mitigation."""
+        """The number of runs in which contact is harder than without mitigation, and than with stuck readings."""
         return sum(one.harder for one in self.results)
+
+    @property
+    def harder_than_unmitigated(self) -> int:
+        """The number of runs in which contact is harder than without mitigation."""
+        return sum(one.harder_than_unmitigated for one in self.results)
 
     @property
     def is_prevented_by_rate(self) -> bool:
@@ -110,27 +117,29 @@ class Breakage(Value):
 
     @property
     def worst(self) -> BreakageResult:
-        """The kind of disturbance that makes contact most harder; otherwise, the one with the largest speed."""
-        return max(self.results, key=lambda one: (one.increase, one.speed))
+        """The kind of disturbance that makes contact most harder; otherwise, the one with the largest speed.
+
+        Kinds that are worse than stuck readings come first.
+        """
+        return max(self.results, key=lambda one: (one.harder > 0, one.increase, one.speed))
 
     @property
     def text(self) -> str:
         """A sentence on the motion of the robot if the sensor fails."""
         speed = format_quantity(max(self.speed, 0.0), "m/s", 3)
         text = f"If the sensor fails, the robot moves toward the object at up to {speed}"
+        hardest = max(self.results, key=lambda one: one.increase)
+        more, share = format_quantity(hardest.increase, "m/s", 3), f"{self.harder_than_unmitigated} of {self.runs} runs"
         if self.harder:
-            more = format_quantity(self.worst.increase, "m/s", 3)
             return (
-                f"{text}, and in {self.harder} of {self.runs} runs, contact is up to {more} harder than without "
-                f"mitigation, most with {self.worst.name}"
+                f"{text}, and in {share}, contact is up to {more} harder than without mitigation, most with "
+                f"{hardest.name}"
             )
         back = ", back to its reference" if self.returning > 0 else ""
-        limit = f"; bound {format_quantity(self.bound, 'm/s', 3)}" if self.bound else ""
-        text += f"{back} ({self.runs} runs{limit})"
-        if not self.returning_increase:
-            return f"{text}. Contact is never harder than without mitigation"
-        more = format_quantity(self.returning_increase, "m/s", 3)
-        return f"{text}. Contact is then up to {more} harder than without mitigation"
+        limit = f" (bound {format_quantity(self.bound, 'm/s', 3)})" if self.bound else ""
+        if not self.harder_than_unmitigated:
+            return f"{text}{back}{limit}. In {self.runs} runs, contact is never harder than without mitigation"
+        return f"{text}{back}{limit}. In {share}, contact is up to {more} harder than without mitigation"
 
 
 def return_rate(admittance: Any) -> float:
@@ -220,7 +229,7 @@ def _simulated(loop: ClosedLoop, draws: Draws, gain: float, unmitigated: Simulat
         ones = [Disturbance(distance=place, **kind) for place in places]
         speeds, advances, farthest = _runs(short, draws, gain, count, ones)
         excursion = max(excursion, float(farthest.max()))
-        harder = speeds > (1 + _HARDER) * usual + _LEAST
+        harder, above = speeds > (1 + _HARDER) * usual + _LEAST, speeds > (1 + _HARDER) * free + _LEAST
         largest = float(speeds.max())
         results.append(
             BreakageResult(
@@ -228,8 +237,9 @@ def _simulated(loop: ClosedLoop, draws: Draws, gain: float, unmitigated: Simulat
                 speed=float(advances.max()),
                 distance=places[int(np.unravel_index(advances.argmax(), advances.shape)[0])],
                 contact_speed=largest if largest > 0 else None,
+                harder_than_unmitigated=int(above.sum()),
                 harder=int(harder.sum()),
-                increase=float((speeds - free)[harder].max(initial=0.0)),
+                increase=float((speeds - free)[above].max(initial=0.0)),
                 runs=speeds.size,
             )
         )
@@ -302,8 +312,9 @@ def breakage_in_words(breakage: Breakage | None) -> Iterator[str]:
     where = format_quantity(worst.distance, "m", 3)
     yield caution(
         "PT419",
-        f"A sensor that fails makes contact harder than without mitigation{remedy}{ending} In {breakage.harder} of "
-        f"{breakage.runs} runs, contact is harder, by up to {format_quantity(worst.increase, 'm/s', 3)} with "
-        f"{worst.name}. The robot moves toward the object at up to {format_quantity(worst.speed, 'm/s', 3)}, if this "
+        f"A sensor that fails makes contact harder than without mitigation{remedy}{ending} In "
+        f"{breakage.harder_than_unmitigated} of {breakage.runs} runs, contact is harder, by up to "
+        f"{format_quantity(worst.increase, 'm/s', 3)} with {worst.name}. The robot moves toward the object at up to "
+        f"{format_quantity(worst.speed, 'm/s', 3)}, if this "
         f"begins at a distance of {where}.",
     )

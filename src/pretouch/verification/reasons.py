@@ -7,7 +7,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from pretouch._core.units import format_quantity
+from pretouch.control import Controller, Status
 from pretouch.designs import GainDesign
 from pretouch.designs.robust.required import least_probability, runs_to_show
 from pretouch.uncertainty.ensemble import share_in_words
@@ -17,6 +20,8 @@ from .changed_loop import rounded_up
 from .effect import LOST, OFTEN, Effect, VerdictStatus, chase_in_words, higher_in_words
 from .result import LimitCheck, Verdict
 
+_USED_UP: Final = 0.97  # share of the allowed excursion that counts as all of it
+_MOST_SHARE: Final = 0.5  # share of the runs
 _ROUNDING: Final = 1e-9  # relative rounding error of a speed
 _CAUTIONS: Final = (0.7, 0.5)  # confidence levels of the share of runs from which a number of runs is computed
 _MOST_RUNS: Final = 20_000  # more runs are not advised; another gain or loop is then better
@@ -67,7 +72,8 @@ def _failures(v: Verdict) -> Iterator[str]:
     if reached is not None and reached.missing:
         when = f", but only near or after the horizon of {v.loop.horizon:g} s" if reached.late else ""
         yield f"{reached.missing} of {v.runs} runs end without contact, although contact was predicted{when}"
-    yield from _harm_reasons(v)
+    used_up = _used_up(v)
+    yield from (f"{used_up}{reason}" for reason in _harm_reasons(v))
     if v.at_rest is not None and v.at_rest.reaches_object:
         place = format_quantity(v.at_rest.distance, "m", 3)
         yield f"{v.at_rest.text[0].lower()}{v.at_rest.text[1:]}, as far as an object at {place}"
@@ -107,6 +113,23 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
             f"{format_quantity(own, 'm/s')} instead of "
             f"{format_quantity(before, 'm/s') if before else 'no contact'}"
         )
+
+
+def _used_up(v: Verdict) -> str:
+    """Return a clause that the robot uses up its allowed excursion before contact in most runs; otherwise empty."""
+    law = v.loop.law
+    limit = law.limits.excursion if isinstance(law, Controller) else None
+    if limit is None or v.mitigated is None:
+        return ""
+    limited = (np.asarray(v.mitigated.flags).astype(np.int64) & int(Status.MOTION_LIMITED)) != 0
+    used = limited & (np.asarray(v.mitigated.largest_excursion) >= _USED_UP * limit) & v.mitigated.touched
+    share = float(used.mean())
+    if share <= _MOST_SHARE:
+        return ""
+    return (
+        f"the allowed excursion of {format_quantity(limit, 'm')} is used up before contact in "
+        f"{share_in_words(share)} of {v.runs} runs; "
+    )
 
 
 def _speeds(effect: Effect) -> str:

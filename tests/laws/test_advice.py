@@ -249,6 +249,27 @@ def test_the_runs_that_miss_a_limit_are_named_by_what_is_uncertain_in_them() -> 
     assert missed_in_words(draws, scattered) == ""
 
 
+def test_an_infeasible_design_gets_limits_that_hold_on_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The limit that suffices for the ideal design is missed on the loop by fast objects."""
+    monkeypatch.setattr(advice_search._Seeker, "_searches", lambda _: iter(()))
+    limits = [velocity_limit(0.07), pt.designs.Required(constraint=pt.Constraint(name="excursion", limit=0.09))]
+    found = verdict(NOISY, runs=60, constraints=limits, uncertainty=SPEED)
+    assert found.status is pt.verification.VerdictStatus.NO_GAIN
+    assert found.advice.kind == "limit"
+    ideal = {f"constraints.{limit.name}": limit.raised for one in found.design.relaxations for limit in one.limits}
+    ((name, value),) = ((k, v) for k, v in found.advice.settings.items() if k.startswith("constraints."))
+    limit = float(str(value).split()[0])
+    assert limit > ideal[name]
+    raised = [
+        replace(one, constraint=replace(one.constraint, limit=limit)) if name.endswith(one.constraint.name) else one
+        for one in limits
+    ]
+    assert followed(found, runs=60, constraints=raised, uncertainty=SPEED).status is found.advice.status
+    plain = verdict(NOISY, runs=60, constraints=limits, uncertainty=SPEED, changes=False)
+    assert plain.advice.kind == "design"
+    assert "sampled loop may need more" in plain.advice.sentence
+
+
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("padding", ["modulus", "stiffness"])
 def test_the_computed_padding_keeps_the_force_in_the_same_runs(padding: str) -> None:

@@ -22,6 +22,7 @@ from .result import Advice, Verdict
 from .run_warnings import detection_step
 from .settings import settings_between
 
+_IDEAL: Final = ". This is enough for the ideal design; the sampled loop may need more"
 _LATER: Final = 1.3  # factor on the latest predicted contact
 
 
@@ -44,6 +45,8 @@ def _steps(task: Task, v: Verdict, search: Callable[[], Advice | None] | None) -
     if not (v.reached is not None and v.reached.simulated):
         yield Advice(kind="approach", sentence=approach_step(v.scenario))
     if v.gain is None:
+        if search is not None and v.needed_rate is None:
+            yield search()
         yield Advice(kind="design", sentence=_step_without_gain(v))
         return
     yield from _before_gain(task, v)
@@ -98,9 +101,10 @@ def _step_without_gain(v: Verdict) -> str:
     if v.needed_rate is None:
         design = v.design
         contact = design.status is not DesignStatus.NO_CONTACT
-        return step_without_gain(
+        step = step_without_gain(
             design.problem.task, contact=contact, relaxations=design.relaxations, design=designed_number
         )
+        return f"{step}{_IDEAL if design.relaxations else ''}"
     if math.isinf(v.needed_rate):
         return "shorten latency and filters, or relax a limit: no sensor rate results in the required gain margin"
     return (

@@ -6,6 +6,7 @@ The gain is verified in many simulated runs. Single encounters can be simulated,
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -37,7 +38,7 @@ from .encounter import SimulatedEncounter
 from .improvement import Verified, find_improvements
 from .next_step import next_step
 from .reasons import judged, no_gain_with_margin
-from .result import Verdict
+from .result import Advice, Verdict
 from .run_warnings import cautions_of
 from .stability import check_stability, limit_of, rates_for_margins, stability_margin
 
@@ -106,8 +107,24 @@ def verify(task: Task, *, changes: bool = True) -> Verdict:
             reason = no_gain_with_margin(design, rate)
         fields = {**_inputs(task, design, None), "needed_rate": rate, "compared_runs": 0}
         verdict = Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,))
-        return replace(verdict, advice=next_step(task, verdict))
+        search = partial(_advice_without_design, task, design) if changes else None
+        return replace(verdict, advice=next_step(task, verdict, search))
     return _verify(task, design, chosen, changes=changes)
+
+
+def _advice_without_design(task: Task, design: GainDesign) -> Advice | None:
+    """Return limits that a gain keeps on the sampled loop, if the ideal design is infeasible.
+
+    The limits that suffice for the ideal design need not suffice on the loop, so that the search of a verdict is used.
+    It starts from the gain of the smallest relaxation.
+    """
+    if not design.relaxations:
+        return None
+    try:
+        advice = _verify(task, design, design.relaxations[0].gain, changes=True).advice
+    except InvalidInputError:  # for example, contact with this gain is predicted only after the horizon
+        return None
+    return advice if advice is not None and advice.kind in {"change", "limit"} else None
 
 
 def _inputs(task: Task, design: GainDesign, gain: float | None) -> dict[str, Any]:

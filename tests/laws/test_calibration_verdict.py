@@ -383,3 +383,33 @@ def test_readings_without_an_object_that_contradict_the_others_are_named(empty: 
     assert split_code(text)[0] == "PT110"
     assert "finer steps" not in text
     assert f"{max(empty):g} V" in text
+
+
+def finger(seed: int, wrong: int | None = None, *, empty: bool = False, factor: float = 1.12) -> Calibration:
+    """Return one reading at each of twelve distances, with 1 % of noise; that of one distance is wrong."""
+    distances = np.array([2.0, 3, 4, 6, 8, 10, 14, 19, 26, 35, 47, 60]) / 1e3
+    rng = np.random.default_rng([9, seed])
+    outputs = (40 + 0.9 / (distances + 0.006) ** 2) * (1 + 0.01 * rng.standard_normal(12))
+    if wrong is not None:
+        outputs[wrong] *= factor
+    no_object = np.array([40.5]) if empty else np.empty(0)
+    return Calibration(distances=distances, outputs=outputs.round(1), unit="counts", no_object=no_object)
+
+
+@pytest.mark.parametrize("empty", [False, True])
+@pytest.mark.parametrize(("wrong", "factor"), [(4, 1.12), (6, 1.12), (7, 0.88)])
+def test_a_single_wrong_reading_is_named_although_every_distance_was_read_once(
+    wrong: int, factor: float, *, empty: bool
+) -> None:
+    """A family that describes none of the readings says nothing about one of them."""
+    calibration = finger(1, wrong, empty=empty, factor=factor)
+    report = fit(calibration)
+    assert len(report.left_out) == 1
+    assert f"at {1e3 * calibration.distances[wrong]:.0f} mm" in report.left_out[0]
+    assert report.window.l_max == pytest.approx(0.06)
+
+
+@pytest.mark.slow(keep=2)
+@pytest.mark.parametrize("seed", range(12))
+def test_no_reading_of_a_sensor_read_once_is_named_needlessly(seed: int) -> None:
+    assert fit(finger(seed, empty=bool(seed % 2))).left_out == ()

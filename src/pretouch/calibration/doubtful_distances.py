@@ -13,17 +13,15 @@ from pretouch._core.warning_codes import caution
 
 from .averaging import AveragedCurve, average, reading_noise
 from .data import Calibration
-from .family_fits import find_noise, fit_free, is_outlier, quick_families
+from .family_fits import find_noise, fit_free, is_isolated, is_outlier, quick_families
 from .preparation import Prepared
 from .result import OffsetEstimate
 
 _FARTHEST: Final = 10.0  # distance [m] that no proximity sensor reaches
 _SHORTEST: Final = 3e-4  # largest distance [m] of a range that is too short for a robot
-_ISOLATED: Final = 2.5  # ratio of the largest distance to the next one from which on the largest one is tested
 _FEWEST: Final = 6  # other distances needed for this test
 _FAR_BETTER: Final = 12.0  # twice the ln of the ratio of likelihoods that is clear evidence
 _FREEDOM: Final = 3.0  # degrees of freedom of the prior of the error
-_AS_GOOD: Final = 10.0  # times the smallest sum of squares, up to which a family describes the readings
 _EMPTY: Final = 0.05  # share of the range of the outputs up to which an output is that of the empty scene
 _DROP: Final = 0.5  # share of the range of the outputs by which an output at distance 0 must be lower than the next
 
@@ -107,7 +105,7 @@ def _isolated(prepared: Prepared) -> DoubtfulDistance | None:
     If it may have been taken without an object, it remains, because the offset then follows from it.
     """
     calibration, used, offset = prepared.calibration, prepared.used, prepared.offset
-    if offset is None or len(used.distance) <= _FEWEST or used.distance[-1] < _ISOLATED * used.distance[-2]:
+    if offset is None or not is_isolated(used):
         return None
     output = _level(calibration, float(used.output[-1]))
     before, last = (format_quantity(float(d), "m") for d in used.distance[-2:])
@@ -148,12 +146,8 @@ def _is_rather_empty(calibration: Calibration, used: AveragedCurve) -> bool:
 
 def _disagrees(calibration: Calibration, used: AveragedCurve, offset: OffsetEstimate | None) -> bool:
     """Return True if the last output deviates from each curve that describes the other readings."""
-    others, raw, families = used.part(slice(-1)), reading_noise(calibration, average(calibration)), quick_families(used)
-    noise, value = find_noise(others, raw, offset, families), None if offset is None else offset.value
-    costs = [float(fit_free(others, family, noise, value).costs[0]) for family in families]
-    limit = _AS_GOOD * (_FREEDOM + min(costs))
-    good = tuple(family for family, cost in zip(families, costs, strict=True) if cost <= limit)
-    return is_outlier(used, len(used.distance) - 1, raw, offset, good)
+    raw = reading_noise(calibration, average(calibration))
+    return is_outlier(used, len(used.distance) - 1, raw, offset, quick_families(used))
 
 
 def _level(calibration: Calibration, output: float) -> str:

@@ -294,6 +294,9 @@ _SUSPECT: Final = 4.0  # robust standard deviations from which on a distance is 
 _CONSPICUOUS: Final = 3.0  # smallest residual of an outlier, over the RMS residual of the other means
 _NEGLIGIBLE: Final = 1e-4  # smallest residual of an outlier, over the largest signal
 _FEWEST: Final = 6  # distances needed to look for outliers
+_ISOLATED: Final = 2.5  # ratio of the largest distance to the next one from which on the largest one is isolated
+_FREEDOM: Final = 3.0  # degrees of freedom of the prior of the error
+_AS_GOOD: Final = 10.0  # times the smallest sum of squares, up to which a family describes the readings
 
 
 def outlier_indices(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None) -> tuple[int, ...]:
@@ -303,7 +306,8 @@ def outlier_indices(curve: AveragedCurve, raw_noise: ReadingNoise, offset: Offse
 
     The test is Student's t with Bonferroni's correction. A mean is compared with the residuals of the other means,
     whatever their numbers of readings. If fifty readings deviate as much as others, their deviation is misfit, so they
-    are not outliers. The nearest distance is never tested, because no nearer reading confirms the curve.
+    are not outliers. The nearest distance is never tested, because no nearer reading confirms the curve. A far larger
+    distance than all others is not tested either: `is_isolated`.
     """
     outliers: list[int] = []
     remaining = np.arange(len(curve.distance))
@@ -324,10 +328,20 @@ def _worst_outlier(curve: AveragedCurve, raw_noise: ReadingNoise, offset: Offset
     noise = find_noise(curve, raw_noise, offset, families)
     value = None if offset is None else offset.value
     suspects: dict[int, None] = {}
+    tested = len(curve.distance) - is_isolated(curve)
     for family in families:
         row = np.abs(_robust_residuals(curve, family, noise, value))
-        suspects |= {int(i): None for i in np.argsort(-row)[:2] if i > 0 and row[i] > _SUSPECT}
+        suspects |= {int(i): None for i in np.argsort(-row)[:2] if 0 < i < tested and row[i] > _SUSPECT}
     return next((i for i in suspects if is_outlier(curve, i, raw_noise, offset, families)), None)
+
+
+def is_isolated(curve: AveragedCurve) -> bool:
+    """Return True if the largest distance is far larger than all others, which are enough to judge it by.
+
+    It may be a code for no object or a typing error, so it is tested on its own.
+    """
+    distance = curve.distance
+    return len(distance) > _FEWEST and bool(distance[-1] >= _ISOLATED * distance[-2])
 
 
 def _robust_residuals(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: float | None) -> FloatArray:
@@ -352,7 +366,8 @@ def is_outlier(
 ) -> bool:
     """Return True if the reading at one distance is an outlier.
 
-    It must be an outlier for every family of sensor curves.
+    It must be an outlier for every family of sensor curves that describes the other readings. A family that does not
+    describe them fits none of the readings, and so shows no outlier either.
     """
     from scipy.special import stdtr  # noqa: PLC0415 - SciPy is loaded only for fits
 
@@ -362,9 +377,11 @@ def is_outlier(
     if freedom < 2:
         return False
     noise = find_noise(part, raw_noise, offset, families)
-    p_value = 0.0
-    for family in families:
-        fit = fit_free(part, family, noise, value)
+    p_value, fits = 0.0, [(family, fit_free(part, family, noise, value)) for family in families]
+    limit = _AS_GOOD * (_FREEDOM + min(float(fit.costs[0]) for _, fit in fits))
+    for family, fit in fits:
+        if not fit.costs[0] <= limit:
+            continue
         x, base_offset = fit.x[0], fit.x[0][-1] if value is None else value
         at, u = curve.distance[[i]], x[: family.size]
 

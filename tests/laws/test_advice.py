@@ -337,7 +337,7 @@ def test_no_seed_draws_encounters_that_are_too_easy(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("limit", "kind"), [("0.07 m/s", "readings"), ("0.08 m/s", "change")])
+@pytest.mark.parametrize(("limit", "kind"), [("0.06 m/s", "readings"), ("0.08 m/s", "change")])
 def test_a_verdict_on_a_noise_that_is_a_guess_first_asks_for_repeated_readings(
     limit: str, kind: str, tmp_path: Path
 ) -> None:

@@ -14,6 +14,7 @@ from command_text import command, strict
 import pretouch as pt
 import scenario_text
 from installed import install
+from page_checks import as_written
 from refusals import refused
 from verification_samples import SCENARIO, SENSOR
 
@@ -298,7 +299,7 @@ def test_every_verb_takes_a_file_of_installed_kinds(verb, others, monkeypatch, c
     assert strict(out)["status"] not in {"error", "infeasible"}
     if verb == "sweep":
         return
-    page = (others / "page.html").read_text(encoding="utf-8")
+    page = as_written((others / "page.html").read_text(encoding="utf-8"))
     assert "installed-sources" in page
     words = {
         "design": "Comfort",

@@ -167,7 +167,7 @@ class Recheck(Described, Value):
 
     @property
     def headline(self) -> str:
-        """The verdict, and what it rests on."""
+        """The verdict with its evidence."""
         return " ".join(_headline(self))
 
     def to_dict(self) -> dict[str, Any]:
@@ -615,7 +615,7 @@ def _interval(base: dict[str, Any], rise: float, room: float) -> float | None:
 
 
 def _headline(check: Recheck) -> Iterator[str]:
-    """Yield the verdict, and what somebody who acts on it must know."""
+    """Yield the verdict, and the numbers for the next step."""
     reasons, nominal = "; ".join(check.reasons), format_quantity(check.contact_then or math.nan, "m/s", 3)
     now, updated = (
         f"{'unknown' if speed is None else speed.words}" for speed in (check.contact, check.contact_updated)

@@ -67,7 +67,7 @@ void pretouch_exponentials(const double *x, int64_t n, double *out) { CHOSEN(exp
 
 void pretouch_series_contacts(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
                               const pretouch_curves *curves, double horizon, double *out, double *gradients,
-                              double *peaks, int8_t *status) {
+                              double *const *peaks, int8_t *status) {
     CHOSEN(series_contacts)(inputs, reference, n, curves, horizon, out, gradients, peaks, status);
 }
 

@@ -31,12 +31,13 @@ constexpr double ROUGHLY = 1e-5;         // Newton's tolerance at a border, in s
 constexpr int MOST_CUTS = 4;             // how often one step may be shortened; then the encounter stays open
 constexpr int8_t CONTACT = 0, OPEN = -1;
 
-// Inputs and output arrays of a call. Outputs have rows of n numbers; gradients and peaks may be null.
+// Inputs and output arrays of a call. Outputs have rows of n numbers; gradients and each row of peaks may be null.
 struct Request {
     const pretouch_column *inputs, *reference;
     int64_t n;
     const pretouch_curves *curves;
-    double horizon, *out, *gradients, *peaks;
+    double horizon, *out, *gradients;
+    DemandsOut peaks;
     int8_t *status;
 };
 
@@ -65,7 +66,7 @@ inline Masks chosen(uint64_t which) {
 template <int DEGREE, class Extra> class Block {
   public:
     explicit Block(const Request &request)
-        : ask(request), windows{request.curves->windows, request.curves->width}, demands{request.peaks, request.n} {
+        : ask(request), windows{request.curves->windows, request.curves->width} {
         memset(&work, 0, sizeof work);
         memset(&queue, 0, sizeof queue);
         room.count = 0;
@@ -77,10 +78,11 @@ template <int DEGREE, class Extra> class Block {
         for (fill(); active; fill()) advance();
         if (waiting) finish();
         if constexpr (HAS_DEMANDS) {
-            room.settle(demands);
+            room.settle(ask.peaks);
             for (int64_t i = 0; i < ask.n; i++) {
                 if (ask.status[i] == CONTACT) continue;
-                for (int row = 0; row < PEAKS; row++) ask.peaks[row * ask.n + i] = NOT_A_NUMBER;
+                for (double *row : ask.peaks.rows)
+                    if (row) row[i] = NOT_A_NUMBER;
             }
         }
     }
@@ -92,7 +94,6 @@ template <int DEGREE, class Extra> class Block {
 
     const Request &ask;
     const Windows windows;
-    const DemandsOut demands;
     Work<Extra> work, queue;
     Room room;
     int64_t owner[WIDTH], owners[WIDTH];              // index of the encounter in each lane, and of each queued one
@@ -165,7 +166,7 @@ template <int DEGREE, class Extra> class Block {
         uint64_t rough = 0;
         if constexpr (HAS_GRADIENTS) rough = carry(before, taken);
         if constexpr (HAS_DEMANDS) {
-            follow_demands<IS_LINE>(m, work.extra, before.time, chosen(taken.moved), owner, room, demands);
+            follow_demands<IS_LINE>(m, work.extra, before.time, chosen(taken.moved), owner, room, ask.peaks);
         }
         for (uint64_t late = taken.late & active; late; late &= late - 1) descend(__builtin_ctzll(late));
         for (uint64_t stuck = ~taken.moved & active & ~rough; stuck; stuck &= stuck - 1) {
@@ -270,7 +271,7 @@ template <int DEGREE, class Extra> class Block {
             smooth = carry_responses<DEGREE>(m, queue.extra, m.state.time, chosen(there));
         }
         if constexpr (HAS_DEMANDS) {
-            follow_demands<IS_LINE>(m, queue.extra, m.state.time, chosen(there), owners, room, demands);
+            follow_demands<IS_LINE>(m, queue.extra, m.state.time, chosen(there), owners, room, ask.peaks);
         }
         const uint64_t certain = there & bits((contact.doubt <= LARGEST_DOUBT) & (contact.time <= ask.horizon) &
                                               (contact.speed < 0.0));
@@ -281,7 +282,7 @@ template <int DEGREE, class Extra> class Block {
                 if (smooth >> lane & 1) differentiate(contact, lane);
             }
             if constexpr (HAS_DEMANDS) {
-                write_demands<IS_LINE>(m, queue.extra, lane, contact.time[lane], owners[lane], demands);
+                write_demands<IS_LINE>(m, queue.extra, lane, contact.time[lane], owners[lane], ask.peaks);
             }
         }
         waiting = 0;

@@ -43,23 +43,39 @@ struct Demands {
     }
 };
 
+// Output rows of the demands, n numbers each; null for a demand that is not wanted.
+struct DemandsOut {
+    double *rows[PEAKS];
+    int64_t n;
+
+    bool wants(int row) const { return rows[row] != nullptr; }
+
+    // Raise an output to a value if that is larger. NaN replaces every number, and stays.
+    void raise_to(int row, int64_t i, double value) const {
+        double &kept = rows[row][i];
+        if (value > kept || value != value) kept = value;
+    }
+};
+
 // The polynomials of the demands on one step, and the lanes in which each may have a peak inside the step.
 struct StepDemands {
     Polynomial<TERMS_OF_PEAK> of[PEAKS];
     uint64_t inside[PEAKS];
 };
 
-// The lanes in which the step was accepted, and the results of its examination.
+// The lanes in which the step was accepted, the wanted demands, and the results of the examination of the step.
 struct Watched {
     Masks moved;
+    const DemandsOut &out;
     StepDemands &to;
 };
 
 // Record the polynomial of a demand and its values at both ends of the step. Decide whether it may have a peak inside.
-// The demand is the polynomial times `unit`. Return the value of the polynomial at the end.
+// The demand is the polynomial times `unit`. If it is not wanted, nothing is done.
 template <int N>
-__attribute__((always_inline)) inline Lanes keep(const Watched &step, Demands &d, int row, const Polynomial<N> &q,
-                                                 const Polynomial<N - 1> &slope, Lanes unit) {
+__attribute__((always_inline)) inline void keep(const Watched &step, Demands &d, int row, const Polynomial<N> &q,
+                                                const Polynomial<N - 1> &slope, Lanes unit) {
+    if (!step.out.wants(row)) return;
     unrolled<0, N>([&](auto k) __attribute__((always_inline)) {
         step.to.of[row].at[decltype(k)::value] = q.at[decltype(k)::value];
     });
@@ -70,7 +86,6 @@ __attribute__((always_inline)) inline Lanes keep(const Watched &step, Demands &d
     const Lanes possible = largest + least(range.most, -range.least) * unit;
     step.to.inside[row] =
         bits(step.moved & (range.least < 0.0) & (0.0 < range.most) & (best * (1 + SMALL) < possible));
-    return end;
 }
 
 // Update a maximum in the lanes that moved.
@@ -106,11 +121,12 @@ __attribute__((noinline)) void look_at_step(const Motion &m, Demands &d, Lanes s
     Polynomial<TERMS_OF_PEAK> y, travel;
     look_at_paths(m, d, start, y, travel);
     const auto first = slope_of(y), speed = slope_of(travel);
-    const Lanes way = keep(step, d, EXCURSION, y, first, one);
+    keep(step, d, EXCURSION, y, first, one);
     keep(step, d, TRAVEL, travel, speed, one);
     const auto second = slope_of(first), acceleration = slope_of(speed);
     keep(step, d, OWN_SPEED, speed, acceleration, inverse);
     keep(step, d, OWN_ACCELERATION, acceleration, slope_of(acceleration), square);
+    if (!step.out.wants(FORCE)) return;
     if constexpr (IS_LINE) {
         Polynomial<TERMS_OF_PEAK> l;
         unrolled<0, TERMS_OF_PEAK>([&](auto k) __attribute__((always_inline)) {
@@ -127,21 +143,9 @@ __attribute__((noinline)) void look_at_step(const Motion &m, Demands &d, Lanes s
         });
         keep(step, d, FORCE, force, slope_of(force), square);
         const Lanes speeds = absolute(total(second)) + absolute(damping) * absolute(total(first));
-        raise(d.terms_of_force, (speeds + stiffness * absolute(way)) * square, step.moved);
+        raise(d.terms_of_force, (speeds + stiffness * absolute(total(y))) * square, step.moved);
     }
 }
-
-// Output arrays of the demands, rows of n numbers.
-struct DemandsOut {
-    double *at;
-    int64_t n;
-
-    // Raise an output to a value if that is larger. NaN replaces every number, and stays.
-    void raise_to(int row, int64_t i, double value) const {
-        double &kept = at[row * n + i];
-        if (value > kept || value != value) kept = value;
-    }
-};
 
 // Queue of polynomials whose peaks must be found, one per lane. unit: factor from the polynomial to the demand; whose:
 // index of the encounter; which: the demand.
@@ -177,8 +181,9 @@ template <bool IS_LINE>
 void follow_demands(const Motion &m, Demands &d, Lanes start, Masks moved, const int64_t *owners, Room &room,
                     const DemandsOut &out) {
     StepDemands demands;
-    look_at_step<IS_LINE>(m, d, start, {moved, demands});
+    look_at_step<IS_LINE>(m, d, start, {moved, out, demands});
     for (int row = 0; row < PEAKS; row++) {
+        if (!out.wants(row)) continue;
         for (uint64_t remaining = demands.inside[row]; remaining; remaining &= remaining - 1) {
             const int lane = __builtin_ctzll(remaining), power = differentiated(row, IS_LINE), at = room.count;
             if (row == FORCE && m.gain[lane] == 0) continue;
@@ -207,6 +212,7 @@ void write_demands(const Motion &m, const Demands &d, int lane, double time, int
                         PEAK_ROUNDING * absolute(a);
     const double error = m.state.error[lane], slip = d.tail_speed[lane], turn = d.tail_bend[lane];
     const auto keep_if = [&](int row, double lost, double doubt, double rounding) {
+        if (!out.wants(row)) return;
         const double best = d.best[row][lane];
         out.raise_to(row, i, lost <= doubt * best + rounding ? best : NOT_A_NUMBER);
     };
@@ -214,8 +220,9 @@ void write_demands(const Motion &m, const Demands &d, int lane, double time, int
     keep_if(TRAVEL, error, DOUBT, way);
     keep_if(OWN_SPEED, slip, DOUBT, speed);
     keep_if(OWN_ACCELERATION, turn, STEEP_DOUBT, bend);
+    if (!out.wants(FORCE)) return;
     if (m.gain[lane] == 0) {
-        out.at[FORCE * out.n + i] = 0.0;
+        out.rows[FORCE][i] = 0.0;
         return;
     }
     const double lost = IS_LINE ? slip * (STEEP_DOUBT / DOUBT) : turn + PEAK_ROUNDING * d.terms_of_force[lane];

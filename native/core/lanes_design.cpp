@@ -90,6 +90,7 @@ struct Encounter {
     const Limit *limits;
     int64_t limit_count;
     bool peaks;  // whether a term or a limit needs the whole motion
+    bool wanted[QUANTITIES];  // the peaks that a term or a limit needs
     const pretouch_pieces *pieces;  // the curve for the guaranteed path; may be null
     double nearest, farthest;  // valid distances of a constant slope
     double states[QUANTITIES * LARGEST];  // results for the gains that were solved last
@@ -103,22 +104,25 @@ struct Encounter {
         columns[9] = {inputs + OWN_V, 0};
         columns[10] = {inputs + OWN_A, 0};
         int8_t status[LARGEST];
-        double *largest = peaks ? states + STATES * n : nullptr;
-        const pretouch_linear wanted = {states, status, false, nullptr, {states + n, n}, {}, {largest, n}};
+        double *largest = peaks ? states + STATES * n : nullptr, *rows[QUANTITIES - EXCURSION];
+        for (int k = EXCURSION; k < QUANTITIES; k++) rows[k - EXCURSION] = wanted[k] ? states + k * n : nullptr;
+        const pretouch_linear outputs = {states, status, false, nullptr, {states + n, n}, {}, {largest, n}};
         solved = n;
         if (curves)
-            series_contacts(columns, peaks ? columns + 9 : nullptr, n, curves, horizon, states, nullptr, largest, status);
+            series_contacts(columns, peaks ? columns + 9 : nullptr, n, curves, horizon, states, nullptr,
+                            peaks ? rows : nullptr, status);
         else
-            linear_contacts(columns, n, slope, horizon, &wanted);
+            linear_contacts(columns, n, slope, horizon, &outputs);
         for (int64_t i = 0; i < n; i++)
             if ((status[i] != 0 || (peaks && !has_peaks(i))) && !solve_alone(gains[i], i)) return i;
         return n;
     }
 
-    // Whether the lanes have determined all peaks of the motion with the i-th gain.
+    // Whether the lanes have determined all needed peaks of the motion with the i-th gain.
     bool has_peaks(int64_t i) const {
         double sum = 0.0;
-        for (int row = EXCURSION; row < QUANTITIES; row++) sum += states[row * solved + i];
+        for (int row = EXCURSION; row < QUANTITIES; row++)
+            if (wanted[row]) sum += states[row * solved + i];
         return sum < INFINITY;
     }
 
@@ -566,9 +570,11 @@ void find_gains(const double *inputs, int64_t n, double slope, const pretouch_cu
     encounter.count = k;
     encounter.limits = (const Limit *)limits;
     encounter.limit_count = limit_count;
+    for (bool &row : encounter.wanted) row = false;
+    for (int64_t j = 0; j < k; j++) encounter.wanted[(int)encounter.terms[j].quantity] = true;
+    for (int64_t j = 0; j < limit_count; j++) encounter.wanted[(int)encounter.limits[j].quantity] = true;
     encounter.peaks = false;
-    for (int64_t j = 0; j < k; j++) encounter.peaks |= (int)encounter.terms[j].quantity >= EXCURSION;
-    for (int64_t j = 0; j < limit_count; j++) encounter.peaks |= (int)encounter.limits[j].quantity >= EXCURSION;
+    for (int row = EXCURSION; row < QUANTITIES; row++) encounter.peaks |= encounter.wanted[row];
     for (int64_t i = 0; i < n; i++) {
         for (int j = 0; j < INPUTS; j++) encounter.inputs[j] = inputs[j * n + i];
         const Optimum result = optimum(encounter, axis, falling, ZOOMS);

@@ -10,8 +10,8 @@ void linear_contacts(const pretouch_column *inputs, int64_t n, double slope, dou
 void exponentials(const double *x, int64_t n, double *out);
 
 void series_contacts(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
-                     const pretouch_curves *curves, double horizon, double *out, double *gradients, double *peaks,
-                     int8_t *status);
+                     const pretouch_curves *curves, double horizon, double *out, double *gradients,
+                     double *const *peaks, int8_t *status);
 void solve_series(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve, double horizon,
                   double *rows, int64_t *status, const double *times, int64_t m, double *trace, const double *sections,
                   int64_t section_count);

@@ -28,11 +28,14 @@ template <class Extra> void solve(const Request &request) {
 }  // namespace
 
 void series_contacts(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
-                     const pretouch_curves *curves, double horizon, double *out, double *gradients, double *peaks,
-                     int8_t *status) {
-    const Request request = {inputs, reference, n, curves, horizon, out, gradients, peaks, status};
+                     const pretouch_curves *curves, double horizon, double *out, double *gradients,
+                     double *const *peaks, int8_t *status) {
+    Request request = {inputs, reference, n, curves, horizon, out, gradients, {{}, n}, status};
     for (int64_t i = 0; gradients && i < 27 * n; i++) gradients[i] = NOT_A_NUMBER;
-    for (int64_t i = 0; peaks && i < PEAKS * n; i++) peaks[i] = 0.0;
+    for (int row = 0; peaks && row < PEAKS; row++) {
+        double *filled = request.peaks.rows[row] = peaks[row];
+        for (int64_t i = 0; filled && i < n; i++) filled[i] = 0.0;
+    }
     if (gradients) return solve<Responses>(request);
     if (peaks) return solve<Demands>(request);
     solve<Nothing>(request);

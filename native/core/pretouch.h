@@ -108,11 +108,12 @@ typedef struct {
 } pretouch_curves;
 
 /* out: time, x~, x~', x~'', l' and the integral of x~ at the contact, shape (6, n). gradients, if not null: the
- * derivatives of time, x~ and l' by the nine inputs, shape (3, 9, n). peaks, if not null and without gradients: the
- * largest demands, shape (5, n). reference: for peaks, velocity and acceleration of the reference. */
+ * derivatives of time, x~ and l' by the nine inputs, shape (3, 9, n). peaks, if not null and without gradients: five
+ * rows of n numbers, the largest demands; a row that is null is not computed. reference: for peaks, velocity and
+ * acceleration of the reference. */
 PRETOUCH_API void pretouch_series_contacts(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
                                            const pretouch_curves *curves, double horizon, double *out,
-                                           double *gradients, double *peaks, int8_t *status);
+                                           double *gradients, double *const *peaks, int8_t *status);
 
 /* ---- approaches under the virtual drag (lanes_drag.cpp) ----
  * inputs: k = phi / M, a_o, l, l'^2 and t at the start, where k, l and l'^2 are not negative. For peaks also the

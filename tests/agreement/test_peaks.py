@@ -9,7 +9,7 @@ from test_linear_block import KINDS as LINEAR_KINDS
 
 from encounters import CURVES, random_encounters
 from pretouch.motion import find_contact, solve_motion
-from pretouch.motion.curve import curve_windows, shared_curve
+from pretouch.motion.curve import curve_windows, line_windows, shared_curve
 from pretouch.motion.kernels import contact_times, find_contacts, solve_linear
 from pretouch.motion.layout import PEAKS
 from pretouch.sensors import SensorModel
@@ -116,3 +116,22 @@ def test_demands_do_not_depend_on_what_the_other_lanes_hold() -> None:
     np.testing.assert_array_equal(solve(order)[0], whole[:, order])
     for i in range(37):
         np.testing.assert_array_equal(solve(np.array([i]))[0][:, 0], whole[:, i])
+
+
+@pytest.mark.parametrize("name", ["line", "inverse-power", "table"])
+@pytest.mark.parametrize("wanted", [*((name,) for name in PEAKS), PEAKS[::-2]])
+def test_each_demand_is_the_same_without_the_others(name: str, wanted: tuple[str, ...]) -> None:
+    batch = random_encounters("everything", 50, seed=33)
+    columns = [np.array(np.broadcast_to(c, 50)) for c in batch.scenario.relative_columns()]
+    inputs = (*columns[:8], batch.gain, *columns[8:])
+    curve = shared_curve(line_windows(-60.0, 0.06) if name == "line" else curve_windows(CURVES[name], 0.0, 0.06))
+
+    def solve(names: tuple[str, ...]) -> dict[str, np.ndarray]:
+        out, peaks, status = np.empty((6, 50)), np.full((len(names), 50), -1.0), np.empty(50, dtype=np.int8)
+        contact_times(inputs, curve, 20.0, out, status, peaks=peaks, wanted=names)
+        assert (status == 0).sum() > 20
+        return dict(zip(names, peaks, strict=True))
+
+    every = solve(PEAKS)
+    for peak, values in solve(wanted).items():
+        np.testing.assert_array_equal(values, every[peak])

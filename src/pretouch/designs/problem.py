@@ -18,11 +18,12 @@ from pretouch._core.values import Value
 from pretouch.motion import DAMPER, DRAG, ContinuousLaw, LawNumber, Scenario
 from pretouch.motion.contact import ContactResult, ContactState
 from pretouch.motion.evaluator import NoisyEvaluator, with_noise_after
+from pretouch.motion.layout import PEAKS
 from pretouch.motion.scenario import map_fields
 from pretouch.sensors import SensorModel
 
 from .constraints import Constraint
-from .custom_objectives import appraise
+from .custom_objectives import CustomObjective, appraise
 from .impact import ImpactModel
 from .objectives import OBSTACLE_SPEED, Objective
 from .quantities import contact_value, size_of
@@ -146,6 +147,15 @@ def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactMod
     return "relative_velocity", rate * impact.peak_force_slope(state.relative_velocity)
 
 
+def peaks_of(task: Task) -> tuple[str, ...]:
+    """Return the peak values, such as `largest_excursion`, that objective and limits of a task certainly need."""
+    terms = () if isinstance(task.goal, CustomObjective) else task.goal.terms
+    needed = {c.quantity for c in task.limits} | {term.quantity for term in terms}
+    if "drive_force" in needed:
+        needed.add("largest_acceleration")
+    return tuple(name for name in PEAKS if name in needed)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainProblem(Value):
     """The optimization problem of a gain design.
@@ -203,7 +213,8 @@ class GainProblem(Value):
         task = self.task
         if task.evaluate is not None:
             return task.evaluate(scenario, task.sensor, gain)
-        return task.law.contact(scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
+        options: dict[str, Any] = {"peaks": peaks_of(task)} if task.law == DAMPER else {}
+        return task.law.contact(scenario, task.sensor, gain, method=task.method, horizon=task.horizon, **options)
 
     def run(self, gain: Any) -> ContactResult:
         """Compute the task's encounters with one or several gains."""

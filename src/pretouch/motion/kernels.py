@@ -200,6 +200,7 @@ def contact_times(
     *,
     gradients: FloatArray | None = None,
     peaks: FloatArray | None = None,
+    wanted: Sequence[str] = PEAKS,
 ) -> None:
     """Find first contacts by the compiled Taylor-series solver.
 
@@ -213,7 +214,8 @@ def contact_times(
         status: filled with CONTACT or OPEN, shape (n,).
         gradients: optional output, derivatives of time, x~ and l' at contact by the nine inputs, shape (3, 9, n); NaN
             if open.
-        peaks: optional output without gradients, layout.PEAKS, shape (5, n); NaN if open or not determined.
+        peaks: optional output without gradients, the wanted peaks, shape (k, n); NaN if open or not determined.
+        wanted: the k peaks to compute, of layout.PEAKS.
 
     Raises:
         TypeError: there are too few columns.
@@ -222,7 +224,7 @@ def contact_times(
     filled = (
         shaped(out, (len(STATES), n)),
         None if gradients is None else shaped(gradients, (3, INPUTS, n)),
-        None if peaks is None else shaped(peaks, (len(PEAKS), n)),
+        None if peaks is None else _peak_rows(peaks, wanted, n),
         address(status, _SHORT),
     )
     if len(inputs) < INPUTS + (0 if peaks is None else 2):
@@ -232,6 +234,12 @@ def contact_times(
         )
     reference = None if peaks is None else columns(inputs[INPUTS:], n)
     _contacts(columns(inputs[:INPUTS], n), reference, n, byref(of_core(curves, n)), horizon, *filled)
+
+
+def _peak_rows(peaks: FloatArray, wanted: Sequence[str], n: int) -> bytes:
+    """Pack the addresses of the rows of the wanted peaks, and 0 for the others, in the order of layout.PEAKS."""
+    first = shaped(peaks, (len(wanted), n))
+    return pack(f"{len(PEAKS)}q", *(first + 8 * n * wanted.index(name) if name in wanted else 0 for name in PEAKS))
 
 
 class ValuesAtNodes(NamedTuple):

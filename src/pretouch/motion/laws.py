@@ -5,6 +5,7 @@ The module also contains the interface of such control laws.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, NamedTuple, Protocol, final, runtime_checkable
 
@@ -186,12 +187,12 @@ class Damper:
         method: str = "auto",
         horizon: float = 600.0,
         many: ManyCurves | None = None,
-        peaks: bool = False,
+        peaks: Sequence[str] = (),
     ) -> ContactResult:
         """Return the states at contact of encounters under the virtual damper.
 
-        With `many`, each encounter along the last axis has its own sensor curve. If `peaks` will be read, such as the
-        largest excursion, they are computed together with the contacts.
+        With `many`, each encounter along the last axis has its own sensor curve. The `peaks` that will be read, such
+        as `largest_excursion`, are computed together with the contacts.
         """
         return _result(_request(scenario, sensor, value, method, horizon, many=many), peaks=peaks)
 
@@ -328,7 +329,7 @@ def _request(
     return make_request(scenario, sensor, number, method, horizon, many=many, with_course=True, degree=degree)
 
 
-def _result(request: Request, *, peaks: bool = False) -> ContactResult:
+def _result(request: Request, *, peaks: Sequence[str] = ()) -> ContactResult:
     return ContactResult(Solution(request, peaks=peaks), request.method)
 
 

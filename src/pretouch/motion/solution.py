@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -44,7 +44,8 @@ class Solution(Value):
     Args:
         request: the encounters.
         whole: whether the whole motion will be needed, so that the most robust method is used at once.
-        peaks: whether peak values will be read, so that Taylor steps compute them together with the contacts.
+        peaks: the peak values of layout.PEAKS that will be read, so that Taylor steps compute them together with the
+            contacts.
 
     Attributes:
         status: how every run ended, shape (n,).
@@ -64,7 +65,7 @@ class Solution(Value):
         "status",
     )
 
-    def __init__(self, request: Request, *, whole: bool = False, peaks: bool = False) -> None:
+    def __init__(self, request: Request, *, whole: bool = False, peaks: Sequence[str] = ()) -> None:
         self.request = request
         self.derivatives: Any = None
         self.status: NDArray[np.int8]
@@ -83,8 +84,7 @@ class Solution(Value):
         if request.method == "closed-form":
             self._columns = self._solve_by_form(kept)
         else:
-            names = (*(STATES if kept else STATES[:1]), *(PEAKS if peaks else ()))
-            self._columns, self.status = _in_lanes(request, None, names)
+            self._columns, self.status = _in_lanes(request, None, (*(STATES if kept else STATES[:1]), *peaks))
         self._open = np.flatnonzero(self.status)
         if len(self._open):
             self._open_rows, ended = solve_guaranteed(request, self._open)
@@ -201,7 +201,7 @@ class Solution(Value):
         which = np.flatnonzero(np.isnan(self._columns[name]))
         if len(which):
             rows, _ = solve_guaranteed(self.request, which)
-            for peak in PEAKS:
+            for peak in self._columns.keys() & set(PEAKS):
                 values = self._columns[peak]
                 values[which] = np.where(np.isnan(values[which]), rows[:, _AT[peak]], values[which])
 
@@ -270,15 +270,15 @@ def _in_lanes(
     size = request.size if which is None else len(which)
     kept, status = np.empty((len(names), size)), np.empty(size, dtype=np.int8)
 
-    with_peaks = not set(PEAKS).isdisjoint(names)
+    wanted = tuple(name for name in names if name in PEAKS)
 
     def take(part: slice, *outputs: FloatArray) -> None:
-        rows = dict(zip((*STATES, *PEAKS), (row for output in outputs for row in output), strict=with_peaks))
+        rows = dict(zip((*STATES, *wanted), (row for output in outputs for row in output), strict=True))
         for row, name in zip(kept, names, strict=True):
             row[part] = rows[name]
 
-    more = {"peaks": (len(PEAKS),)} if with_peaks else {}
-    fill_by_lanes(request, which, _curves(request, which), status, take, most=_MOST, **more)
+    more = {"peaks": (len(wanted),)} if wanted else {}
+    fill_by_lanes(request, which, _curves(request, which), status, take, most=_MOST, wanted=wanted, **more)
     return dict(zip(names, kept, strict=True)), status
 
 
@@ -290,6 +290,7 @@ def fill_by_lanes(
     take: Callable[..., None],
     *,
     most: int,
+    wanted: Sequence[str] = (),
     **more: tuple[int, ...],
 ) -> None:
     """Find contacts by the Taylor-series solver, chunk by chunk.
@@ -301,6 +302,7 @@ def fill_by_lanes(
         status: filled with 0 if a contact is proved, else another value, shape (m,).
         take: receives the slice of a chunk, its states, shape (6, k), and its other outputs.
         most: largest size of a chunk.
+        wanted: the peaks to compute, if `more` has peaks.
         **more: other outputs by their names in `contact_times`, with their shape for one encounter.
     """
     table, starts, curve_of = curves
@@ -311,7 +313,7 @@ def fill_by_lanes(
         filled: dict[str, Any] = {name: np.empty((*shape, stop - start)) for name, shape in more.items()}
         part_curves = table, starts, curve_of if len(curve_of) == 1 else curve_of[part]
         some = request.some(part if which is None else which[part])
-        contact_times(some, part_curves, request.horizon, states, status[part], **filled)
+        contact_times(some, part_curves, request.horizon, states, status[part], wanted=wanted, **filled)
         take(part, states, *filled.values())
 
     run_in_chunks(run, len(status), least=_LEAST, most=most)

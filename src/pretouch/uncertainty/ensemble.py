@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, Final, TypeAlias
@@ -243,10 +243,10 @@ class Ensemble(Value):
         """Initial speed of the obstacle in each encounter [m/s]."""
         return np.abs(np.broadcast_to(self.scenario.obstacle.velocity, (len(self),)))
 
-    def contacts(self, gain: Any, *, peaks: bool = False) -> ContactResult:
+    def contacts(self, gain: Any, *, peaks: Sequence[str] = ()) -> ContactResult:
         """Find time and state of contact in all encounters.
 
-        The last axis of the gains is 1 or n. If `peaks` will be read, such as the largest excursion, they are computed
+        The last axis of the gains is 1 or n. The `peaks` that will be read, such as `largest_excursion`, are computed
         together with the contacts where the law can.
 
         Returns:
@@ -258,7 +258,7 @@ class Ensemble(Value):
             return self._evaluated(self.evaluator, gains)
         options: dict[str, Any] = {"method": self.method, "horizon": self.horizon}
         if peaks and self.law == DAMPER:
-            options["peaks"] = True
+            options["peaks"] = peaks
         likeness = self.likeness
         if likeness is not None and likeness.sensor is self.sensor:
             return self.law.contact(self.scenario, self.sensor, gains, **options)

@@ -14,12 +14,11 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import DAMPER, ContactResult
-from pretouch.motion.layout import PEAKS
 from pretouch.uncertainty import Ensemble, make_ensemble
 
-from ..custom_objectives import CustomObjective, appraise
+from ..custom_objectives import appraise
 from ..later_contact import least_objective, never_touches, premises_hold, touches_later
-from ..problem import Criterion, GainProblem, along, merit, ratio
+from ..problem import Criterion, GainProblem, along, merit, peaks_of, ratio
 from ..search import GainAxis, Landscape
 from ..task import Task
 from .measures import Expected, Measure
@@ -27,7 +26,6 @@ from .required import Required, limits_of
 
 _BLOCK: Final = 1 << 19  # encounters that are solved together, so that their states fit into the cache
 _BLOCK_OF_EVALUATOR: Final = 1 << 16  # the same with `evaluate`
-_NEED_PEAKS: Final = frozenset({*PEAKS, "drive_force"})
 _STRIDE: Final = 0.5  # step in u between gains in the search for the end of the axis
 
 
@@ -185,7 +183,7 @@ class RobustProblem(GainProblem):
 
     def _evaluate(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Evaluate objective and constraints of every encounter."""
-        result = self.ensemble.contacts(gains[:, None], peaks=_reads_peaks(self.task))
+        result = self.ensemble.contacts(gains[:, None], peaks=peaks_of(self.task))
         reached, state, speed = result.reached, result.end, self.ensemble.speed
         objective = appraise(self.task.goal, state, reached, speed, self.task.impact)
         ratios = [
@@ -194,9 +192,3 @@ class RobustProblem(GainProblem):
         ]
         least = least_objective(self.task.goal, state, speed)
         return objective, np.reshape(ratios, (len(ratios), *objective.shape)), least
-
-
-def _reads_peaks(task: Task) -> bool:
-    """Return True if an objective or a limit certainly needs a peak value, such as the largest excursion."""
-    terms = () if isinstance(task.goal, CustomObjective) else task.goal.terms
-    return not _NEED_PEAKS.isdisjoint([c.quantity for c in task.limits] + [term.quantity for term in terms])

@@ -8,6 +8,7 @@ from importlib.util import find_spec
 
 import pytest
 
+from browser_checks import browser  # noqa: F401 - a fixture
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower
 from properties import register_profiles

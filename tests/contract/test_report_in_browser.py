@@ -9,8 +9,6 @@ import pytest
 
 pytest.importorskip("playwright")
 
-from playwright.sync_api import sync_playwright
-
 import pretouch as pt
 from browser_checks import CHROMIUM, serious
 from verification_samples import NOISY, velocity_limit, verdict
@@ -18,14 +16,6 @@ from verification_samples import NOISY, velocity_limit, verdict
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SOURCE = {"name": "loop.toml", "text": (EXAMPLES / "loop.toml").read_text(encoding="utf-8")}
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @cache

@@ -11,8 +11,6 @@ import pytest
 
 pytest.importorskip("playwright")
 
-from playwright.sync_api import sync_playwright
-
 import pretouch as pt
 from browser_checks import CHROMIUM, serious
 from page_core import built_core
@@ -31,14 +29,6 @@ QUANTITIES = [
     *(("10 N*s/m", "N*s/m"), ("2 kN/m", "N/m"), ("474 1/m^2", "1/m^2"), ("5 rad/s", "rad/s"), ("3 m/s²", "m/s^2")),
     *(("0,3 m/s", "m/s"), ("-0,75 N*s", "N*s")),
 ]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")

@@ -69,7 +69,6 @@ class Breakage(Value):
         results: the results of each kind of disturbance.
         speed: the largest speed toward the object in all these runs [m/s].
         returning: the largest speed toward the object if the readings are stuck [m/s].
-        returning_increase: the largest increase of |l'| at contact by this motion, compared with no mitigation [m/s].
         jump: the largest speed that a single believed jump of the readings can cause [m/s], |D_p| largest_rate
             (T_s + fade_time / 2) / M; 0 for a law that never pulls, None for a damper without largest_rate.
         return_rate: the largest speed of the admittance back to its reference, as a share of the excursion before
@@ -81,7 +80,6 @@ class Breakage(Value):
     results: tuple[BreakageResult, ...]
     speed: float
     returning: float
-    returning_increase: float
     return_rate: float
     excursion: float
     jump: float | None = None
@@ -247,7 +245,6 @@ def _simulated(loop: ClosedLoop, draws: Draws, gain: float, unmitigated: Simulat
         results=tuple(results),
         speed=max(one.speed for one in results),
         returning=float(back.max()),
-        returning_increase=float((stuck - free)[stuck > (1 + _HARDER) * free + _LEAST].max(initial=0.0)),
         return_rate=return_rate(controller.admittance),
         excursion=excursion,
         jump=_jump(loop, gain),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from importlib.util import find_spec
 
 import pytest
+import typer.main
 
 from browser_checks import browser  # noqa: F401 - a fixture
 from pretouch.motion import Admittance, Obstacle, Scenario
@@ -48,6 +51,20 @@ def _short_rest() -> Iterator[None]:
     """Verdicts with a short rest, for tests of which the rest is not the subject."""
     with short_rest():
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_command_line() -> Iterator[None]:
+    """Build the command line once per process, as users do: it takes 30 ms, and tests call it thousands of times."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(typer.main, "get_command", cache(typer.main.get_command))
+        yield
+
+
+def pytest_collection_finish() -> None:
+    """Exempt the collected tests from garbage collection, which would visit all of them again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -18,6 +18,7 @@ import numpy as np
 import pretouch as pt
 from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
 from pretouch.motion import parallel
+from verification_samples import short_rest
 
 LINE = pt.ExponentialFirstOrder(scale=0.458, rate=-61.0)
 POWER = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
@@ -103,18 +104,17 @@ def run() -> dict[str, Any]:
 
 
 def verified(**own: Any) -> dict[str, Any]:
-    return pt.verify(
-        pt.Task(
-            scene(),
-            POWER,
-            F_1,
-            loop=loop(),
-            bounds=BOUNDS,
-            verify=pt.designs.VerifyOptions(runs=20),
-            uncertainty=DRAWN | own,
-        ),
-        changes=False,
-    ).to_dict()
+    task = pt.Task(
+        scene(),
+        POWER,
+        F_1,
+        loop=loop(),
+        bounds=BOUNDS,
+        verify=pt.designs.VerifyOptions(runs=20),
+        uncertainty=DRAWN | own,
+    )
+    with short_rest():
+        return pt.verify(task, changes=False).to_dict()
 
 
 def swept() -> Any:

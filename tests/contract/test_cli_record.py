@@ -424,7 +424,7 @@ def test_a_mistake_is_one_sentence_and_writes_nothing(words: list[str], told: st
     )
     before = {path.name: path.read_text() for path in tmp_path.iterdir()}
     sensor = PtySensor(tmp_path)
-    before |= {"stage.py": (tmp_path / "stage.py").read_text()}
+    before |= {"stage.sh": (tmp_path / "stage.sh").read_text()}
     more = [] if "--i2c" in words else ["--port", sensor.port]
     code, out, err = run("record", *words, *more)
     os.close(sensor._slave)

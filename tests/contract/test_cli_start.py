@@ -28,6 +28,7 @@ from refusals import refused
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
+pytestmark = pytest.mark.usefixtures("short_rest")
 
 
 def in_a_process(*words: object, folder: Path) -> subprocess.CompletedProcess[str]:

@@ -6,10 +6,11 @@ import shlex
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import pytest
-from command_text import in_this_process
+from command_text import in_this_process, stand_in_for_reports
 
 import pretouch as pt
 from pretouch._core.blocks import Page
@@ -43,7 +44,8 @@ def printed(command: str, folder: Path) -> list[str]:
         "verify EXAMPLES/loop.toml --runs 40 --gain -3",
     ],
 )
-def test_a_verb_prints_few_lines(command: str, tmp_path: Path) -> None:
+def test_a_verb_prints_few_lines(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_in_for_reports(monkeypatch)
     lines = printed(command, tmp_path)
     verb = command.partition(" ")[0]
     assert len(lines) <= LINES.get(command, LINES.get(verb, 15)), "\n".join(lines)
@@ -103,7 +105,7 @@ def test_a_number_stays_with_its_unit() -> None:
 @pytest.mark.parametrize(
     "verb", ["fit", "design", "sweep", "pareto", "robust", "simulate", "verify", "export", "replay", "reproduce"]
 )
-def test_the_help_of_a_verb_has_two_examples_that_run_and_a_page(verb: str, tmp_path: Path) -> None:
+def test_the_help_of_a_verb_has_two_examples_that_run_and_a_page(verb: str, tmp_path: Path, short_rest: None) -> None:
     help_text = printed(f"{verb} --help", tmp_path)
     start = help_text.index("  Examples:")
     examples = [line.strip() for line in help_text[start + 1 : start + 3]]
@@ -149,7 +151,7 @@ def test_the_next_step_is_always_printed(length: int, reservations: int) -> None
 
 @pytest.mark.slow
 @pytest.mark.parametrize("verb", ["design", "verify", "simulate --gain -0.7"])
-def test_identifiers_of_statuses_are_not_printed(verb: str, tmp_path: Path) -> None:
+def test_identifiers_of_statuses_are_not_printed(verb: str, tmp_path: Path, short_rest: None) -> None:
     text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")
     away = text.split("[uncertainty]")[0].replace('velocity = "-0.3 m/s"', 'velocity = "0.3 m/s"')
     (tmp_path / "away.toml").write_text(away + text[text.index("[chain]") :], encoding="utf-8")
@@ -183,31 +185,23 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
     return task.replace(loop=replace(task.loop, law=law, chain=replace(task.loop.chain, dropout=0.01)))
 
 
+@cache
+def warnings_of_a_low_floor() -> tuple[str, ...]:
+    task = two_sided(with_floor(loop_task(), 100.0)).replace(verify=pt.designs.VerifyOptions(runs=2), gain=-0.7)
+    return pt.verify(task, changes=False).warnings
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("warnings", "consequence", "remedy"),
     [
         (
-            lambda: (
-                pt.verify(
-                    two_sided(with_floor(loop_task(), 100.0)).replace(
-                        verify=pt.designs.VerifyOptions(runs=2), gain=-0.7
-                    ),
-                    changes=False,
-                ).warnings
-            ),
+            warnings_of_a_low_floor,
             "moves a robot at rest by up to",
             "but detects objects only at",
         ),
         (
-            lambda: (
-                pt.verify(
-                    two_sided(with_floor(loop_task(), 100.0)).replace(
-                        verify=pt.designs.VerifyOptions(runs=2), gain=-0.7
-                    ),
-                    changes=False,
-                ).warnings
-            ),
+            warnings_of_a_low_floor,
             "makes the robot jump toward the object",
             "set largest_rate of the controller",
         ),

@@ -19,6 +19,7 @@ from pretouch.cli import main
 from refusals import refused
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
+pytestmark = pytest.mark.usefixtures("short_rest")
 FEW = "\n[verify]\nruns = 20\n"
 
 

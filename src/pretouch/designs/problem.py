@@ -149,7 +149,8 @@ def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactMod
 
 def peaks_of(task: Task) -> tuple[str, ...]:
     """Return the peak values, such as `largest_excursion`, that objective and limits of a task certainly need."""
-    terms = () if isinstance(task.goal, CustomObjective) else task.goal.terms
+    goal = None if task.objective is None else task.goal
+    terms = () if goal is None or isinstance(goal, CustomObjective) else goal.terms
     needed = {c.quantity for c in task.limits} | {term.quantity for term in terms}
     if "drive_force" in needed:
         needed.add("largest_acceleration")

@@ -242,6 +242,21 @@ def test_single_flattened_readings_are_used_if_they_are_smooth():
     assert "single readings do not determine the slope" in said(noisy)
 
 
+def test_two_single_flattened_readings_are_not_used_since_one_wrong_distance_explains_them():
+    """The 15 mm were 25 mm: the output seems to fall there, but it is flat. The gain for it would pull too late."""
+    distance = 1e-3 * np.array([5.0, 15.0, 35.0, 61.0, 94.0, 131.0, 173.0])
+    single = Calibration(
+        distances=distance, outputs=[2512.0, 1900.0, 1018.0, 347.0, 170.0, 120.0, 103.0], unit="counts"
+    )
+    report = fit(single)
+    assert (report.window.l_min, report.verdict) == (0.035, "usable with reservations")
+    assert any("PT117" in reason and "5 mm and 15 mm" in reason for reason in report.reasons)
+    nearest_repeated = replace(
+        single, distances=np.append(distance, [5e-3] * 4), outputs=np.append(single.outputs, [2512, 2511, 2513, 2512])
+    )
+    assert fit(nearest_repeated).window.l_min >= 0.035  # the distance of 15 mm may still be wrong
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mechanism", ["clipping", "near-field peak"])
 @pytest.mark.parametrize("seed", range(3))

@@ -73,7 +73,7 @@ def speed_on(distance: Any, log_output: Any, gain: float, start: float) -> float
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
-    ("calibration", "start"), [(SATURATED, 0.011), (WITH_EMPTY, 0.021), (SEVEN, 0.05)], ids=["18", "18 and empty", "7"]
+    ("calibration", "start"), [(SATURATED, 0.021), (WITH_EMPTY, 0.021), (SEVEN, 0.05)], ids=["18", "18 and empty", "7"]
 )
 def test_saturated_nearest_readings_are_left_to_the_ceiling_and_the_promise_is_that_of_the_readings(
     calibration: pt.Calibration, start: float

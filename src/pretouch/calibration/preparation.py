@@ -39,6 +39,7 @@ OffsetChoice: TypeAlias = "str | float | tuple[float, float]"
 _FEWEST_POINTS = 3  # two parameters and one point to judge them by
 _FEWEST_DISTANCES = 4  # the inverse power with a known offset, and one point to judge it by
 _FALL_LEVEL = 0.05  # significance level of the rank test
+_FEW_FLATTENED = 2  # flattened distances that one wrong reading explains as well
 _CLEAR = 13.0  # decrease of ln xi between neighbors, in standard errors: their slope is known within 15 % (95 %)
 _FLATTENED = "the output flattens toward a ceiling at smaller distances, where {} the slope"
 _SCATTERED = 0.3  # share of the range of the outputs by which readings of one empty scene cannot differ
@@ -284,6 +285,14 @@ def _level(
     return noise, offset, free
 
 
+def is_explained_by_one_error(counts: IntArray) -> bool:
+    """Return True if one wrong reading or distance explains why the output looks flattened.
+
+    `counts` has the numbers of readings at each distance where it looks flattened.
+    """
+    return 0 < len(counts) <= _FEW_FLATTENED and bool(counts.min() == 1)
+
+
 def _nearest_clear(
     curve: AveragedCurve, places: IntArray, first: int, *, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> int:
@@ -291,8 +300,11 @@ def _nearest_clear(
 
     `first` is the index of the first reading that is not flattened, and `places` are the indices of all readings
     without outliers. Repeats at a distance share its error, so the scatter about a smooth curve counts, too.
-    The flattened readings are of use only in a table, so they must fall together with the others.
+    The flattened readings are of use only in a table, so they must fall together with the others. One or two single
+    ones are not used, since one wrong reading or distance explains them as well.
     """
+    if is_explained_by_one_error(curve.count[places[places < first]]):
+        return first
     near = places[(places <= places[min(int(np.searchsorted(places, first)) + 1, len(places) - 1)])]
     near = near[curve.output[near] > offset.value]
     scatter = max_scatter(curve.distance[near], np.log(curve.output[near] - offset.value), unknown=ERROR)

@@ -15,20 +15,19 @@ from pretouch._core.warning_codes import caution
 
 from .averaging import average
 from .data import Calibration
-from .preparation import Prepared
+from .preparation import Prepared, is_explained_by_one_error
 from .result import SensorFit, SlopeUncertainty
 from .slope_uncertainty import slope_reservations, uncertain_slope
 
 if TYPE_CHECKING:
     from .contact_check import WitnessCheck
 
-FEW_POINTS = 6
+FEW_POINTS = 5
 """The number of distances below which a reservation is made."""
 
 _MORE_THAN_UNKNOWNS = 3  # distances needed beyond the number of unknowns, to judge a fit
 _LARGE_MISFIT = 0.1  # misfit of ln xi; over one step of distance, the virtual force has about this relative error
 _PROBABLY_WRONG = 0.5  # probability of a wrong nearest reading from which on a reservation is made
-_FEW_FLATTENED = 2  # flattened distances that one wrong reading explains as well
 _FEW_EMPTY = 4  # readings without an object from which the noise can be estimated, as from repeats
 _DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # allowed `PossibleCurves.doubt` of each kind of offset
 _MOST_NAMED = 5  # readings that a sentence lists
@@ -209,19 +208,22 @@ def contact_reservations(prepared: Prepared, check: WitnessCheck | None) -> list
 
 
 def _few_flattened(prepared: Prepared) -> list[str]:
-    """Return a warning if only one or two single readings show that the output flattens or falls near the sensor."""
+    """Return a warning if only one or two distances show that the output flattens or falls near the sensor."""
     first = prepared.window.distances[0] if prepared.window.distances else 0.0
     places, counts = np.unique(prepared.calibration.distances, return_counts=True)
     cut = places < first
-    few = 0 < cut.sum() <= _FEW_FLATTENED and counts[cut].max() == 1
-    if not few or prepared.window.saturation is not None:
+    if not is_explained_by_one_error(counts[cut]) or prepared.window.saturation is not None:
         return []
-    at = format_quantity(float(places[0]), "m")
+    at = " and ".join(format_quantity(float(place), "m") for place in places[cut])
+    possible = (
+        f"or one of the readings at {at} is wrong: repeat both"
+        if cut.sum() > 1
+        else f"or the reading at the smallest distance {at} is too low: repeat it"
+    )
     return [
         caution(
             "PT117",
-            f"The output flattens or falls near the sensor, or the reading at the smallest distance {at} is too low: "
-            "repeat it five times or more. Readings at distances below "
+            f"The output flattens or falls near the sensor, {possible} five times or more. Readings at distances below "
             f"{format_quantity(float(first), 'm')} are not used.",
         )
     ]

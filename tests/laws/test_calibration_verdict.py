@@ -46,18 +46,6 @@ def test_readings_that_determine_the_contact_speed_are_usable_although_they_coul
     assert report.to_dict()["notes"] == list(report.notes)
 
 
-@pytest.mark.parametrize(("count", "verdict"), [(5, "usable"), (4, "usable with reservations")])
-def test_five_distances_that_determine_the_contact_speed_are_usable_and_four_never_plainly(
-    count: int, verdict: str
-) -> None:
-    """Of 85 simulated sensors with five usable distances, each was right: `benchmarks.calibrations --sparse`."""
-    distances = np.linspace(0.0, 0.08, count)
-    outputs = np.round(150 + np.asarray(TRUTH.output(distances)))
-    report = fit(Calibration(distances=distances, outputs=outputs, unit="counts", no_object=[150.0, 151.0, 149.0]))
-    assert report.verdict == verdict
-    assert "PT101" in codes(report.notes if verdict == "usable" else report.reasons)
-
-
 def test_the_same_weakness_is_a_reservation_if_the_readings_do_not_determine_the_contact_speed() -> None:
     """Eleven readings under a soft ceiling; contact on the true curve is twice as hard as predicted."""
     made = make_sparse_sensor(np.random.default_rng([22, 68]), "soft")

@@ -22,7 +22,7 @@ from .slope_uncertainty import slope_reservations, uncertain_slope
 if TYPE_CHECKING:
     from .contact_check import WitnessCheck
 
-FEW_POINTS = 5
+FEW_POINTS = 6
 """The number of distances below which a reservation is made."""
 
 _MORE_THAN_UNKNOWNS = 3  # distances needed beyond the number of unknowns, to judge a fit

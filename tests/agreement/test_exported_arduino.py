@@ -389,13 +389,17 @@ def test_an_analog_sensor_needs_the_unit_of_its_counts(tmp_path: Path) -> None:
     subprocess.run([*command, "-DREADING_PER_COUNT=3.3f / 4095"], check=True)
 
 
-def test_a_rate_that_the_driver_does_not_reach_is_refused(tmp_path: Path) -> None:
+def test_a_rate_that_the_driver_does_not_reach_is_refused_before_the_simulation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pretouch.exports.law_design.verdict_on", lambda *_, **__: pytest.fail("verified"))
     path = tmp_path / "fast.toml"
     ranging(path)
     path.write_text(path.read_text().replace('rate = "25 Hz"\n', ""))  # 50 Hz, as in the data sheet
     with pytest.raises(InvalidInputError, match="25 Hz") as refused:
-        export(pt.load_scenario(path).replace(gain=-0.86), tmp_path / "law", "arduino", verify=False)
+        export(pt.load_scenario(path).replace(gain=-0.86), tmp_path / "law", "arduino")
     assert refused.value.value == 50
+    assert "fast.toml" in str(refused.value)
     assert not (tmp_path / "law").exists()
 
 

@@ -11,6 +11,9 @@ from typing import Final
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
+from pretouch.designs import Task
+from pretouch.designs.task import with_file_location
+from pretouch.simulation import ClosedLoop
 from pretouch.tables.names import output_unit
 
 from .c import c_files, filled
@@ -44,7 +47,6 @@ _UNFUSED: Final = """/* Libraries for Arduino have no compiler options: GCC must
 
 def arduino_files(design: LawDesign) -> dict[str, str]:
     """Return the path and content of each file of an Arduino library."""
-    _check_rate(design)
     law, name = c_files(design), design.identifier
     headers = {f"src/{each}": filled(f"arduino/src/{each}") for each in DRIVERS.values()}
     headers |= {f"src/pretouch_{each}.h": filled(f"arduino/src/pretouch_{each}.h") for each in _OTHERS}
@@ -77,19 +79,25 @@ def measuring_period(part: str) -> float:
     return int(found[1]) * 1e-6
 
 
-def _part(design: LawDesign) -> str | None:
+def _part(task: Task) -> str | None:
     """Return the sensor part of the scenario if there is a driver for it."""
-    part = design.task.sensor_part
+    part = task.sensor_part
     return part.name if part is not None and part.name in DRIVERS else None
 
 
-def _check_rate(design: LawDesign) -> None:
+@with_file_location
+def check_arduino(task: Task) -> None:
     """Refuse a sensor rate that the driver of the scenario's part does not reach.
 
+    Args:
+        task: the task; without a sampled loop, nothing is checked.
+
     Raises:
-        InvalidInputError: the design reads its sensor more often than this driver does.
+        InvalidInputError: the loop reads its sensor more often than this driver does.
     """
-    part, rate = _part(design), design.task.loop.chain.rate
+    if not isinstance(task.loop, ClosedLoop):
+        return
+    part, rate = _part(task), task.loop.chain.rate
     if part is not None and rate * measuring_period(part) > 1 + 1e-6:
         most = format_quantity(round(1 / measuring_period(part), 6), "Hz")
         raise InvalidInputError(
@@ -103,7 +111,7 @@ def _check_rate(design: LawDesign) -> None:
 def _values(design: LawDesign) -> dict[str, str]:
     """Return the texts that stand for numbers and names in the template files."""
     chain, task = design.task.loop.chain, design.task
-    part = _part(design)
+    part = _part(task)
     sensor = part or ("own sensor" if chain.measures_distance else "analog pin")
     nanoseconds = round(design.controller.period * 1e9)
     calibration = task.calibration

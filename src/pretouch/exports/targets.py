@@ -17,7 +17,7 @@ from pretouch._core.messages import not_one_of
 from pretouch.control import Limits
 from pretouch.designs import Task
 
-from .arduino import arduino_files
+from .arduino import arduino_files, check_arduino
 from .c import c_files
 from .fmu import fmu_files, fmu_kind
 from .folder import check_free, write_folder
@@ -28,19 +28,21 @@ from .ros2 import ros2_files
 
 
 class _Target(NamedTuple):
-    """Name and file generator of an export target.
+    """Name, file generator and requirements of an export target.
 
     Args:
         kind: returns the name of the format.
         files: returns the content of each file by its path in the folder.
+        check: raises an error for a task that this target cannot run, before the task is verified.
     """
 
     kind: Callable[[], str]
     files: Callable[[LawDesign], Mapping[str, str | bytes]]
+    check: Callable[[Task], None] = lambda _: None
 
 
 TARGETS: Final = {
-    "arduino": _Target(lambda: "Arduino library", arduino_files),
+    "arduino": _Target(lambda: "Arduino library", arduino_files, check_arduino),
     "c": _Target(lambda: "C", c_files),
     "fmu": _Target(fmu_kind, fmu_files),
     "json": _Target(lambda: "JSON", json_files),
@@ -82,15 +84,16 @@ def export(
         The result: what was written, or why nothing was written.
 
     Raises:
-        InvalidInputError: the target is unknown, the folder may not be replaced, the law has no C source, or it is not
-            verified and pulls the robot toward the object.
+        InvalidInputError: the target is unknown, the folder may not be replaced, the law has no C source, the target
+            cannot read the sensor at its rate, or the law is not verified and pulls the robot toward the object.
     """
     if target not in TARGETS:
         raise InvalidInputError(**not_one_of("target", target, TARGETS))
-    kind, make = TARGETS[target]
+    kind, make, check = TARGETS[target]
     source: Any = task.source
     refuse_input(folder, getattr(source, "inputs", ()))
     check_free(folder, overwrite=overwrite)  # before the verification, which takes seconds
+    check(task)
     design = law_design(task, verify=verify, toward_object=toward_object, date=date)
     files: tuple[Path, ...] = ()
     if design.is_supported or not verify:

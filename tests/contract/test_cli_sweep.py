@@ -310,3 +310,57 @@ def test_the_examples_of_the_page_run_one_after_another(
     assert float(names["gains"]["gain"].max()) < 0
     assert "is best on average" in printed
     assert Path("contacts.png").exists()
+
+
+# --- gains that nobody should use on a robot
+
+
+@pytest.fixture
+def looped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Task:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(ROOT / "examples/loop.toml", tmp_path)
+    return load_scenario("loop.toml")
+
+
+def test_gains_that_pull_or_oscillate_are_counted(looped: Task, run: Any) -> None:
+    strongest = looped.loop.stability_limit(looped.scenario, looped.sensor).strongest
+    gains = [1.02 * strongest, 0.98 * strongest, -0.1, 0.0, 0.2]
+    listed = ",".join(map(repr, gains))
+    code, out, _ = run("sweep", "loop.toml", "--axis", f"gain={listed}", "--axis", "obstacle.velocity=-0.3,-0.2,-0.1")
+    assert code == 0
+    said = " ".join(out.split())
+    assert "Warning: in 3 of 15 encounters, the gain pulls the robot toward the object" in said
+    assert f"beyond the stability limit of the sampled loop, D_p = {strongest:.4g} N s: on a robot" in said
+    assert said.count("beyond the stability limit") == 1
+    assert len(strict(run("sweep", "loop.toml", "--axis", f"gain={listed}", "--json")[1])["warnings"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "unstable", "pulling", "unchecked"),
+    [
+        (["--axis", "gain=-1:-0.1:4"], 0, 0, False),
+        (["--axis", "gain=0.1:1:4"], 0, 4, False),
+        (["--gain", "-50 N*s", "--axis", "obstacle.velocity=-0.3:-0.1:5"], 5, 0, False),
+        (["--gain", "-0.5 N*s", "--axis", "obstacle.velocity=-0.3:-0.1:5"], 0, 0, False),
+        (["--gain", "-50 N*s", "--axis", "obstacle.position=0.03:0.04:5"], 0, 0, True),
+        (["--gain", "-50 N*s", "--axis", "admittance.mass=1:2:2"], 0, 0, True),
+        (["--axis", "obstacle.velocity=-0.3:-0.1:5"], 0, 0, False),
+    ],
+    ids=["good", "wrong sign", "too strong", "one good gain", "other start", "other mass", "designed"],
+)
+def test_only_such_gains_are_warned_of(
+    words: list[str], unstable: int, pulling: int, unchecked: bool, looped: Task, run: Any
+) -> None:
+    found = strict(run("sweep", "loop.toml", *words, "--json")[1])["warnings"]
+    counted = {text.split(" of ")[0].removeprefix("in ") for text in found if text.startswith("in ")}
+    assert counted == {str(count) for count in (unstable, pulling) if count}
+    assert any("not checked" in text for text in found) == unchecked
+
+
+def test_a_drag_beyond_its_limit_is_warned_of_and_without_a_loop_nothing_is_said(run: Any, tmp_path: Path) -> None:
+    shutil.copy(ROOT / "examples/drag.toml", tmp_path)
+    task = load_scenario("drag.toml")
+    high = task.loop.stable_bounds((0.0, np.inf), task.scenario, task.sensor, 1.0)[1]
+    found = [strict(run("sweep", "drag.toml", "--axis", f"gain={f * high}", "--json")[1]) for f in (0.98, 1.02)]
+    assert [len(one["warnings"]) for one in found] == [0, 1]
+    assert strict(run("sweep", "approach.toml", "--axis", "gain=-50", "--json")[1])["warnings"] == []

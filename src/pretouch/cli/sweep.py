@@ -18,6 +18,7 @@ import typer
 from pretouch._core.errors import InvalidInputError, OutputExistsError
 from pretouch._core.files import refuse_input
 
+from .summary import wrapped
 from .terminal import (
     Presentation,
     ScenarioFile,
@@ -139,7 +140,10 @@ def _sweep(
             print_message("interrupted; run the same command again to resume")
         raise
     subject = task if "gain" in axes else _nominal(task)  # over several gains, no designed gain is part of the sweep
-    _present(dataset, reservations_about(task, subject), shown, figure, table)
+    from pretouch.sweeps.gain_warnings import gain_warnings  # noqa: PLC0415
+
+    warnings = gain_warnings(task, dataset)
+    _present(dataset, reservations_about(task, subject), shown, figure, table, warnings=warnings)
 
 
 def _nominal(task: Task) -> Any:
@@ -219,6 +223,8 @@ def _present(
     shown: Presentation,
     figure: Path | None,
     table: Path | None = None,
+    *,
+    warnings: tuple[str, ...] = (),
 ) -> None:
     """Draw the figure of a sweep, write its table, print its results, and exit."""
     from pretouch.sweeps.results import (  # noqa: PLC0415
@@ -243,13 +249,16 @@ def _present(
         plots.sweep(dataset).savefig(content, format=figure.suffix[1:].lower())
         write_bytes(figure, content.getvalue(), overwrite=shown.force)
     places = {"output": shown.output, "figure": figure, **({} if table is None else {"table": table})}
+    remarks = [line for text in warnings for line in wrapped(f"Warning: {text}")]
     witness = None if reservations is None else reservations.witness
     says_nothing = witness is not None and witness.headline is None and witness.spread is None
     if reservations is not None and says_nothing and not shown.json:
         reservations = replace(reservations, witness=None)  # its numbers are those of the nominal encounter alone
     try:
         text = shown.formatted(
-            reservations, lambda: {**sweep_as_dict(dataset), **places}, lambda: sweep_as_text(dataset)
+            reservations,
+            lambda: {**sweep_as_dict(dataset), "warnings": warnings, **places},
+            lambda: sweep_as_text(dataset, remarks),
         )
         ends_well = next(iter(counts(dataset).values())) > 0  # the first status is contact, or optimal
     except Exception as error:

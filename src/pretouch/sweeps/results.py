@@ -159,15 +159,23 @@ def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def sweep_as_text(dataset: xr.Dataset) -> str:
+def sweep_as_text(dataset: xr.Dataset, remarks: Sequence[str] = ()) -> str:
     """Return a sweep as text.
 
     It contains the number of encounters per status, and a table with a row for each encounter. A large sweep also has
     the ranges of inputs and results, and its table has evenly spaced encounters.
+
+    Args:
+        dataset: the sweep.
+        remarks: lines that stand before the table.
+
+    Returns:
+        The text.
     """
     size = int(np.prod(dataset[STATUS].shape))
     statuses = ", ".join(f"{count:,} {word}" for word, count in counts(dataset).items() if count)
     lines = [f"{size:,} encounter{'s' if size > 1 else ''}: {statuses}", ""]
+    lines += [*remarks, ""] if remarks else []
     if size <= _MOST_ROWS:
         return "\n".join([*lines, *aligned(_rows(dataset, range(size)))])
     some = sorted({round(i) for i in np.linspace(0, size - 1, _MOST_ROWS // 2).tolist()})

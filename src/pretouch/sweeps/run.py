@@ -23,6 +23,7 @@ from .axes import Axes
 from .cluster import connected, run_on, worker_count
 from .dataset import DIGEST, attributes_of, differing_parts, is_intact, open_netcdf, write_netcdf
 from .executors import BlockRecord, Progress, chunks_per_block, run_block
+from .gain_warnings import CHANGE_THE_LIMIT
 from .grid import Grid
 from .plan import make_plan
 from .stores import MemoryStore, Store, ZarrStore, in_use, is_sweep, refuse_beyond_memory, remove_unused, replace_sweep
@@ -35,7 +36,6 @@ S = TypeVar("S", bound=Store)
 
 _NETCDF: Final = (".nc", ".nc4")
 _ZARR: Final = ".zarr"
-_CHANGE_THE_LIMIT: Final = ("admittance.", "sensor.", "obstacle.position", "plant.position")
 
 
 @check_arguments
@@ -164,7 +164,7 @@ def _sweep_task(task: Task, axes: Axes) -> Task:
 @with_file_location
 def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
     """Return the bounds within the gain margin; a sweep axis that changes them raises an error."""
-    changing = [name for name in names if name.startswith(_CHANGE_THE_LIMIT)]
+    changing = [name for name in names if name.startswith(CHANGE_THE_LIMIT)]
     if changing and task.stability_margin is not None:
         raise InvalidInputError(
             f"stability_margin: a sweep over the input {changing[0]} cannot require a gain margin. The stability limit "

@@ -53,6 +53,18 @@ def test_exact_readings_give_their_parameters_back(model, offset):
     assert fit.rmse_log_output < 1e-12
 
 
+@pytest.mark.parametrize(("rate", "points", "last"), [(-100.0, 18, 0.285), (-60.0, 12, 0.3), (-130.0, 25, 0.2)])
+def test_exact_readings_over_many_decades_are_a_signal_of_their_curve(rate, points, last):
+    """A noise estimate of 1e-8 of the output made later fits stop early: 0.17 V of noise, and no usable signal."""
+    distance = np.linspace(0.0, last, points)
+    report = fit(Calibration(distances=distance, outputs=7.04 * np.exp(rate * distance), unit="V"))
+    assert report.verdict in {"usable", "usable with reservations"}
+    assert report.noise.output < 1e-4 * 7.04
+    assert report.best.model == "exponential-1"
+    found = report.best.parameters["rate"]
+    assert abs(found.value - rate) < max(3 * found.standard_error, 1e-6 * abs(rate))  # 1e-6: the smallest noise
+
+
 @pytest.mark.parametrize("pedestal", [0.0, 0.3])
 def test_exact_power_readings_give_the_offset_back_too(pedestal):
     fit = fit_sensor(exact("inverse-power", pedestal=pedestal), "inverse-power")

@@ -9,6 +9,8 @@ import pytest
 
 import pretouch as pt
 from pretouch.report.pages import page_of
+from pretouch.simulation.detection import detection_distance
+from verification_samples import loop_of
 
 SCENARIO = pt.Scenario(
     admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
@@ -63,3 +65,20 @@ def test_a_much_nearer_start_is_named_if_a_gain_exists_from_there() -> None:
     assert start is not None
     nearer = replace(SCENARIO, obstacle=replace(obstacle, position=1e-3 * float(start[1])))
     assert pt.design(far.replace(scenario=nearer)).gain is not None
+
+
+@pytest.mark.parametrize(("noise", "is_detected"), [(1e-4, True), (50.0, False)])
+def test_the_floor_that_belongs_to_the_start_is_named(noise: float, is_detected: bool) -> None:
+    """With the floor of the old start, the law would act from there on, as before."""
+    infeasible = task(0.02, 0.1)
+    loop = loop_of(noise=noise)
+    text = next_step(infeasible.replace(loop=loop))
+    start, floor = re.search(r"from a distance of (\S+) mm", text), re.search(r"floor = (\S+) in \[controller\]", text)
+    assert start is not None
+    assert (floor is not None) == is_detected
+    assert ("does not detect the object there" in text) != is_detected
+    if floor is not None:
+        conditioning = replace(loop.law.conditioning, floor=float(floor[1]))
+        # three digits of the floor of a signal whose slope is at most 80 1/m
+        seen = detection_distance(SENSOR, loop.chain, conditioning)
+        assert seen == pytest.approx(1e-3 * float(start[1]), rel=0.01)

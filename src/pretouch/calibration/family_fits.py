@@ -182,7 +182,7 @@ def forward_change(
     return (function(moved, distance) - function(u, distance)) / _STEP
 
 
-_SMALLEST: Final = 1e-9  # noise over the largest signal with which exact numbers are fitted
+_SMALLEST: Final = 1e-6  # noise over the largest signal with which exact numbers are fitted
 _FEWEST_REPEATED: Final = 2  # with at most so many distances with repeats, the relative noise is undetermined
 _LARGEST_MISFIT: Final = 0.3
 _USUAL: Final = 0.03  # usual misfit: a positioning error of 0.4 mm at a slope of 80 1/m
@@ -190,6 +190,7 @@ _FIRST_MISFIT: Final = 0.01  # start of the iteration
 _SURE_OF_MISFIT: Final = 0.99  # confidence level from which on a misfit is reported
 _MISFIT_TOLERANCE: Final = 1e-9
 _ROUNDS: Final = 4
+_NOT_CONVERGED: Final = 30.0  # residuals over the noise of the round before, above which a fit has not converged
 
 
 def find_noise(
@@ -216,12 +217,17 @@ def find_noise(
     )
     families = families or families_of(curve)
     residuals, signal = np.zeros_like(curve.output), curve.output
-    for _ in range(_ROUNDS):
+    for round_number in range(_ROUNDS):
         fits = [(family, fit_free(curve, family, noise, value)) for family in families]
         family, best = min(fits, key=lambda pair: float(pair[1].costs[0]))
         x = best.x[0]
-        signal = np.exp(np.minimum(family.log_output(x[:3], curve.distance), 300.0))
-        residuals = curve.output - (x[3] if value is None else value) - signal
+        level = np.exp(np.minimum(family.log_output(x[:3], curve.distance), 300.0))
+        deviations = curve.output - (x[3] if value is None else value) - level
+        if round_number > 0 and raw_noise.sigma is None:
+            ratios = deviations / noise.of_means(np.ones_like(level), level)
+            if float((ratios**2).mean()) > _NOT_CONVERGED**2:  # weights of nearly exact readings stop the descent early
+                break
+        residuals, signal = deviations, level
         before = noise.misfit
         if raw_noise.sigma is None:
             sigma, relative = two_components(

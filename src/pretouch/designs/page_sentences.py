@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 from pretouch._core.units import format_quantity
+from pretouch.motion import Scenario
 from pretouch.motion.page_sections import approach_step
 
 from .relaxation import Relaxation, relaxations_in_words
@@ -78,9 +79,20 @@ def _helpful_changes(task: Task, design: Callable[[Task], float | None]) -> Iter
             continue
         moved = replace(task.scenario, obstacle=replace(o, position=plant + distance))
         if design(task.replace(scenario=moved)) is not None:
-            where = format_quantity(distance, "m", 3)
-            yield f"let the law act from a distance of {where} on (start of the encounter, and floor of the controller)"
+            where, floor = format_quantity(distance, "m", 3), _floor_for(task, moved)
+            yield f"let the law act from a distance of {where} on (start of the encounter, and {floor})"
             return
+
+
+def _floor_for(task: Task, moved: Scenario) -> str:
+    """Name the floor of the controller with which it detects the object where another encounter starts."""
+    detect = getattr(task.loop, "detection", None)  # a custom loop may have no such method
+    detection = None if detect is None else detect(moved, task.sensor)
+    if detection is None:
+        return "floor of the controller"
+    if detection.floor_at_start is None:
+        return "less noise, because the controller does not detect the object there"
+    return f"floor = {detection.floor_at_start:.3g} in [controller]"
 
 
 def verify_step(task: Task, gain: float | None = None) -> str:

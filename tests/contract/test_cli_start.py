@@ -587,3 +587,24 @@ def test_the_doctor_tells_that_the_core_does_not_work(tmp_path: Path, monkeypatc
     answer = in_a_process("doctor", folder=tmp_path)
     assert answer.returncode == 1
     assert "PRETOUCH_VARIANT" in answer.stdout
+
+
+@pytest.mark.slow
+def test_a_landing_foot_without_a_gain_is_not_sent_to_limits_that_only_the_ideal_design_keeps(tmp_path: Path) -> None:
+    """The ideal design keeps 13.7 mm instead of 5 mm; on the loop, no gain does."""
+    options = {"speed": "0.8 m/s", "acceleration": "-9.81 m/s^2", "distance": "80 mm", "impact-force": "400 N"}
+    options |= {"stiffness": "30 kN/m", "latency": "5 ms", "control-rate": "500 Hz", "rate": "100 Hz"}
+    words = [word for name, value in options.items() for word in (f"--{name}", value)]
+    assert run("init", "--part", "VCNL4010", *words, "--excursion", "5 mm", folder=tmp_path).returncode == 0
+    task = pt.load_scenario(tmp_path / "scenario.toml")
+    task = task.replace(verify=replace(task.verify, runs=20))
+    advice = pt.verify(task).advice
+    assert (advice.kind, advice.settings) == ("none", {})
+    raised = re.findall(r"raise the limit of (\w+) from \S+ \w+ to (\S+ \w+)", advice.sentence)
+    assert [name for name, _ in raised] == ["impact_force", "excursion"]
+    for name, limit in raised:
+        value = float(limit.split()[0]) * (1e-3 if limit.endswith("mm") else 1.0)
+        limits = [replace(c, limit=value) if c.name == name else c for c in task.limits]
+        changed = task.replace(constraints=limits)
+        assert pt.design(changed).gain is not None
+        assert not pt.verify(changed, changes=False).status.is_passed

@@ -18,6 +18,7 @@ from pretouch._core.progress import note_work
 from pretouch.control import Controller
 from pretouch.designs import DesignStatus, GainDesign, Task, design_gain
 from pretouch.designs.gain import designed_number
+from pretouch.designs.relaxation import relaxations_in_words
 from pretouch.designs.task import with_file_location
 from pretouch.motion import ContactResult
 from pretouch.motion.page_sections import approach_step
@@ -116,7 +117,7 @@ def _advice_without_design(task: Task, design: GainDesign) -> Advice | None:
     """Return limits that a gain keeps on the sampled loop, if the ideal design is infeasible.
 
     The limits that suffice for the ideal design need not suffice on the loop, so that the search of a verdict is used.
-    It starts from the gain of the smallest relaxation.
+    It starts from the gain of the smallest relaxation. If it finds nothing, the advice says so.
     """
     if not design.relaxations:
         return None
@@ -124,6 +125,12 @@ def _advice_without_design(task: Task, design: GainDesign) -> Advice | None:
         advice = _verify(task, design, design.relaxations[0].gain, changes=True).advice
     except InvalidInputError:  # for example, contact with this gain is predicted only after the horizon
         return None
+    if advice is not None and advice.kind == "none":
+        ideal = ", or ".join(relaxations_in_words(design.relaxations))
+        limit = "No larger limit helps, unless a robot without mitigation meets it, too"
+        return replace(
+            advice, sentence=f"{advice.sentence}. {limit}. For the ideal design alone, it would be enough to {ideal}"
+        )
     return advice if advice is not None and advice.kind in {"change", "limit"} else None
 
 

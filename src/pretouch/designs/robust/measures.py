@@ -222,10 +222,25 @@ class ConditionalValueAtRisk(_AtProbability):
         The interval is valid for large numbers of samples. The interval is that of the mean of q + max(f - q, 0) / (1 -
         p).
         """
+        terms = self._terms(values)
+        if not np.isfinite(terms).all():
+            return math.inf, -math.inf, math.inf
+        return Expected().estimate(terms, confidence)
+
+    def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
+        """Return the difference of the tail means in the same encounters, and its standard error.
+
+        The standard error is valid for large numbers of samples. It is that of the mean of the paired differences of
+        q + max(f - q, 0) / (1 - p).
+        """
+        return Expected().difference(self._terms(values), self._terms(others))
+
+    def _terms(self, values: FloatArray) -> FloatArray:
+        """Return numbers whose mean is the tail mean: q + max(f - q, 0) / (1 - p); infinite if q is infinite."""
         q = sample_quantile(values, self.probability)
         if not math.isfinite(q):
-            return math.inf, -math.inf, math.inf
-        return Expected().estimate(q + np.maximum(values - q, 0.0) / (1 - self.probability), confidence)
+            return np.full(len(values), np.inf)
+        return np.asarray(q + np.maximum(values - q, 0.0) / (1 - self.probability))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

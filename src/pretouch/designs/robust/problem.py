@@ -5,7 +5,7 @@ It evaluates each gain over many sampled encounters.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch.motion import DAMPER, ContactResult
+from pretouch.motion import DAMPER, ContactResult, ContactState
 from pretouch.uncertainty import Ensemble, make_ensemble
 
 from ..custom_objectives import appraise
@@ -74,10 +74,12 @@ class RobustProblem(GainProblem):
             return Landscape(
                 objective=np.full(gains.shape, np.inf), ratios=np.full((len(self.limits), *gains.shape), np.inf)
             )
-        parts = list(self._parts(gains))
+        block = _BLOCK if self.ensemble.evaluator is None else _BLOCK_OF_EVALUATOR
+        step = max(1, block // len(self.ensemble))
+        parts = [self._measured(*self._evaluate(gains[i : i + step])[:2]) for i in range(0, len(gains), step)]
         return Landscape(
-            objective=np.concatenate([objective for objective, _, _ in parts]),
-            ratios=np.concatenate([ratios for _, ratios, _ in parts], axis=1),
+            objective=np.concatenate([part.objective for part in parts]),
+            ratios=np.concatenate([part.ratios for part in parts], axis=1),
         )
 
     def values(self, gain: float) -> tuple[FloatArray, FloatArray]:
@@ -132,12 +134,11 @@ class RobustProblem(GainProblem):
         count = int(np.ceil((high - low) / _STRIDE)) + 1
         for u in np.linspace(high, low, count)[1:]:
             gain = self.axis.gain(np.array([u]))
-            objective, ratios, least = next(self._parts(gain))
-            landscape = Landscape(objective=objective, ratios=ratios)
-            best = min(best, float(landscape.merit[0]))
-            if (
-                gain[0] <= 0 and float(least[0]) > best
-            ):  # the proof does not apply to gains that drive the plant toward the object
+            objective, ratios, state = self._evaluate(gain)
+            best = min(best, float(self._measured(objective, ratios).merit[0]))
+            if gain[0] > 0:  # the proof does not apply to gains that drive the plant toward the object
+                continue
+            if float(self.measure.of(least_objective(self.task.goal, state, self.ensemble.speed))[0]) > best:
                 return float(u)
         return low
 
@@ -168,21 +169,16 @@ class RobustProblem(GainProblem):
             return bool(premises_hold(ensemble.scenario).all()) and ensemble.many.falls(ensemble.scenario)
         return all(bool(touches_later(*ensemble.at(i)).all()) for i in range(len(ensemble)))
 
-    def _parts(self, gains: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-        """Evaluate risk measure and constraints in blocks of gains."""
-        block = _BLOCK if self.ensemble.evaluator is None else _BLOCK_OF_EVALUATOR
-        step = max(1, block // len(self.ensemble))
-        for start in range(0, len(gains), step):
-            objective, ratios, least = self._evaluate(gains[start : start + step])
-            quantiles = [limit.share(ratio) for limit, ratio in zip(self.limits, ratios, strict=True)]
-            yield (
-                np.asarray(self.measure.of(objective)),
-                np.reshape(quantiles, (len(quantiles), objective.shape[0])),
-                np.asarray(self.measure.of(least)),
-            )
+    def _measured(self, objective: FloatArray, ratios: FloatArray) -> Landscape:
+        """Return risk measure and constraints at the required probabilities from those of every encounter."""
+        quantiles = [limit.share(ratio) for limit, ratio in zip(self.limits, ratios, strict=True)]
+        return Landscape(
+            objective=np.asarray(self.measure.of(objective)),
+            ratios=np.reshape(quantiles, (len(quantiles), len(objective))),
+        )
 
-    def _evaluate(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Evaluate objective and constraints of every encounter."""
+    def _evaluate(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, ContactState]:
+        """Evaluate objective and constraints of every encounter, and the states at their ends."""
         result = self.ensemble.contacts(gains[:, None], peaks=peaks_of(self.task))
         reached, state, speed = result.reached, result.end, self.ensemble.speed
         objective = appraise(self.task.goal, state, reached, speed, self.task.impact)
@@ -190,5 +186,4 @@ class RobustProblem(GainProblem):
             np.where(reached, limit.constraint.magnitude(state, self.task.impact) / limit.constraint.limit, np.inf)
             for limit in self.limits
         ]
-        least = least_objective(self.task.goal, state, speed)
-        return objective, np.reshape(ratios, (len(ratios), *objective.shape)), least
+        return objective, np.reshape(ratios, (len(ratios), *objective.shape)), state

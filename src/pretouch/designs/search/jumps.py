@@ -21,7 +21,7 @@ better. The rest is the largest change by rounding to the four digits that are p
 """
 
 _SIZE: Final = 0.01  # relative change of the objective, or change of a ratio |quantity| / limit, that counts as a jump
-_NODES: Final = 17  # coordinates on both sides of an optimum, and in each round that narrows a jump
+_NODES: Final = 17  # coordinates in each round that narrows a jump
 _NARROW: Final = 1e-9  # width in u of a jump
 _ROUNDS: Final = 9
 _MOST: Final = 3  # largest number of steep places that are narrowed
@@ -53,27 +53,29 @@ class Jump(Value):
         return self.low - self.reserve, self.high + self.reserve
 
 
-def find_jump(evaluate: Evaluate, at: float, reserve: float, low: float, high: float) -> Jump | None:
+def find_jump(
+    evaluate: Evaluate, at: float, reserve: float, ends: tuple[float, float], nodes: int = _NODES
+) -> Jump | None:
     """Find the nearest jump around an optimum.
 
     Args:
         evaluate: a function that maps coordinates to a Landscape.
         at: the coordinate of the optimum.
         reserve: the distance in u to search.
-        low: start of the axis.
-        high: end of the axis.
+        ends: start and end of the axis.
+        nodes: number of coordinates on both sides of the optimum.
 
     Returns:
         The jump; None if objective, constraints and contact are continuous within this distance.
     """
-    u = np.unique(np.clip(at + reserve * np.linspace(-1.0, 1.0, _NODES), low, high))
+    u = np.unique(np.clip(at + reserve * np.linspace(-1.0, 1.0, nodes), *ends))
     steps = _steps(evaluate(u))
     steep = np.flatnonzero(steps > _SIZE)
     nearest = steep[np.argsort(np.abs(0.5 * (u[steep] + u[steep + 1]) - at), kind="stable")][:_MOST]
     for i in map(int, nearest):
-        ends = _narrow(evaluate, float(u[i]), float(u[i + 1]))
-        if ends is not None:
-            return Jump(low=ends[0], high=ends[1], reserve=reserve)
+        sides = _narrow(evaluate, float(u[i]), float(u[i + 1]))
+        if sides is not None:
+            return Jump(low=sides[0], high=sides[1], reserve=reserve)
     return None
 
 

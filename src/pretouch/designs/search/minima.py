@@ -22,6 +22,9 @@ _ROUNDED: Final = 1e-5  # largest allowed error by rounding, relative to the ran
 _NARROWEST: Final = 1e-9  # smallest interval in which a polynomial exceeds rounding
 _WIDEST: Final = 0.1  # largest interval of u for a polynomial
 
+_FITTED: Final = 1 / 16  # half width of the part of a bracket that a polynomial fits, relative to the bracket
+_ROUGH: Final = 0.05  # largest fourth difference, relative to the range, of values that a polynomial may fit
+
 _MOST_JUMPS: Final = 8
 
 OnAxis: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -88,10 +91,11 @@ def _keep_reserve(
         The minima, best first. The best one has the jump next to the lowest minimum; it is not avoided if nothing
         feasible keeps the distance.
     """
-    first, jumps, ends = minima, list[Jump](), scanned.coordinate[[0, -1]]
+    first, jumps = minima, list[Jump]()
+    ends = float(scanned.coordinate[0]), float(scanned.coordinate[-1])
     while minima and len(jumps) < _MOST_JUMPS:
         at = minima[0].coordinate
-        jump = find_jump(evaluate, at, reserve(at), float(ends[0]), float(ends[1]))
+        jump = find_jump(evaluate, at, reserve(at), ends, effort.nodes)
         if jump is None:
             break
         jumps.append(jump)
@@ -183,16 +187,32 @@ def _zoom(function: OnAxis, low: float, high: float, effort: Effort, enough: flo
         if best[1] <= enough:
             break
         at_end = u[i] in {low, high}
-        if effort.smooth and np.isfinite(values).all() and _NARROWEST * max(1.0, abs(left)) < right - left < _WIDEST:
-            polished = None if at_end else _polish(function, left, right)
+        smooth = effort.smooth and bool(np.isfinite(values).all())
+        if smooth and at_end and right - left < min(1e-3 * (high - low), _WIDEST):
+            break
+        half = _FITTED * (right - left)
+        if smooth and not at_end and _NARROWEST * max(1.0, abs(left)) < 2 * half < _WIDEST and _is_smooth(values):
+            middle = min(max(_bottom(u, values), low + half), high - half)
+            polished = _polish(function, middle - half, middle + half)
             if polished is not None:
                 return *polished, False
-            if at_end and right - left < 1e-3 * (high - low):
-                break
         left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, effort.nodes - 1)])
         if right - left < effort.finest * max(1.0, abs(left)):
             break
     return *best, True
+
+
+def _is_smooth(values: FloatArray) -> bool:
+    """Return True if a polynomial may fit equidistant values: their fourth differences are small."""
+    return bool(np.abs(np.diff(values, n=4)).max() <= _ROUGH * np.ptp(values)) if len(values) > 4 else True
+
+
+def _bottom(u: FloatArray, values: FloatArray) -> float:
+    """Return the coordinate of the lowest point of the parabola through the lowest value and its neighbors."""
+    i = min(max(int(np.argmin(values)), 1), len(u) - 2)
+    step, bend = float(values[i + 1] - values[i - 1]), float(values[i - 1] - 2 * values[i] + values[i + 1])
+    share = min(max(-0.5 * step / bend, -1.0), 1.0) if bend > 0 else 0.0
+    return float(u[i] + share * (u[i + 1] - u[i]))
 
 
 def _polish(function: OnAxis, left: float, right: float) -> tuple[float, float] | None:

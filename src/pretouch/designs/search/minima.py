@@ -22,6 +22,9 @@ _ROUNDED: Final = 1e-5  # largest allowed error by rounding, relative to the ran
 _NARROWEST: Final = 1e-9  # smallest interval in which a polynomial exceeds rounding
 _WIDEST: Final = 0.1  # largest interval of u for a polynomial
 
+_EXACT: Final = 1e-9  # largest `finest` of a function without jumps, whose edges of feasibility are zeros
+_STEPS: Final = 200  # largest number of steps to an edge
+_MET: Final = 1e-12  # a ratio this close to its limit is at the edge
 _FITTED: Final = 1 / 16  # half width of the part of a bracket that a polynomial fits, relative to the bracket
 _ROUGH: Final = 0.05  # largest fourth difference, relative to the range, of values that a polynomial may fit
 
@@ -78,7 +81,8 @@ def search_axis(
         The scan, and the feasible minima, best first.
     """
     scanned = scan_feasible(evaluate, low, high, effort, start)
-    minima = refine(lambda u: evaluate(u).merit, scanned.coordinate, scanned.landscape.merit, effort)
+    excess = (lambda u: evaluate(u).violation - HELD) if effort.finest <= _EXACT else None
+    minima = refine(lambda u: evaluate(u).merit, scanned.coordinate, scanned.landscape.merit, effort, excess=excess)
     return scanned, minima if reserve is None else _keep_reserve(evaluate, scanned, minima, effort, reserve)
 
 
@@ -145,7 +149,13 @@ def _insert(scanned: Scan, coordinate: float, evaluate: Evaluate) -> Scan:
 
 
 def refine(
-    function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort = EXACT, enough: float = -math.inf
+    function: OnAxis,
+    u: FloatArray,
+    values: FloatArray,
+    effort: Effort = EXACT,
+    enough: float = -math.inf,
+    *,
+    excess: OnAxis | None = None,
 ) -> list[Minimum]:
     """Refine the local minima of a function of one variable.
 
@@ -155,6 +165,7 @@ def refine(
         values: values of the function.
         effort: settings of the search.
         enough: a value at which the refinement of a minimum ends.
+        excess: a function that is positive where `function` is undefined; its zeros are the edges of the bracket.
 
     Returns:
         The minima, best first; minima beyond `effort.most` keep their scanned values. Empty if the function is
@@ -164,14 +175,47 @@ def refine(
     lowest = np.flatnonzero(np.isfinite(values) & (values <= padded[:-2]) & (values < padded[2:]))
     minima = []
     for rank, i in enumerate(map(int, lowest[np.argsort(values[lowest], kind="stable")])):
-        left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, len(u) - 1)])
+        before, after = max(i - 1, 0), min(i + 1, len(u) - 1)
         at, value, edge = float(u[i]), float(values[i]), True
         if rank < effort.most and value <= effort.counts(float(values[lowest].min())):
+            left, right = (
+                float(u[k])
+                if excess is None or np.isfinite(values[k])
+                else _edge(excess, at, float(u[k]), effort.finest)
+                for k in (before, after)
+            )
             refined = _zoom(function, left, right, effort, enough)
             if refined[1] <= value or not refined[2]:
                 at, value, edge = refined
-        minima.append(Minimum(coordinate=at, value=value, bracket=(left, right), edge=edge))
+        bracket = float(u[before]), float(u[after])
+        minima.append(Minimum(coordinate=at, value=value, bracket=bracket, edge=edge))
     return sorted(minima, key=lambda m: m.value)
+
+
+def _edge(excess: OnAxis, inside: float, outside: float, finest: float) -> float:
+    """Return the last coordinate without excess between one without excess and another one.
+
+    The secant method halves the value at an end that stays (Illinois); each third step is a bisection.
+    """
+    near, far = map(float, excess(np.array([inside, outside])))
+    weights, last = [near, far], None
+    for step in range(_STEPS):
+        if near >= -_MET or abs(outside - inside) <= finest * max(1.0, abs(inside)):
+            break
+        secant = step % 3 < 2 and math.isfinite(weights[1])
+        share = weights[0] / (weights[0] - weights[1]) if secant else 0.5
+        at = inside + share * (outside - inside)
+        value = float(excess(np.array([at]))[0])
+        end = int(value > 0)
+        weights[end] = value
+        if end == last:
+            weights[1 - end] *= 0.5
+        last = end
+        if end:
+            outside = at
+        else:
+            inside, near = at, value
+    return inside
 
 
 def _zoom(function: OnAxis, low: float, high: float, effort: Effort, enough: float) -> tuple[float, float, bool]:

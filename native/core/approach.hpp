@@ -1,11 +1,11 @@
 // Interface between the vectorized loop (lanes_loop.cpp) and the sampled loop of a single encounter (loop*.cpp).
 //
-// It must not define inline functions. lanes_loop.cpp is compiled once for each kind of processor, and the linker would
-// keep only one of the compiled copies.
+// It must not define inline functions, other than static ones. lanes_loop.cpp is compiled once for each kind of
+// processor, and the linker would keep only one of the compiled copies.
 
 #pragma once
 
-#include "pretouch.h"
+#include "sensing.hpp"
 
 namespace pretouch {
 
@@ -32,29 +32,14 @@ struct Approach {
     int64_t stretch;                         // how many stretches of the obstacle's course have begun
 };
 
-constexpr int64_t SENSOR_SIZE = 512;  // bytes reserved for a Sensor
-
-// Creates the sensor of an encounter in `sensor`; returns when it first samples the distance [s].
-double start_sensor(void *sensor, const pretouch_loop &loop, int64_t index, pretouch_reading *waiting, int64_t room);
-
-// Returns when a sensor samples the next distance [s].
-double next_sample(const void *sensor);
-
-// Passes a distance [m] to the sensor; returns when the sensor samples the next one [s].
-double sample_distance(void *sensor, double distance);
-
-// Writes the newest reading that is available at the time t, and when it was measured [s]. If there is no new reading,
-// it writes the previous one. Returns whether the reading is new.
-int32_t deliver_reading(void *sensor, double t, double *reading, double *measured);
-
 // Continues an encounter to its end by the code for single encounters. state: state of its law.
-void continue_encounter(const pretouch_loop &loop, int64_t index, void *state, const void *sensor,
+void continue_encounter(const pretouch_loop &loop, int64_t index, void *state, const Sensor &sensor,
                         const Approach &approach);
 
 // Continues an encounter for one period, including the call of the law at its start. Returns true if there was no
 // contact and the encounter goes on; `approach` and `sensor` then have the new state. Otherwise it runs the encounter
 // to its end.
-bool continue_period(const pretouch_loop &loop, int64_t index, void *state, void *sensor, Approach &approach);
+bool continue_period(const pretouch_loop &loop, int64_t index, void *state, Sensor &sensor, Approach &approach);
 
 // Returns the part of the obstacle's path that follows `leg`. It has the acceleration of the stretch with this number,
 // or, after the last stretch, that of the scene.

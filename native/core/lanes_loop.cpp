@@ -1,10 +1,11 @@
 // Simulate several encounters of the sampled loop at once, one in each vector lane, until their first contact.
 //
-// The law's limits and motion, the robot and the obstacle are computed for all lanes together. The sensor, the filters
-// and the rest of the law are computed by the code of a single encounter, which is called for each lane. Rare events (a
-// touch, a limit of the motion, the end) are also handled by the code of a single encounter. This file is compiled
-// without fused multiply-add instructions, and follows the order of the operations in loop*.cpp and pretouch_law.c.
-// Therefore each result has the same bits as that of an encounter that runs alone, on every processor.
+// The law's limits and motion, the robot and the obstacle are computed for all lanes together, as is a period of the law
+// without a new reading. New readings pass through the sensor and the filters by the code of a single encounter, one lane
+// after the other, because they arrive in different periods. Rare events (a touch, a limit of the motion, the end) are
+// also handled by the code of a single encounter. This file is compiled without fused multiply-add instructions, and
+// follows the order of the operations in loop*.cpp and pretouch_law.c. Therefore each result has the same bits as that
+// of an encounter that runs alone, on every processor.
 
 #include "approach.hpp"
 #include "lanes.hpp"
@@ -17,8 +18,9 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-constexpr double INSTANT = 1e-12;      // [s] times that differ by less are equal, as in loop.hpp
+constexpr double INSTANT = pretouch::INSTANT;
 constexpr double ROUNDING = 1e-9;      // relative, of an impulse, as in pretouch_law.c
+constexpr double SAME_INSTANT = 1e-6;  // of a period, as in pretouch_law.c
 constexpr double ANY_REFERENCE = 1e6;  // largest valid reference motion, as in pretouch_law.c
 
 inline Lanes larger(Lanes a, Lanes b) { return where(b > a, b, a); }
@@ -31,6 +33,11 @@ inline Masks masks_of(const int64_t *from) {
     memcpy(&value, from, sizeof value);
     return value;
 }
+
+inline void store_masks(int64_t *to, Masks value) { memcpy(to, &value, sizeof value); }
+
+// The flag in the lanes in which a condition is true, and 0 in the others.
+inline Masks flag_where(Masks condition, int64_t flag) { return condition & (flag - Masks{}); }
 
 inline Lanes rounded_down(Lanes x) {
 #if defined(__AVX512F__)
@@ -72,6 +79,11 @@ struct Drive {
     Lanes speed, acceleration, excursion;
 };
 
+// The parameters of the sensing of a law in each lane, with the limits of pretouch_observe; and its `ramp_step`.
+struct Sensing {
+    Lanes period, overdue, lost, most_quiet, most_measured, ramp_step;
+};
+
 // The encounters that share the lanes. When one ends, the next one takes its lane.
 class Group {
 public:
@@ -92,23 +104,26 @@ private:
     const bool ideal;
     const double inverse_mass;
 
-    int64_t next = 0, index[WIDTH], period_number[WIDTH];
+    int64_t next = 0, index[WIDTH];
     uint64_t open = 0;  // bits of the lanes whose encounter has not ended
-    alignas(64) char sensors[WIDTH][pretouch::SENSOR_SIZE];
+    pretouch::Sensor sensors[WIDTH];
+    // Arrays, because setting single lanes of a vector would write and read memory each time: time of the next sample of
+    // the distance, and of the arrival of the next reading [s].
+    alignas(64) double instants[WIDTH] = {}, arrivals[WIDTH] = {};
 
-    alignas(64) double times[WIDTH] = {}, instants[WIDTH] = {};  // start of the period; time of the next sample
-    Lanes t{}, instant{};
+    Lanes number{}, t{};  // number of the period, as a real number, and its start [s]
     Bodies body{};
     Lanes last_x{}, last_v{}, last_xo{}, last_vo{}, end_time{}, xv{}, vv{}, rate{}, acting{};
     Lanes detection_time{}, closest{}, excursion{}, travel{}, fastest{}, strongest{}, hardest{}, advancing{};
     Lanes x0{}, start_xo{}, xd{}, vd{}, ad{};               // scene
     Lanes since{}, until{}, xo0{}, vo0{}, ao{}, gone{};  // leg of the obstacle's path
     int64_t stretch[WIDTH];
+    Lanes quiet{}, measured{}, log_level{}, ramp{};  // state of the law's sensing that changes without a reading
+    Sensing sensing{};
     Lanes steady{}, rest{}, ahead{}, fading{}, motion{}, speed{}, reference{};  // state of the law's drive
     Drive drive{};
     Lanes position{}, velocity{}, acceleration{}, force{};  // output of the law
-    double log_level[WIDTH];
-    int32_t status[WIDTH], flags[WIDTH];
+    Masks status{}, flags{};
 
     pretouch_state *state_of(int lane) { return reinterpret_cast<pretouch_state *>(states + lane * loop.laws.state_size); }
     const pretouch_parameters *parameters_of(int lane) const {
@@ -120,20 +135,24 @@ private:
 
     void begin(int lane);
     void load_drive(int lane, const pretouch_drive_state &driven);
+    void load_sensing(int lane, const pretouch_state &state);
+    void store_sensing(int lane, pretouch_state &state) const;
     void set_leg(int lane, const pretouch::Leg &leg);
     pretouch::Leg leg_of(int i) const { return {since[i], until[i], xo0[i], vo0[i], ao[i], gone[i]}; }
     pretouch::Approach approach_of(int lane, double at, bool law_called);
-    bool is_at_end(int lane, int64_t periods) const {
-        return period_number[lane] >= periods || !(body.x[lane] - body.xo[lane] < 0.0);
+    bool is_at_end(int lane, double periods) const {
+        return number[lane] >= periods || !(body.x[lane] - body.xo[lane] < 0.0);
     }
-    void follow_course(int lane, int64_t periods);
+    void follow_course(int lane, double periods);
     void visit(int lane);
     void leave(int lane, double at, bool law_called);
     void refill(int lane);
     void ask_laws();
-    void step_alone(int lane, const pretouch_observation &observed, const pretouch_push &push, pretouch_sample &sample);
+    void step_alone(int lane, const pretouch_observation &observed, const pretouch_push &push, pretouch_sample &sample,
+                    int64_t *statuses);
     bool is_open(int lane) const { return open >> lane & 1; }
-    void follow_period();
+    template <bool is_ideal> void follow_period();
+    template <bool is_ideal> void follow(double periods);
     Bodies advance(double at, double h, const Course &target) const;
     Bodies slopes(const Bodies &b, Lanes wanted, Lanes command) const;
 };
@@ -145,10 +164,10 @@ void Group::begin(int i) {
     memcpy(state_of(i), loop.laws.states + loop.laws.start_of[k] * loop.laws.state_size,
            static_cast<size_t>(loop.laws.state_size));
     const pretouch_drive_numbers &d = parameters_of(i)->drive;
+    const pretouch_sensing_numbers &n = parameters_of(i)->sensing;
     open |= 1ull << i;
-    period_number[i] = 0;
-    times[i] = t[i] = 0.0;
-    instants[i] = instant[i] = pretouch::start_sensor(sensors[i], loop, k, waiting + i * room, room);
+    number[i] = t[i] = 0.0;
+    pretouch::start_sensing(sensors[i], loop, k, waiting + i * room, room);
     end_time[i] = rate[i] = acting[i] = body.servo[i] = travel[i] = strongest[i] = hardest[i] = 0.0;
     x0[i] = body.x[i] = xv[i] = s.x;
     body.v[i] = vv[i] = s.v;
@@ -165,6 +184,13 @@ void Group::begin(int i) {
     fastest[i] = fabs(s.v);
     advancing[i] = s.v - s.vd;
     flags[i] = 0;
+    load_sensing(i, *state_of(i));
+    sensing.period[i] = n.period;
+    sensing.overdue[i] = n.sensor_period * (1 - SAME_INSTANT);
+    sensing.lost[i] = n.timeout * (1 + SAME_INSTANT);
+    sensing.most_quiet[i] = 2 * n.timeout;
+    sensing.most_measured[i] = 3 * n.timeout;
+    sensing.ramp_step[i] = parameters_of(i)->law.ramp_step;
     load_drive(i, state_of(i)->drive);
     drive.hold[i] = d.hold;
     drive.fade_step[i] = d.fade_step;
@@ -193,6 +219,24 @@ void Group::load_drive(int i, const pretouch_drive_state &driven) {
     reference[i] = driven.reference;
 }
 
+// Copy the state of a law's sensing, and when its sensor acts next, to a lane.
+void Group::load_sensing(int i, const pretouch_state &state) {
+    quiet[i] = state.sensing.quiet;
+    measured[i] = state.sensing.measured;
+    log_level[i] = state.sensing.log_level;
+    ramp[i] = state.law.ramp;
+    instants[i] = sensors[i].instant;
+    arrivals[i] = pretouch::next_arrival(sensors[i]);
+}
+
+// Copy the state of a lane's sensing back to the law.
+void Group::store_sensing(int i, pretouch_state &state) const {
+    state.sensing.quiet = quiet[i];
+    state.sensing.measured = measured[i];
+    state.sensing.log_level = log_level[i];
+    state.law.ramp = ramp[i];
+}
+
 void Group::set_leg(int i, const pretouch::Leg &leg) {
     since[i] = leg.since;
     until[i] = leg.until;
@@ -204,15 +248,15 @@ void Group::set_leg(int i, const pretouch::Leg &leg) {
 
 // Advance a lane until a period in which no leg of the obstacle's path ends. The code of a single encounter simulates
 // the periods in which a leg ends.
-void Group::follow_course(int i, int64_t periods) {
+void Group::follow_course(int i, double periods) {
     while (is_open(i)) {
         if (is_at_end(i, periods)) {
             leave(i, 0.0, false);
             refill(i);
             continue;
         }
-        while (times[i] >= until[i] - INSTANT) set_leg(i, pretouch::leg_after(loop, index[i], leg_of(i), stretch[i]++));
-        if (until[i] > times[i] + loop.period + INSTANT) return;
+        while (t[i] >= until[i] - INSTANT) set_leg(i, pretouch::leg_after(loop, index[i], leg_of(i), stretch[i]++));
+        if (until[i] > t[i] + loop.period + INSTANT) return;
         visit(i);
         if (!is_open(i)) refill(i);
     }
@@ -223,17 +267,19 @@ void Group::refill(int lane) {
     if (next < count) begin(lane);
 }
 
-// Pack the state of a lane for the code of a single encounter, and copy the state of the drive back to the law.
+// Pack the state of a lane for the code of a single encounter, and copy the state of its law back.
 // law_called: whether the law has been called in this period.
 pretouch::Approach Group::approach_of(int i, double at, bool law_called) {
     pretouch_drive_state &driven = state_of(i)->drive;
+    store_sensing(i, *state_of(i));
     driven.delivery = {steady[i], rest[i], ahead[i], fading[i]};
     driven.motion = {motion[i], speed[i]};
     driven.reference = reference[i];
     return {
-        period_number[i], t[i], at, end_time[i], body.x[i], body.v[i], body.servo[i], body.xo[i], body.vo[i],
+        static_cast<int64_t>(number[i]), t[i], at, end_time[i], body.x[i], body.v[i], body.servo[i], body.xo[i], body.vo[i],
         last_x[i], last_v[i], last_xo[i], last_vo[i], xv[i], vv[i], rate[i], acting[i], detection_time[i], closest[i], excursion[i], travel[i], fastest[i], strongest[i],
-        hardest[i], advancing[i], {position[i], velocity[i], acceleration[i], force[i], log_level[i], status[i]}, flags[i],
+        hardest[i], advancing[i], {position[i], velocity[i], acceleration[i], force[i], log_level[i],
+        static_cast<int32_t>(status[i])}, static_cast<int32_t>(flags[i]),
         law_called, leg_of(i), stretch[i]};
 }
 
@@ -250,10 +296,10 @@ void Group::visit(int i) {
         open &= ~(1ull << i);
         return;
     }
+    load_sensing(i, *state_of(i));
     load_drive(i, state_of(i)->drive);
-    period_number[i] = a.period;
-    times[i] = t[i] = static_cast<double>(a.period) * loop.period;
-    instants[i] = instant[i] = pretouch::next_sample(sensors[i]);
+    number[i] = static_cast<double>(a.period);
+    t[i] = number[i] * loop.period;
     end_time[i] = a.end_time;
     body.x[i] = a.x;
     body.v[i] = a.v;
@@ -276,7 +322,6 @@ void Group::visit(int i) {
     velocity[i] = a.output.velocity;
     acceleration[i] = a.output.acceleration;
     force[i] = a.output.virtual_force;
-    log_level[i] = a.output.log_level;
     status[i] = a.output.status;
     flags[i] = a.flags;
     set_leg(i, a.leg);
@@ -285,7 +330,7 @@ void Group::visit(int i) {
 
 // Compute the drive of one lane by the code of the law, since a limit or a fault may act.
 void Group::step_alone(int i, const pretouch_observation &observed, const pretouch_push &push,
-                       pretouch_sample &sample) {
+                       pretouch_sample &sample, int64_t *statuses) {
     pretouch_drive_state driven = {{steady[i], rest[i], ahead[i], fading[i]}, {motion[i], speed[i]}, reference[i]};
     pretouch_output out;
     sample.contact_force = -0.0;
@@ -298,48 +343,86 @@ void Group::step_alone(int i, const pretouch_observation &observed, const pretou
     velocity[i] = out.velocity;
     acceleration[i] = out.acceleration;
     force[i] = out.virtual_force;
-    status[i] = out.status;
+    statuses[i] = out.status;
 }
 
 // Pass the available readings to the laws. They move the virtual objects over the period.
 void Group::ask_laws() {
-    pretouch_observation observed[WIDTH];
-    pretouch_push push[WIDTH];
-    pretouch_sample sample[WIDTH];
-    // arrays, because setting single lanes of a vector would write and read memory each time
-    alignas(64) double impulses[WIDTH] = {};
-    alignas(64) int64_t usables[WIDTH] = {}, stales[WIDTH] = {}, losses[WIDTH] = {};
-    alignas(64) int64_t vanished[WIDTH] = {};
-    for (int i = 0; i < WIDTH; i++) {
-        push[i] = {0.0, 0.0};
-        status[i] = 0;
-        if (!is_open(i)) continue;
-        double measured;
-        const pretouch_parameters *p = parameters_of(i);
-        sample[i].fresh = pretouch::deliver_reading(sensors[i], times[i], &sample[i].reading, &measured);
-        const double age = times[i] - measured;
-        sample[i].age = 0.0 > age ? 0.0 : age;
-        pretouch_observe(&p->sensing, &state_of(i)->sensing, &sample[i], &observed[i]);
-        pretouch_damp(&p->law, &state_of(i)->law, &observed[i], &push[i]);
-        impulses[i] = push[i].impulse;
-        usables[i] = -observed[i].usable;
-        stales[i] = -observed[i].stale;
-        losses[i] = -observed[i].lost;
-        vanished[i] = -observed[i].no_object;
-        log_level[i] = observed[i].log_level;
+    const Lanes none = all(0.0), one = all(1.0);
+    // as pretouch_observe and pretouch_damp in pretouch_law.c without a new reading
+    const Lanes quiet_now = quiet + sensing.period, measured_now = measured + sensing.period;
+    Masks lost = quiet_now > sensing.lost, stale = quiet_now > sensing.overdue, usable{}, gone{};
+    Lanes level = where(lost, none, log_level), impulse{};
+    const Masks detecting = level > none;
+    Lanes next_quiet = smaller(quiet_now, sensing.most_quiet);
+    Lanes next_measured = smaller(measured_now, sensing.most_measured);
+    Lanes next_ramp = where(detecting, smaller(ramp + sensing.ramp_step, one), larger(ramp - sensing.ramp_step, none));
+    Masks seen = flag_where(detecting, PRETOUCH_DETECTING) + flag_where(stale, PRETOUCH_STALE) +
+                 flag_where(lost, PRETOUCH_LOST);
+    const uint64_t arriving = open & bits(load(arrivals) <= t + INSTANT), silent = open & bits(lost) & ~arriving;
+    if (silent)
+        for (int i = 0; i < WIDTH; i++)
+            if (silent >> i & 1) state_of(i)->sensing.latest = PRETOUCH_NOTHING;
+    if (arriving) {
+        alignas(64) double quiets[WIDTH], ages[WIDTH], levels[WIDTH], ramps[WIDTH], impulses[WIDTH] = {};
+        alignas(64) int64_t usables[WIDTH] = {}, stales[WIDTH], losses[WIDTH], vanished[WIDTH] = {}, seens[WIDTH];
+        store(quiets, next_quiet);
+        store(ages, next_measured);
+        store(levels, level);
+        store(ramps, next_ramp);
+        store_masks(stales, stale);
+        store_masks(losses, lost);
+        store_masks(seens, seen);
+        for (int i = 0; i < WIDTH; i++) {
+            if (!(arriving >> i & 1)) continue;
+            const pretouch_parameters *p = parameters_of(i);
+            pretouch_state *state = state_of(i);
+            pretouch::Sensor &sensor = sensors[i];
+            pretouch_sample sample;
+            pretouch_observation observed;
+            pretouch_push push;
+            sample.fresh = pretouch::deliver(sensor, t[i]);
+            arrivals[i] = pretouch::next_arrival(sensor);
+            sample.reading = sensor.reading;
+            sample.age = pretouch::larger(t[i] - sensor.measured, 0.0);
+            store_sensing(i, *state);
+            pretouch_observe(&p->sensing, &state->sensing, &sample, &observed);
+            pretouch_damp(&p->law, &state->law, &observed, &push);
+            quiets[i] = state->sensing.quiet;
+            ages[i] = state->sensing.measured;
+            levels[i] = state->sensing.log_level;
+            ramps[i] = state->law.ramp;
+            impulses[i] = push.impulse;
+            usables[i] = -observed.usable;
+            stales[i] = -observed.stale;
+            losses[i] = -observed.lost;
+            vanished[i] = -observed.no_object;
+            seens[i] = observed.status;
+        }
+        next_quiet = load(quiets);
+        next_measured = load(ages);
+        level = load(levels);
+        next_ramp = load(ramps);
+        impulse = load(impulses);
+        usable = masks_of(usables);
+        stale = masks_of(stales);
+        lost = masks_of(losses);
+        gone = masks_of(vanished);
+        seen = masks_of(seens);
     }
+    quiet = next_quiet;
+    measured = next_measured;
+    log_level = level;
+    ramp = next_ramp;
     const double period = loop.period;
-    const Lanes impulse = load(impulses);
-    const Masks usable = masks_of(usables), stale = masks_of(stales), lost = masks_of(losses);
-    const Masks gone = masks_of(vanished);
     // as deliver in pretouch_law.c
-    const Lanes owed = impulse + rest, due = owed - ahead, none = all(0.0);
+    const Lanes owed = impulse + rest, due = owed - ahead;
     const Masks covers = ((owed > 0.0) & (0.0 < due)) | ((owed < 0.0) & (0.0 > due));
     const Lanes new_steady = where(covers, within(due / drive.hold, drive.largest_force), none);
     const Lanes now_steady = where(usable, new_steady, steady);
     const Lanes remaining = where(usable, new_steady * drive.hold, rest);
     const Lanes now_ahead = where(gone, none, where(usable, where(covers, none, -due), ahead));
-    const Lanes now_fading = where(gone, none, where(usable, all(1.0), fading));
+    const Lanes now_fading = where(gone, none, where(usable, one, fading));
     const Lanes portion = now_steady * period;
     const Masks lasts = remaining != 0.0, last = absolute(remaining) <= absolute(portion) * (1 + ROUNDING);
     const Masks fades = ~lasts & stale;
@@ -373,18 +456,30 @@ void Group::ask_laws() {
     motion = where(plain, next_x, motion);
     speed = where(plain, next_v, speed);
     reference = where(plain, x, reference);
-    const uint64_t limited = bits(absolute(virtual_force) >= drive.largest_force);
-    const uint64_t pressed = bits(0.0 >= drive.threshold), common = bits(plain);
-    for (int i = 0; i < WIDTH; i++) {
-        if (!is_open(i)) continue;
-        if (common >> i & 1)
-            status[i] = observed[i].status + (limited >> i & 1 ? PRETOUCH_FORCE_LIMITED : 0) +
-                        (pressed >> i & 1 ? PRETOUCH_IN_CONTACT : 0);
-        else
-            step_alone(i, observed[i], push[i], sample[i]);
-        flags[i] |= status[i];
-        if (status[i] & PRETOUCH_DETECTING && isnan(detection_time[i])) detection_time[i] = t[i];
+    status = seen + flag_where(absolute(virtual_force) >= drive.largest_force, PRETOUCH_FORCE_LIMITED) +
+             flag_where(none >= drive.threshold, PRETOUCH_IN_CONTACT);
+    const uint64_t alone = open & ~bits(plain);
+    if (alone) {
+        alignas(64) int64_t statuses[WIDTH];
+        store_masks(statuses, status);
+        for (int i = 0; i < WIDTH; i++) {
+            if (!(alone >> i & 1)) continue;
+            pretouch_observation observed{};
+            observed.usable = usable[i] != 0;
+            observed.no_object = gone[i] != 0;
+            observed.stale = stale[i] != 0;
+            observed.lost = lost[i] != 0;
+            observed.log_level = log_level[i];
+            observed.status = static_cast<int32_t>(seen[i]);
+            pretouch_sample sample{};
+            step_alone(i, observed, {impulse[i], 0.0}, sample, statuses);
+        }
+        status = masks_of(statuses);
     }
+    flags |= status;
+    const Masks first = ((status & flag_where(status == status, PRETOUCH_DETECTING)) != Masks{}) &
+                        ~(detection_time == detection_time);
+    detection_time = where(first, t, detection_time);
     strongest = larger(strongest, absolute(force));
     acting = force;
 }
@@ -396,13 +491,17 @@ Bodies Group::slopes(const Bodies &b, Lanes wanted, Lanes extra) const {
     const bool lags = p.servo_rate > 0.0;
     Lanes driven = lags ? b.servo : command;
     if (p.coulomb_friction > 0.0) {
-        alignas(64) double friction[WIDTH], speeds[WIDTH];
-        store(friction, from_bits((as_bits(b.v) & INT64_MIN) | as_bits(all(p.coulomb_friction))));
-        store(speeds, b.v);
+        Lanes friction = from_bits((as_bits(b.v) & INT64_MIN) | as_bits(all(p.coulomb_friction)));
         const uint64_t slow = open & ~bits(absolute(b.v) > 20.0 * p.friction_speed);
-        for (int i = 0; slow >> i; i++)
-            if (slow >> i & 1) friction[i] = p.coulomb_friction * tanh(speeds[i] / p.friction_speed);
-        driven -= load(friction);
+        if (slow) {
+            alignas(64) double frictions[WIDTH], speeds[WIDTH];
+            store(frictions, friction);
+            store(speeds, b.v);
+            for (int i = 0; slow >> i; i++)
+                if (slow >> i & 1) frictions[i] = p.coulomb_friction * tanh(speeds[i] / p.friction_speed);
+            friction = load(frictions);
+        }
+        driven -= friction;
     }
     return {b.v, driven * inverse_mass, lags ? p.servo_rate * (command - b.servo) : all(0.0), b.vo, ao};
 }
@@ -430,15 +529,15 @@ Bodies Group::advance(double at, double h, const Course &target) const {
 }
 
 // Simulate the bodies and the sampling of the sensor over one period of the controller.
-void Group::follow_period() {
+template <bool is_ideal> void Group::follow_period() {
     const double period = loop.period;
     const Course target = course_between(xv, vv * period, position, velocity * period);
     for (double at = 0.0; at < period - INSTANT;) {
         const double whole = period - at;
-        const double h = !ideal && loop.plant_step < whole ? loop.plant_step : whole;
+        const double h = !is_ideal && loop.plant_step < whole ? loop.plant_step : whole;
         const Lanes later = (t + at) + h, along_leg = later - since;
         Bodies moved;
-        if (ideal)
+        if constexpr (is_ideal)
             moved = {position, velocity, all(0.0), xo0 + along_leg * (vo0 + 0.5 * ao * along_leg), vo0 + ao * along_leg};
         else
             moved = advance(at, h, target);
@@ -448,41 +547,43 @@ void Group::follow_period() {
         const Lanes doubt = 1e-12 * (absolute(x0) + absolute(moved.x) + absolute(start_xo) + way);
         const Lanes lowest = smaller(start, end);
         const Masks apart = (end > doubt) & (smaller(start + start_slope / 3.0, end - end_slope / 3.0) >= lowest);
-        alignas(64) double gap[4][WIDTH], least[WIDTH];
-        store(least, lowest);
-        const uint64_t doubtful = open & ~bits(apart), due = bits(instant <= later + INSTANT);
+        const uint64_t doubtful = open & ~bits(apart), due = open & bits(load(instants) <= later + INSTANT);
+        Lanes nearest = lowest;
         if (doubtful) {
+            alignas(64) double least[WIDTH];
+            store(least, lowest);
             for (int i = 0; i < WIDTH; i++)
                 if (doubtful >> i & 1 && pretouch_first_touch(start[i], start_slope[i], end[i], end_slope[i], doubt[i],
                                                               least + i) <= 1.0)
                     leave(i, at, true);
+            nearest = load(least);
         }
-        rate = ideal ? (velocity - vv) / period : (moved.v - body.v) / h;
+        rate = is_ideal ? (velocity - vv) / period : (moved.v - body.v) / h;
         hardest = larger(hardest, absolute(rate));
         if (open & due) {
             const Course distance = course_between(start, start_slope, end, end_slope);
+            alignas(64) double gap[4][WIDTH];
             store(gap[0], distance.start);
             store(gap[1], distance.start_slope);
             store(gap[2], distance.second);
             store(gap[3], distance.third);
             for (int i = 0; i < WIDTH; i++) {
                 if (!(open & due & 1ull << i)) continue;
-                const double since = times[i];
-                double moment = instants[i];
-                while (moment <= since + at + h + INSTANT) {
-                    double s = (moment - since - at) / h;
+                const double begun = t[i];
+                pretouch::Sensor &sensor = sensors[i];
+                while (sensor.instant <= begun + at + h + INSTANT) {
+                    double s = (sensor.instant - begun - at) / h;
                     s = 0.0 > s ? 0.0 : s;
                     s = 1.0 < s ? 1.0 : s;
-                    moment = pretouch::sample_distance(
-                        sensors[i], gap[0][i] + s * (gap[1][i] + s * (gap[2][i] + s * gap[3][i])));
+                    pretouch::look(sensor, gap[0][i] + s * (gap[1][i] + s * (gap[2][i] + s * gap[3][i])));
                 }
-                instants[i] = moment;
+                instants[i] = sensor.instant;
+                arrivals[i] = pretouch::next_arrival(sensor);
             }
-            instant = load(instants);
         }
         body = moved;
         at += h;
-        closest = smaller(closest, load(least));
+        closest = smaller(closest, nearest);
         const Lanes now = t + at;
         excursion = larger(excursion, absolute(body.x - reference_at(now)));
         travel = larger(travel, absolute(body.x - x0));
@@ -499,44 +600,42 @@ void Group::follow_period() {
     vv = velocity;
 }
 
-void Group::run() {
-    const int64_t periods = static_cast<int64_t>(ceil(loop.horizon / loop.period - 1e-9));
-    for (int i = 0; i < WIDTH; i++) {
-        log_level[i] = 0.0;
-        refill(i);
-    }
+// Simulate all encounters. periods: number of periods until the horizon.
+template <bool is_ideal> void Group::follow(double periods) {
     while (open) {
-        for (int i = 0; i < WIDTH; i++) {
-            if (is_open(i)) times[i] = static_cast<double>(period_number[i]) * loop.period;
-        }
-        t = load(times);
+        t = number * loop.period;
         // overlapping bodies exert a contact force, which only the code of a single encounter computes
-        const uint64_t apart = bits(body.x - body.xo < 0.0);
-        for (int i = 0; i < WIDTH; i++) {
-            bool ends = is_open(i) && (period_number[i] >= periods || !(apart >> i & 1));
+        const uint64_t ended = open & (bits(number >= periods) | ~bits(body.x - body.xo < 0.0));
+        for (int i = 0; ended >> i; i++) {
+            bool ends = ended >> i & 1;
             while (ends) {
                 leave(i, 0.0, false);
                 refill(i);
                 ends = is_open(i) && is_at_end(i, periods);
             }
         }
-        if (loop.stretches_each) {
+        if (loop.stretches_each)
             for (int i = 0; i < WIDTH; i++) follow_course(i, periods);
-            t = load(times);
-        }
         last_x = body.x;
         last_v = body.v;
         last_xo = body.xo;
         last_vo = body.vo;
         ask_laws();
-        follow_period();
-        for (int i = 0; i < WIDTH; i++) {
-            if (is_open(i))
-                period_number[i]++;
-            else
-                refill(i);
-        }
+        follow_period<is_ideal>();
+        number += 1.0;
+        if (open != (1ull << WIDTH) - 1)
+            for (int i = 0; i < WIDTH; i++)
+                if (!is_open(i)) refill(i);
     }
+}
+
+void Group::run() {
+    const double periods = ceil(loop.horizon / loop.period - 1e-9);
+    for (int i = 0; i < WIDTH; i++) refill(i);
+    if (ideal)
+        follow<true>(periods);
+    else
+        follow<false>(periods);
 }
 
 }  // namespace

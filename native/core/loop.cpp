@@ -94,7 +94,7 @@ void Encounter::resume(const Approach &a) {
         finish();
 }
 
-bool Encounter::visit(Approach &a, void *sensor_after) {
+bool Encounter::visit(Approach &a, Sensor &sensor_after) {
     restore(a);
     ask_law();
     if (!end_period(body)) {
@@ -109,13 +109,13 @@ bool Encounter::visit(Approach &a, void *sensor_after) {
          0.0, 0.0, 0.0, 0.0, xv, vv, rate, acting, end.detection_time, end.closest_distance, end.largest_excursion,
          end.largest_travel, end.largest_speed, end.largest_virtual_force, end.largest_acceleration, end.largest_advance, output,
          flags, false, leg, stretch};
-    new (sensor_after) Sensor(sensor);
+    sensor_after = sensor;
     return true;
 }
 
 // Passes the newest reading to the law, which returns the motion of the virtual object over the period.
 void Encounter::ask_law() {
-    const int32_t fresh = sensor.deliver(t);
+    const int32_t fresh = deliver(sensor, t);
     const double force = force_now();
     const pretouch_sample sample = {sensor.reading,  larger(t - sensor.measured, 0.0), -force,
                                     reference_at(t), scene.vd + scene.ad * t,          scene.ad,
@@ -226,10 +226,10 @@ void Encounter::shorten(Step &step) {
 
 // Passes the distance to the sensor at each of its sampling instants within a step.
 void Encounter::sense(const Step &step) {
-    while (sensor.next() <= t + at + step.h + INSTANT) {
+    while (sensor.instant <= t + at + step.h + INSTANT) {
         const double part =
-            step.h > 0.0 ? smaller(larger((sensor.next() - t - at) / step.h, 0.0), 1.0) : 1.0;
-        sensor.look(step.gap.at(part));
+            step.h > 0.0 ? smaller(larger((sensor.instant - t - at) / step.h, 0.0), 1.0) : 1.0;
+        look(sensor, step.gap.at(part));
     }
 }
 
@@ -327,18 +327,18 @@ void Encounter::finish() {
 
 using namespace pretouch;
 
-void pretouch::continue_encounter(const pretouch_loop &loop, int64_t index, void *state, const void *sensor,
+void pretouch::continue_encounter(const pretouch_loop &loop, int64_t index, void *state, const Sensor &sensor,
                                   const Approach &approach) {
     const pretouch_laws &laws = loop.laws;
     const Law law = {laws.step, laws.parameters + laws.law_of[index] * laws.parameters_size, state};
-    Encounter(loop, index, law, *static_cast<const Sensor *>(sensor)).resume(approach);
+    Encounter(loop, index, law, sensor).resume(approach);
 }
 
-bool pretouch::continue_period(const pretouch_loop &loop, int64_t index, void *state, void *sensor,
+bool pretouch::continue_period(const pretouch_loop &loop, int64_t index, void *state, Sensor &sensor,
                                Approach &approach) {
     const pretouch_laws &laws = loop.laws;
     const Law law = {laws.step, laws.parameters + laws.law_of[index] * laws.parameters_size, state};
-    return Encounter(loop, index, law, *static_cast<const Sensor *>(sensor)).visit(approach, sensor);
+    return Encounter(loop, index, law, sensor).visit(approach, sensor);
 }
 
 Leg pretouch::leg_after(const pretouch_loop &loop, int64_t index, const Leg &leg, int64_t stretch) {
@@ -361,7 +361,9 @@ void pretouch_run_encounters(const pretouch_loop *loop, const int64_t *which, in
         const int64_t index = which[i];
         memcpy(state, laws.states + laws.start_of[index] * laws.state_size, static_cast<size_t>(laws.state_size));
         const Law law = {laws.step, laws.parameters + laws.law_of[index] * laws.parameters_size, state};
-        Encounter(*loop, index, law, Sensor(*loop, index, waiting, room)).run(0);
+        Sensor sensor;
+        start_sensing(sensor, *loop, index, waiting, room);
+        Encounter(*loop, index, law, sensor).run(0);
     }
 }
 

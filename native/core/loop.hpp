@@ -1,6 +1,6 @@
 // Simulation of one encounter of the sampled loop. loop_mechanics.cpp computes contact forces and integration steps of
-// plant and obstacle. loop_sensing.cpp simulates the sensor chain, from the distance to the controller's reading.
-// loop.cpp runs the encounter.
+// plant and obstacle. sensing.hpp simulates the sensor chain, from the distance to the controller's reading. loop.cpp
+// runs the encounter.
 //
 // A random number depends only on the seed, the run and its index in the run, not on the thread or on earlier draws.
 // Two runs with the same seed therefore have the same noise, reading by reading, even if one ends earlier (common
@@ -14,9 +14,6 @@
 #include "approach.hpp"
 
 namespace pretouch {
-
-inline double larger(double a, double b) { return b > a ? b : a; }
-inline double smaller(double a, double b) { return b < a ? b : a; }
 
 // Position and velocity of the plant, force of its servo, position and velocity of the obstacle, and the impulse of the
 // contact force so far [N s].
@@ -104,83 +101,10 @@ Body advance(const Body &body, double at, double h, const Target &target, const 
 Body advance_linear(const Body &body, const double *hidden, double at, double h, const Target &target,
                     const pretouch_state_space &plant, const pretouch_contact *contact, double push, double *after);
 
-constexpr double INSTANT = 1e-12;  // s; instants that are closer count as simultaneous
-
-// Returns 64 random bits for a key and an index.
-inline uint64_t mix(uint64_t key, uint64_t index) {
-    uint64_t z = key + (index + 1) * 0x9E3779B97F4A7C15u;
-    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-    return z ^ (z >> 31);
-}
-
 // ln xi by cubic interpolation between values and slopes at equally spaced distances, constant beyond both ends; and its
 // slope d ln xi / dl, at an end the one there.
 double log_output(const pretouch_curve &curve, double distance);
 double log_slope(const pretouch_curve &curve, double distance);
-
-// One cosine of the misfit of the sensor curve in a run: amplitude, wave number [1/m] and phase.
-struct Wave {
-    double amplitude, number, phase;
-};
-
-// The sensor in one run. It averages the distance over exposures, makes a reading of each, and stores the readings that
-// are in transit to the controller.
-class Sensor {
-public:
-    // key: key of the run's random numbers; waiting: memory for `room` readings; distance: at the start [m].
-    Sensor(const pretouch_chain &chain, const pretouch_curve &curve, uint64_t key, pretouch_reading *waiting,
-           int64_t room, double distance);
-
-    // The sensor of the encounter of a loop with this index.
-    Sensor(const pretouch_loop &loop, int64_t index, pretouch_reading *waiting, int64_t room);
-
-    static void *operator new(size_t, void *place) { return place; }
-
-    // Time of the next sample of the distance [s].
-    double next() const { return instant; }
-
-    // Samples the distance. If this completes an exposure, adds its reading to those in transit.
-    void look(double distance);
-
-    // Delivers the newest reading that is available at a time; returns what is new: PRETOUCH_NOTHING, PRETOUCH_READING, or
-    // PRETOUCH_NO_OBJECT if a sensor of distances saw none.
-    int32_t deliver(double t);
-
-    double reading = 0.0, measured = 0.0;  // the last delivered reading, and when it was measured [s]
-
-private:
-    const pretouch_chain &chain;
-    const pretouch_curve &curve;
-    const uint64_t key;
-    pretouch_reading *const waiting;
-    const uint64_t mask;
-    uint64_t head = 0, tail = 0;
-    uint64_t k = 0;  // number of the exposure, in which `nodes` samples are taken
-    const int nodes;
-    int node = 0;
-    double total = 0.0, start = 0.0, instant = 0.0;
-    static constexpr int WAVES = 8;
-    Wave waves[WAVES];
-    int disturbances = 0;
-    double begun[PRETOUCH_MOST_DISTURBANCES];  // when each disturbance began [s]; infinite before
-    struct Message {
-        double value;  // NaN if the reading is lost by a dropout
-        bool no_object;
-    };
-    Message last = {NAN, false};               // last one before the delay
-
-    double start_of(uint64_t exposure) const;
-    double misfit_at(double distance) const;
-    double output(double distance) const;
-    double exposed_to(double distance) const;
-    double clean_reading(double mean, double time) const;
-    Message message_of(double mean, double time);
-    void send(const Message &message, double ready, double taken);
-    void begin_disturbances(double distance);
-    void draw_misfit();
-    void look_at_start(double distance);
-};
 
 // The law in one run: its step function, parameters and state.
 struct Law {
@@ -203,7 +127,7 @@ public:
 
     // Continues such an encounter for one period. If there was no contact and it goes on, stores its state in
     // `approach` and its sensor in `sensor_after` and returns true. Otherwise runs it to its end and returns false.
-    bool visit(Approach &approach, void *sensor_after);
+    bool visit(Approach &approach, Sensor &sensor_after);
 
 private:
     // A step of the robot: its length h, the bodies at its end, the distance during the step, the first touch in it,

@@ -51,10 +51,11 @@ void interpolate(const double *target, double period, double at, double *motion,
 
 // Runs one step of the law of a site with its latest reading; returns whether it has detected its first object.
 bool ask(Site &site, double t) {
-    double reading, measured;
-    const int32_t fresh = deliver_reading(site.sensor, t, &reading, &measured);
-    const pretouch_sample sample = {reading, larger(t - measured, 0.0), -site.force, site.approach * t, site.approach,
-                                    0.0, fresh};
+    Sensor &sensor = *static_cast<Sensor *>(site.sensor);
+    const int32_t fresh = deliver(sensor, t);
+    const pretouch_sample sample = {sensor.reading,    larger(t - sensor.measured, 0.0), -site.force,
+                                    site.approach * t, site.approach,                    0.0,
+                                    fresh};
     site.step(site.parameters, site.law, &sample, &site.output);
     site.target[0] = site.target[2];
     site.target[1] = site.target[3];
@@ -537,13 +538,14 @@ bool is_over(Run &run) {
 // ---- sensors and contacts of a site ----
 
 void sense(Run &run, Site &site, double before) {
-    while (next_sample(site.sensor) <= run.now + INSTANT) {
+    Sensor &sensor = *static_cast<Sensor *>(site.sensor);
+    while (sensor.instant <= run.now + INSTANT) {
         const double distance =
             see_beam(*site.sight, run.data, point_of(run, site), frame_of(run, site), &site.glance);
-        const double ahead = (run.now - next_sample(site.sensor)) / run.time_step;
+        const double ahead = (run.now - sensor.instant) / run.time_step;
         const double moved = site.glance.distance - before;
         const double shift = isfinite(distance) && isfinite(moved) ? -moved * ahead : 0.0;
-        sample_distance(site.sensor, isfinite(distance) ? larger(distance + shift, 0.0) : run.unseen);
+        look(sensor, isfinite(distance) ? larger(distance + shift, 0.0) : run.unseen);
     }
 }
 

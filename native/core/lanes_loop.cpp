@@ -22,6 +22,7 @@ constexpr double INSTANT = pretouch::INSTANT;
 constexpr double ROUNDING = 1e-9;      // relative, of an impulse, as in pretouch_law.c
 constexpr double SAME_INSTANT = 1e-6;  // of a period, as in pretouch_law.c
 constexpr double ANY_REFERENCE = 1e6;  // largest valid reference motion, as in pretouch_law.c
+constexpr double TOWARD = 0.3333334;   // slightly above 1/3
 
 inline Lanes larger(Lanes a, Lanes b) { return where(b > a, b, a); }
 inline Lanes smaller(Lanes a, Lanes b) { return where(b < a, b, a); }
@@ -153,8 +154,15 @@ private:
     bool is_open(int lane) const { return open >> lane & 1; }
     template <bool is_ideal> void follow_period();
     template <bool is_ideal> void follow(double periods);
-    Bodies advance(double at, double h, const Course &target) const;
-    Bodies slopes(const Bodies &b, Lanes wanted, Lanes command) const;
+    // Position of the virtual object, and the part of the command that depends only on the virtual object.
+    struct Wanted {
+        Lanes position, command;
+    };
+
+    Wanted wanted_at(const Course &target, double at) const;
+    Bodies advance(double h, const Wanted &first, const Wanted &middle, const Wanted &last) const;
+    Bodies slopes(const Bodies &b, const Wanted &wanted) const;
+    Lanes slow_friction(Lanes speed_of_robot, Lanes friction, uint64_t slow) const;
 };
 
 // Start the next encounter in a lane, with the same values as the constructor of Encounter.
@@ -485,41 +493,46 @@ void Group::ask_laws() {
 }
 
 // The time derivatives of robot, servo and obstacle.
-Bodies Group::slopes(const Bodies &b, Lanes wanted, Lanes extra) const {
+[[gnu::always_inline]] inline Bodies Group::slopes(const Bodies &b, const Wanted &w) const {
     const pretouch_plant &p = loop.plant;
-    const Lanes command = p.stiffness * (wanted - b.x) - p.own_damping * b.v + extra;
+    const Lanes command = p.stiffness * (w.position - b.x) - p.own_damping * b.v + w.command;
     const bool lags = p.servo_rate > 0.0;
     Lanes driven = lags ? b.servo : command;
     if (p.coulomb_friction > 0.0) {
         Lanes friction = from_bits((as_bits(b.v) & INT64_MIN) | as_bits(all(p.coulomb_friction)));
         const uint64_t slow = open & ~bits(absolute(b.v) > 20.0 * p.friction_speed);
-        if (slow) {
-            alignas(64) double frictions[WIDTH], speeds[WIDTH];
-            store(frictions, friction);
-            store(speeds, b.v);
-            for (int i = 0; slow >> i; i++)
-                if (slow >> i & 1) frictions[i] = p.coulomb_friction * tanh(speeds[i] / p.friction_speed);
-            friction = load(frictions);
-        }
+        if (slow) friction = slow_friction(b.v, friction, slow);
         driven -= friction;
     }
     return {b.v, driven * inverse_mass, lags ? p.servo_rate * (command - b.servo) : all(0.0), b.vo, ao};
 }
 
+// Coulomb friction [N]: in slow lanes by tanh, in the others as it is.
+Lanes Group::slow_friction(Lanes speed_of_robot, Lanes friction, uint64_t slow) const {
+    const pretouch_plant &p = loop.plant;
+    alignas(64) double frictions[WIDTH], speeds[WIDTH];
+    store(frictions, friction);
+    store(speeds, speed_of_robot);
+    for (int i = 0; slow >> i; i++)
+        if (slow >> i & 1) frictions[i] = p.coulomb_friction * tanh(speeds[i] / p.friction_speed);
+    return load(frictions);
+}
+
+// The virtual object at a time within the period.
+inline Group::Wanted Group::wanted_at(const Course &target, double at) const {
+    const double place = at / loop.period;
+    return {target.at(place), loop.plant.reference_damping * (target.slope(place) / loop.period) +
+                                  loop.plant.feedforward_mass * acceleration};
+}
+
 // Robot, servo and obstacle h [s] later, by the same Runge-Kutta method as in loop_mechanics.cpp.
-Bodies Group::advance(double at, double h, const Course &target) const {
-    const double half = 0.5 * h, sixth = h / 6.0, period = loop.period;
-    const Lanes feedforward = loop.plant.feedforward_mass * acceleration;
-    const double places[] = {at / period, (at + half) / period, (at + h) / period};
-    Lanes wanted[3], extra[3];
-    for (int i = 0; i < 3; i++) {
-        wanted[i] = target.at(places[i]);
-        extra[i] = loop.plant.reference_damping * (target.slope(places[i]) / period) + feedforward;
-    }
-    const Bodies k1 = slopes(body, wanted[0], extra[0]);
-    const Bodies k2 = slopes(along(body, k1, half), wanted[1], extra[1]);
-    const Bodies k3 = slopes(along(body, k2, half), wanted[1], extra[1]);
-    const Bodies k4 = slopes(along(body, k3, h), wanted[2], extra[2]);
+[[gnu::always_inline]] inline Bodies Group::advance(double h, const Wanted &first, const Wanted &middle,
+                                                    const Wanted &last) const {
+    const double half = 0.5 * h, sixth = h / 6.0;
+    const Bodies k1 = slopes(body, first);
+    const Bodies k2 = slopes(along(body, k1, half), middle);
+    const Bodies k3 = slopes(along(body, k2, half), middle);
+    const Bodies k4 = slopes(along(body, k3, h), last);
     const auto mean = [sixth](Lanes start, Lanes a, Lanes m1, Lanes m2, Lanes z) {
         return start + sixth * (a + 2.0 * (m1 + m2) + z);
     };
@@ -532,24 +545,41 @@ Bodies Group::advance(double at, double h, const Course &target) const {
 template <bool is_ideal> void Group::follow_period() {
     const double period = loop.period;
     const Course target = course_between(xv, vv * period, position, velocity * period);
+    const auto way_at = [this](Lanes along_leg) {
+        return gone + (absolute(vo0) + 0.5 * absolute(ao) * along_leg) * along_leg;
+    };
+    const auto doubt_of = [this](Lanes x, Lanes way) {
+        return 1e-12 * (absolute(x0) + absolute(x) + absolute(start_xo) + way);
+    };
+    const Lanes longest_way = way_at(t + 2.0 * period - since);  // at least the way at the end of any step
+    Wanted here{}, middle{}, last{};
+    if constexpr (!is_ideal) here = wanted_at(target, 0.0);
     for (double at = 0.0; at < period - INSTANT;) {
         const double whole = period - at;
         const double h = !is_ideal && loop.plant_step < whole ? loop.plant_step : whole;
-        const Lanes later = (t + at) + h, along_leg = later - since;
+        const Lanes later = (t + at) + h;
         Bodies moved;
-        if constexpr (is_ideal)
+        if constexpr (is_ideal) {
+            const Lanes along_leg = later - since;
             moved = {position, velocity, all(0.0), xo0 + along_leg * (vo0 + 0.5 * ao * along_leg), vo0 + ao * along_leg};
-        else
-            moved = advance(at, h, target);
+        } else {
+            middle = wanted_at(target, at + 0.5 * h);
+            last = wanted_at(target, at + h);
+            moved = advance(h, here, middle, last);
+            here = last;
+        }
         const Lanes start = body.xo - body.x, start_slope = (body.vo - body.v) * h;
         const Lanes end = moved.xo - moved.x, end_slope = (moved.vo - moved.v) * h;
-        const Lanes way = gone + (absolute(vo0) + 0.5 * absolute(ao) * along_leg) * along_leg;
-        const Lanes doubt = 1e-12 * (absolute(x0) + absolute(moved.x) + absolute(start_xo) + way);
         const Lanes lowest = smaller(start, end);
-        const Masks apart = (end > doubt) & (smaller(start + start_slope / 3.0, end - end_slope / 3.0) >= lowest);
+        // If this is true, the exact test of first_touch is true as well: TOWARD is above 1/3 by more than its rounding
+        // error, and the longest way is no shorter than the way at the end of the step.
+        const Masks apart = (end > doubt_of(moved.x, longest_way)) &
+                            (smaller(start + TOWARD * smaller(start_slope, all(0.0)),
+                                     end - TOWARD * larger(end_slope, all(0.0))) >= lowest);
         const uint64_t doubtful = open & ~bits(apart), due = open & bits(load(instants) <= later + INSTANT);
         Lanes nearest = lowest;
         if (doubtful) {
+            const Lanes doubt = doubt_of(moved.x, way_at(later - since));
             alignas(64) double least[WIDTH];
             store(least, lowest);
             for (int i = 0; i < WIDTH; i++)

@@ -68,7 +68,7 @@ constexpr double INNER = 0.1127016653792583;  // first node of the three-point G
 enum Draw : uint64_t { NOISE = 0, JITTER = 2, DROPOUT = 4, DISTANCE = 5, PHASE = 7, DRAWS = 8 };
 
 static inline double uniform_of(uint64_t key, uint64_t index) {  // in (0, 1)
-    return (static_cast<double>(mix(key, index) >> 11) + 0.5) * 1.1102230246251565e-16;
+    return (static_cast<double>(static_cast<int64_t>(mix(key, index) >> 11)) + 0.5) * 1.1102230246251565e-16;
 }
 
 static inline double normal_of(uint64_t key, uint64_t index) {  // from the draws index and index + 1 (Box, Muller)
@@ -110,7 +110,7 @@ static inline double misfit_at(const Sensor &s, double distance) {
 static inline double start_of(const Sensor &s, uint64_t exposure) {
     const double shift =
         s.chain->jitter > 0.0 ? s.chain->jitter * normal_of(s.key, DRAWS * exposure + JITTER) : 0.0;
-    return larger(s.phase + static_cast<double>(exposure) / s.chain->rate + shift, 0.0);
+    return larger(s.phase + static_cast<double>(static_cast<int64_t>(exposure)) / s.chain->rate + shift, 0.0);
 }
 
 static inline double output(const Sensor &s, double distance) {

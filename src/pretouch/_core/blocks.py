@@ -186,10 +186,11 @@ class LazyBlock(Value):
 
     Args:
         make: returns the block; None if there is nothing to show.
+        brief: whether the terminal shows the block, if it is brief itself.
     """
 
     make: Callable[[], PageSection | PageTable | Picture | None]
-    brief: ClassVar[bool] = False
+    brief: bool = False
 
 
 Block: TypeAlias = PageSection | PageTable | Paragraph | Listing | Picture | Code | Download | LazyBlock

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from pretouch._core.blocks import (
     Block,
     Code,
+    LazyBlock,
     Listing,
     Page,
     PageSection,
@@ -44,7 +45,10 @@ def _parts(blocks: Iterable[Block]) -> Iterator[str]:
     for block in blocks:
         if not block.brief:
             continue
-        if isinstance(block, PageSection):
+        if isinstance(block, LazyBlock):
+            made = block.make()
+            yield from () if made is None else _parts((made,))
+        elif isinstance(block, PageSection):
             inner = "\n\n".join(_parts(block.blocks))
             yield f"{block.title[0].lower()}{block.title[1:]}\n{inner}" if block.titled else inner
         elif isinstance(block, PageTable):

@@ -5,9 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
-from pretouch._core.blocks import Cell, Listing, Measured, Page, PageSection, PageTable, Paragraph, Picture, named
+from pretouch._core.blocks import (
+    Cell,
+    LazyBlock,
+    Listing,
+    Measured,
+    Page,
+    PageSection,
+    PageTable,
+    Paragraph,
+    Picture,
+    named,
+)
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.motion import LawNumber
@@ -67,6 +79,8 @@ _OF_THE_RUNS: Final = (
     "Stability is computed from the eigenvalues of the exactly discretized linear loop at each distance.",
 )
 
+_FEW: Final = 4  # key figures that a summary prints
+
 
 def verdict_page(verdict: Verdict) -> Page:
     """Return the report page on the verification of a gain."""
@@ -87,7 +101,7 @@ def verdict_page(verdict: Verdict) -> Page:
             advice_section(v),
             _comparison(v),
             _limits(v),
-            _stability(v),
+            LazyBlock(make=partial(_stability, v), brief=True),
             breakage_section(v.breakage),
             _calibration(v),
             gain_section(v),
@@ -104,6 +118,14 @@ def verdict_page(verdict: Verdict) -> Page:
 def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
     if v.gain is None:
         return
+    figures = [*_main_figures(v)]
+    yield from figures
+    # The rates take long to compute, and the section on stability has them, too.
+    if v.stability is not None and len(figures) < _FEW:
+        yield _rates_figure(v.stability)
+
+
+def _main_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
     ideal, n = v.design.gain, v.law.number
     best = "the ideal optimum" if ideal == v.gain else "no ideal one" if ideal is None else f"ideal {n.text(ideal)}"
     yield f"verified {n.label}; {best}", Measured(v.gain, n.unit)
@@ -119,6 +141,9 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
         return
     margin = "always stable" if math.isinf(check.margin) else f"{check.margin:.3g}"
     yield f"gain margin; unstable beyond {_strongest(check, n)}", margin
+
+
+def _rates_figure(check: StabilityCheck) -> tuple[str, Cell]:
     least = (
         "none is enough" if math.isinf(check.lowest_rate_for_margin_2) else f"{check.lowest_rate_for_margin_2:.3g} Hz"
     )
@@ -126,7 +151,7 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
         f"sensor rate above which this gain is stable; sensor rate for a gain margin of 2: {least}; sensor rate in "
         f"the simulation: {check.rate:.3g} Hz"
     )
-    yield name, _rate(check.lowest_rate)
+    return name, _rate(check.lowest_rate)
 
 
 def _findings(v: Verdict) -> Iterator[str]:

@@ -252,7 +252,7 @@ class Verdict(Described, Value):
         approach: the same limits in runs that begin where the controller detects the object; None if the encounter
             starts there.
         stability: gain margin and sensor rates; None if they are not known.
-        stability_text: the stability in words, or why it is not known.
+        no_stability_text: why the stability is not known, in words.
         sensor_speed: comparison with an infinitely fast sensor; None for a law without a sensor rate, or without
             contact.
         at_rest: how far noise alone moves a robot at rest near an object; None if it is below 1 mm.
@@ -294,7 +294,7 @@ class Verdict(Described, Value):
     limits: tuple[LimitCheck, ...] = ()
     approach: ApproachCheck | None = None
     stability: StabilityCheck | None = None
-    stability_text: str = ""
+    no_stability_text: str = ""
     sensor_speed: SensorSpeed | None = None
     at_rest: RestMotion | None = None
     breakage: Breakage | None = None
@@ -324,6 +324,11 @@ class Verdict(Described, Value):
     def law(self) -> ContinuousLaw:
         """The continuous-time control law that the controller approximates."""
         return self.design.problem.task.law
+
+    @property
+    def stability_text(self) -> str:
+        """The stability in words, or why it is not known."""
+        return self.no_stability_text if self.stability is None else self.stability.text
 
     @property
     def best_change(self) -> LoopChange | None:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -29,33 +30,62 @@ from pretouch.simulation import (
 
 from .changed_loop import loop_at
 
+Passed: TypeAlias = tuple[FloatArray, FloatArray | None]
+"""Distances that an encounter passes [m], with l' at each distance [m/s] if the damping of the law depends on l'."""
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+
+@dataclass(frozen=True, kw_only=True)
 class StabilityCheck(Value):
     """Stability of the sampled loop with a given gain.
 
-    The loop is linearized at each distance of the encounter.
+    The loop is linearized at each distance of the encounter. The lowest sensor rates are computed when they are read.
 
     Args:
         limit: the strongest stable gain at each distance.
         margin: gain margin, the factor by which the gain can grow until the loop is unstable; below 1 it is unstable.
-        rate: readings per second of the loop [Hz].
-        lowest_rate: sensor rate [Hz] above which the gain is stable at every rate and at every phase between sensor
-            and controller; infinite if none is high enough. A controller that is slower than the sensor is run at the
-            rate of the sensor. `lowest_rate` can exceed `rate` although the margin is above 1. In this case, some
-            phases, or some rates between `rate` and `lowest_rate`, are unstable.
-        lowest_rate_for_margin_2: the sensor rate above which the gain margin is at least 2 [Hz]; infinite if none is
-            high enough.
+        gain: the gain of the law, such as D_p [N s].
         has_unknown_phase: whether the time from a reading to the controller step that uses it differs between runs;
             limit and margin are then those of the worst case.
+        loop: the sampled loop.
+        sensor: the sensor curve.
+        passed: the distances that the encounter passes.
     """
 
     limit: GainLimit
     margin: float
-    rate: float
-    lowest_rate: float
-    lowest_rate_for_margin_2: float
+    gain: float
     has_unknown_phase: bool
+    loop: ClosedLoop = field(repr=False)
+    sensor: SensorModel = field(repr=False)
+    passed: Passed = field(repr=False)
+
+    @property
+    def rate(self) -> float:
+        """Readings per second of the loop [Hz]."""
+        return self.loop.chain.rate
+
+    @property
+    def lowest_rate(self) -> float:
+        """Sensor rate [Hz] above which the gain is stable at every rate and phase.
+
+        The phase is that between sensor and controller. The rate is infinite if none is high enough. A controller that
+        is slower than the sensor is run at the rate of the sensor. `lowest_rate` can exceed `rate` although the margin
+        is above 1. In this case, some phases, or some rates between `rate` and `lowest_rate`, are unstable.
+        """
+        return self._lowest_rates[0]
+
+    @property
+    def lowest_rate_for_margin_2(self) -> float:
+        """Sensor rate [Hz] above which the gain margin is at least 2.
+
+        It is infinite if none is high enough.
+        """
+        return self._lowest_rates[1]
+
+    @cached_property
+    def _lowest_rates(self) -> tuple[float, float]:
+        stable, with_margin_2 = rates_for_margins(self.loop, self.sensor, self.passed, self.gain, (1.0, 2.0))
+        return float(stable), float(with_margin_2)
 
     @property
     def strongest(self) -> float:
@@ -134,10 +164,6 @@ class StabilityCheck(Value):
         return {**{name: getattr(self, name) for name in own}, "distance": self.limit.distance, "gain": self.limit.gain}
 
 
-Passed: TypeAlias = tuple[FloatArray, FloatArray | None]
-"""Distances that an encounter passes [m], with l' at each distance [m/s] if the damping of the law depends on l'."""
-
-
 def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit | None:
     """Return the strongest stable gain at each distance.
 
@@ -162,17 +188,9 @@ def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
 
 
 def check_stability(
-    loop: ClosedLoop,
-    sensor: SensorModel,
-    passed: Passed,
-    gain: float,
-    limit: GainLimit | None,
-    *,
-    has_rates: bool = True,
+    loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, limit: GainLimit | None
 ) -> StabilityCheck | None:
     """Check whether the sampled loop is stable with a gain.
-
-    Without `has_rates`, the lowest sensor rates are not computed; they are then NaN.
 
     Returns:
         The check at all distances of the encounter; None if the stability is unknown.
@@ -180,16 +198,14 @@ def check_stability(
     law, margin = loop.law, stability_margin(limit, gain)
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
-
-    rates = rates_for_margins(loop, sensor, passed, gain, (1.0, 2.0)) if has_rates else (math.nan, math.nan)
-    stable, with_margin_2 = map(float, rates)
     return StabilityCheck(
         limit=limit,
         margin=margin,
-        rate=loop.chain.rate,
-        lowest_rate=stable,
-        lowest_rate_for_margin_2=with_margin_2,
+        gain=gain,
         has_unknown_phase=timing_of(loop.chain, law).delay_range > 0,
+        loop=loop,
+        sensor=sensor,
+        passed=passed,
     )
 
 

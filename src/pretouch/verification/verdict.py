@@ -185,7 +185,7 @@ def _verify(
         loop, lambda one: draws.run(one, gain, draws.compared), quiet, task.verify.speed_tolerance
     )
     note_work("computing the stability of the loop")
-    stability = check_stability(loop, sensor, passed, gain, limit, has_rates=basis is None)
+    stability = check_stability(loop, sensor, passed, gain, limit)
     approach = check_approach(problem, loop.detection(task.scenario, sensor), predicted, gain)
     at_rest = motion_at_rest(task, gain) if basis is None or not _is_calm(basis, loop, gain) else None
     fields = _inputs(task, design, gain) | {
@@ -214,7 +214,7 @@ def _verify(
         verdict,
         breakage=breakage,
         comparisons=comparisons,
-        stability_text=stability.text if stability else _no_stability_in_words(task, gain, limit is not None),
+        no_stability_text="" if stability else _no_stability_in_words(task, gain, limit is not None),
         assumptions=assumptions_of(task, draws.compared),
         warnings=cautions_of(
             draws,

@@ -43,7 +43,7 @@ UNFUSED = {"lanes_loop"}
 Their results have the same bits as those of a single encounter.
 """
 
-UNROLLED = {"stiff_step"}
+UNROLLED = {"stiff_step", "lanes_loop"}
 """Sources whose loops have constant lengths; they are compiled with -O3, which unrolls these loops."""
 
 LANES = (
@@ -264,14 +264,14 @@ def _jobs(compilers: tuple[list[str], list[str]], common: list[str], machine: st
     cc, cxx = compilers
     jobs = [[*cc, *LAW.split(), *common, "-c", str(p)] for p in sorted(NATIVE.glob("law/*.c"))]
     for path in sorted(NATIVE.glob("core/*.cpp")):
+        more = ["-O3"] if path.stem in UNROLLED else []
         if not path.name.startswith("lanes_"):
-            more = ["-O3"] if path.stem in UNROLLED else []
             jobs.append([*cxx, *PLAIN.split(), *more, *common, "-c", str(path)])
             continue
         for name, flags in PROCESSORS.items():
             if name == "base" or machine in {"x86_64", "AMD64"}:
                 unfused = ["-ffp-contract=off"] if path.stem in UNFUSED else []
-                variant = [*LANES.split(), *unfused, *flags.split(), f"-DPRETOUCH_VARIANT=pretouch_{name}"]
+                variant = [*LANES.split(), *more, *unfused, *flags.split(), f"-DPRETOUCH_VARIANT=pretouch_{name}"]
                 jobs.append([*cxx, *variant, *common, "-c", str(path)])
     return jobs
 

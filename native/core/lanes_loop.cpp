@@ -39,6 +39,7 @@ inline void store_masks(int64_t *to, Masks value) { memcpy(to, &value, sizeof va
 
 // The flag in the lanes in which a condition is true, and 0 in the others.
 inline Masks flag_where(Masks condition, int64_t flag) { return condition & (flag - Masks{}); }
+inline Masks has_flag(Masks flags, int64_t flag) { return (flags & (flag - Masks{})) != Masks{}; }
 
 inline Lanes rounded_down(Lanes x) {
 #if defined(__AVX512F__)
@@ -485,8 +486,7 @@ void Group::ask_laws() {
         status = masks_of(statuses);
     }
     flags |= status;
-    const Masks first = ((status & flag_where(status == status, PRETOUCH_DETECTING)) != Masks{}) &
-                        ~(detection_time == detection_time);
+    const Masks first = has_flag(status, PRETOUCH_DETECTING) & ~(detection_time == detection_time);
     detection_time = where(first, t, detection_time);
     strongest = larger(strongest, absolute(force));
     acting = force;

@@ -57,6 +57,7 @@ struct Sensor {
     Wave waves[WAVES];
 };
 
+// Functions that few sensors need are marked as cold, so that they are not inlined.
 namespace sensing {
 
 constexpr double PI = 3.14159265358979323846;
@@ -92,7 +93,7 @@ static inline double log_output_at(const pretouch_curve &curve, double distance)
 
 // Draws a random function with the covariance misfit^2 exp(-d^2 / (2 misfit_length^2)): a sum of cosines with normally
 // distributed wave numbers and uniformly distributed phases (A. Rahimi, B. Recht, NIPS 2007).
-static inline void draw_misfit(Sensor &s) {
+[[gnu::cold]] static inline void draw_misfit(Sensor &s) {
     const uint64_t own = mix(s.key, MISFIT);
     for (uint64_t j = 0; j < WAVES; j++)
         s.waves[j] = {s.chain->misfit * sqrt(2.0 / WAVES), normal_of(own, 3 * j) / s.chain->misfit_length,
@@ -100,7 +101,7 @@ static inline void draw_misfit(Sensor &s) {
 }
 
 // The misfit of this run: by how much its ln xi exceeds that of the sensor curve at a distance.
-static inline double misfit_at(const Sensor &s, double distance) {
+[[gnu::cold]] static inline double misfit_at(const Sensor &s, double distance) {
     double sum = 0.0;
     for (const Wave &w : s.waves) sum += w.amplitude * cos(w.number * distance + w.phase);
     return sum;
@@ -125,7 +126,7 @@ static inline double exposed_to(const Sensor &s, double distance) {
 }
 
 // Begins the disturbances whose time or distance has come.
-static inline void begin_disturbances(Sensor &s, double distance) {
+[[gnu::cold]] static inline void begin_disturbances(Sensor &s, double distance) {
     for (int i = 0; i < s.disturbances; i++) {
         const pretouch_disturbance &d = s.chain->disturbances[i];
         if (s.begun[i] == INFINITY && (s.instant >= d.time - INSTANT || distance <= d.distance))
@@ -183,7 +184,7 @@ static inline void send(Sensor &s, const Message &message, double ready, double 
 }
 
 // Makes the first reading at t = 0 from the initial distance.
-static inline void look_at_start(Sensor &s, double distance) {
+[[gnu::cold]] static inline void look_at_start(Sensor &s, double distance) {
     begin_disturbances(s, distance);
     send(s, message_of(s, exposed_to(s, distance), 0.0), s.chain->delay, 0.0);
     s.k = 1;

@@ -41,6 +41,17 @@ limits = [Constraint(name="excursion", limit=0.2)] if limited else []
 task = task.replace(scenario=replace(task.scenario, obstacle=obstacle), constraints=limits)
 design_gain(task)
 """
+_ROBUST = """
+import sys
+import pretouch as pt
+try:
+    from pretouch.designs.robust.design import robust
+except ImportError:  # the names in earlier builds
+    from pretouch.design.robust.design import design_robust_gain as robust
+task = pt.load_scenario(sys.argv[2])
+for _ in range(int(sys.argv[1])):
+    robust(task)
+"""
 
 
 class Build(NamedTuple):
@@ -107,6 +118,8 @@ def jobs(designs: int, points: int) -> list[Job]:
             Job(f"{verb}, text", text),
             Job(f"{verb}, report on top", (*command, "--output", "r.html", "--force"), text),
         ]
+    robust = {count: ("-c", _ROBUST, count, str(examples / _VERBS["robust"])) for count in "14"}
+    listed.append(Job("three further robust designs", robust["4"], robust["1"]))
     scenario = str(examples / "approach.toml")
     array = {kind: ("-c", _ARRAY, str(designs), kind, scenario) for kind in ("free", "limit")}
     load = {kind: ("-c", _ARRAY, "1", kind, scenario) for kind in array}

@@ -16,10 +16,9 @@ TOUCH = 1.0  # pixels at 100 dpi by which two boxes may share their air
 
 
 def visible_texts(figure: Figure) -> list[tuple[str, Bbox]]:
-    """Draw a figure and return every text that a reader sees, with its box in pixels."""
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    renderer = canvas.get_renderer()
+    """Lay a figure out, and return every text that a reader sees, with its box in pixels."""
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw_without_rendering()  # all but the pixels, which nobody looks at
     texts = [text for axes in figure.axes for text in _texts_of(axes)]
     shown = [text for text in texts if text.get_visible() and text.get_text().strip()]
     return [(text.get_text(), text.get_window_extent(renderer)) for text in shown]
@@ -37,9 +36,8 @@ def _texts_of(axes: Axes) -> list[Text]:
     return found
 
 
-def overlaps(figure: Figure) -> list[tuple[str, str]]:
-    """Return the pairs of texts that cover each other."""
-    texts = visible_texts(figure)
+def overlaps(texts: list[tuple[str, Bbox]]) -> list[tuple[str, str]]:
+    """Return the pairs of texts that cover each other, of those that are visible."""
     return [
         (a, b)
         for (a, box_a), (b, box_b) in combinations(texts, 2)
@@ -48,9 +46,8 @@ def overlaps(figure: Figure) -> list[tuple[str, str]]:
     ]
 
 
-def outside(figure: Figure) -> list[str]:
-    """Return the texts that leave the canvas."""
-    texts = visible_texts(figure)
+def outside(figure: Figure, texts: list[tuple[str, Bbox]]) -> list[str]:
+    """Return the texts that leave the canvas, of those that are visible."""
     width, height = figure.get_size_inches() * figure.dpi
     return [
         text for text, box in texts if box.x0 < -0.5 or box.y0 < -0.5 or box.x1 > width + 0.5 or box.y1 > height + 0.5
@@ -92,6 +89,7 @@ def assert_legible(figure: Figure) -> None:
     """Fail where a reader would miss a unit or could not read a text."""
     assert not is_blank(figure)
     assert labels_without_unit(figure) == []
-    assert outside(figure) == []
-    assert overlaps(figure) == []
+    texts = visible_texts(figure)
+    assert outside(figure, texts) == []
+    assert overlaps(texts) == []
     assert repeated_titles(figure) == []

@@ -78,7 +78,7 @@ CASES: dict[str, Callable[[], pt.verification.Verdict]] = {
     "4x4 that oscillates": lambda: tof("VL53L5CX-4x4", 60.0, limit("excursion", 0.3), runs=80),
     "8x8 that is too slow": lambda: tof("VL53L5CX-8x8", 15.0, limit("relative_velocity", 0.25, 0.9)),
     "ideal robot": lambda: verdict(NOISY, constraints=[velocity_limit(0.1, 0.9)], runs=40),
-    "no gain": lambda: verdict(NOISY, constraints=[velocity_limit(0.001)]),
+    "no gain": lambda: verdict(NOISY, constraints=[velocity_limit(0.001)], changes=False),
     "a law of one's own": lambda: verdict(
         ClosedLoop(
             law=TunedLaw(gain=0.0, period=1e-3, hold=4e-3), chain=pt.SensorChain(rate=250.0, relative_noise=2e-3)

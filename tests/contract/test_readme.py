@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_text import in_this_process
+from command_text import in_this_process, stand_in_for_reports
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -56,7 +56,9 @@ def test_the_examples_of_a_page_run(page: str) -> None:
         "how-to/extending.md",
     ],
 )
-def test_the_programs_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_programs_of_a_page_run(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short_rest: None
+) -> None:
     """All blocks of a page, one after the other, as a reader would try them: later ones use names of earlier ones."""
     monkeypatch.chdir(tmp_path)  # some of them write figures and pages
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
@@ -140,7 +142,8 @@ def as_process(command: list[str], **_: Any) -> subprocess.CompletedProcess[str]
 def test_the_demonstration_writes_its_reports(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """examples/demo.py from a copy, so that nothing of the checkout is touched; its commands run in this process."""
+    """examples/demo.py from a copy; its commands run in this process. Other tests draw the reports of these verbs."""
+    stand_in_for_reports(monkeypatch)
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(subprocess, "run", as_process)

@@ -22,7 +22,7 @@ ROBOTS: dict[str, pt.simulation.PlantModel] = {
     "impedance with feedforward": pt.simulation.ImpedancePlant(mass=2.0, stiffness=2e4, damping=400.0),
     "position": pt.simulation.PositionPlant(mass=2.0, bandwidth=20.0),
 }
-STIFFNESS = np.geomspace(3e4, 3e8, 161)
+STIFFNESS = np.geomspace(3e4, 3e8, 81)
 STEP = 0.02  # of the contact's time scale: what a step of the integration takes at once
 # A force that grows as t^2 grows by 2 steps / T within a step, and T is at least 2.9 time scales: by less than one step
 SAMPLED = 1 + STEP

@@ -18,18 +18,20 @@ from pretouch._core.progress import note_work
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch._core.warning_codes import split_code
-from pretouch.designs import HertzImpact, SpringImpact, Task
+from pretouch.designs import Task
 from pretouch.designs.robust.required import Required, limits_of
-from pretouch.designs.search import RUNS, Effort, GainAxis, Landscape, search_axis
+from pretouch.designs.search import RUNS, Effort, GainAxis
 from pretouch.simulation import ClosedLoop, chain_of_fit
 
-from .appraisal import AT_CONTACT, USUAL_MARGIN, LoopOutcomes, LoopProblem, draw_encounters
+from .appraisal import USUAL_MARGIN, LoopProblem, draw_encounters
 from .changed_loop import ChangedLoop, candidates_of, rounded_up, with_settings
 from .effect import VerdictStatus
-from .gain_search import GainSearch, runs_of_search, stable_axis
+from .fresh_runs import fresh_outcomes, fresh_runs, runs_that_show
+from .gain_search import GainSearch, stable_axis
 from .improvement import Improvements, redesign
+from .larger_limits import FIRST_LIMIT, nearest_limits, softer_padding, uninformative_limits, with_limit
 from .missed_runs import missed_in_words
-from .reasons import lacks_only_runs, likely_runs
+from .reasons import lacks_only_runs
 from .result import Advice, Verdict
 from .settings import settings_between
 from .stability import Passed, limit_of
@@ -37,11 +39,6 @@ from .stability import Passed, limit_of
 Judge: TypeAlias = Callable[[Task], Verdict]
 """Function that returns the verdict on a changed task, as `verify` does."""
 
-_FRESH: Final = 1  # added to the seed for the encounters and the noise of fresh runs
-_FRESH_RUNS: Final = 1000  # number of fresh runs that confirm an advice about limits, at least
-_FRESH_SENSORS: Final = 300  # the same if each run has its own sensor curve
-_FRESH_ALWAYS: Final = 200  # the same without limits
-_FACTOR: Final = 2  # fresh runs, as a multiple of the smallest number that can demonstrate a probability
 _TRIES: Final = 3  # number of gains that are checked on fresh runs, each with more reserve than the one before
 _STRICTER: Final = 1.01  # the least increase of the reserve
 _STRICTEST: Final = 1.15  # the largest increase of the reserve
@@ -49,10 +46,7 @@ _LEAST_MARGIN: Final = 1.1  # smallest gain margin of an advised gain, if none w
 _NEAR: Final = 1.05  # largest shortfall of a quick search after which a loop is searched thoroughly
 _QUICK_RUNS: Final = 100
 _QUICK: Final = Effort(first=9, largest=9, most=1, nodes=5, finest=2e-2, smooth=False)
-_THOROUGH: Final = Effort(first=17, largest=17, most=1, nodes=5, finest=2e-3, smooth=False)
 _AROUND: Final = 4.0  # a changed loop is searched from the nearest gain divided by this factor to it times the factor
-_FIRST_LIMIT: Final = 2  # place of the first limit among the shortfalls, after contact and contact speed
-_MOST: Final = 1e6  # larger shortfalls are not distinguished
 _FILTERS: Final = ("median_window", "moving_average", "low_pass_order", "cutoff", "largest_rate", "floor")
 _AGAINST_NOISE: Final = frozenset({"chain.noise", "chain.relative_noise", *(f"controller.{key}" for key in _FILTERS)})
 """Settings that help only against noise. If the noise is a guess, it must be measured first."""
@@ -290,14 +284,14 @@ class _Seeker:
         except InvalidInputError:  # for example, contact is predicted only after the horizon of the loop
             return _Checked(task, self.verdict, np.array([math.nan]), 0)
         ratios = [0.0 if c.is_met else (c.value or math.inf) / c.limit for c in verdict.limits]
-        shortfalls = np.array([0.0] * _FIRST_LIMIT + ratios)
+        shortfalls = np.array([0.0] * FIRST_LIMIT + ratios)
         shortfalls[shortfalls <= 1] = 0.0
         if verdict.status is VerdictStatus.DOES_NOT_HOLD:
             return _Checked(task, verdict, shortfalls, 0)
-        count = _fresh_runs(task)
-        fresh = _fresh_outcomes(task, count)
+        count = fresh_runs(task)
+        fresh = fresh_outcomes(task, count)
         shortfalls = np.maximum(shortfalls, fresh.shortfalls(count, task.verify.confidence))
-        runs = _runs_that_show(fresh, task.verify.confidence)
+        runs = runs_that_show(fresh, task.verify.confidence)
         if shortfalls.max() <= 1 and lacks_only_runs(verdict) and runs > task.verify.runs:
             more = task.replace(verify=replace(task.verify, runs=runs))
             with_more = self.judge(more)
@@ -336,9 +330,9 @@ class _Seeker:
         if not limits or not base.axis.low < base.axis.high:
             return None
         places = [i for i, limit in enumerate(limits) if limit.constraint.name != "gain"]
-        unmitigated = self._unmitigated()
-        options = [option for i in places if (option := _nearest_limits(base, [i])) is not None]
-        if not options and len(places) > 1 and (together := _nearest_limits(base, places)) is not None:
+        unmitigated = uninformative_limits(self.task, base.problem)
+        options = [option for i in places if (option := nearest_limits(base, [i])) is not None]
+        if not options and len(places) > 1 and (together := nearest_limits(base, places)) is not None:
             options = [together]
         for gain, increase in sorted(options, key=lambda option: max(option[1].values()))[:2]:
             factor = 1.0
@@ -346,7 +340,7 @@ class _Seeker:
                 larger = {i: rounded_up(limits[i].constraint.limit * r * factor, 3) for i, r in increase.items()}
                 if any(value >= unmitigated[i] for i, value in larger.items()):
                     break  # a limit that is met without mitigation, too, says nothing
-                constraints = tuple(_with_limit(c, larger.get(i)) for i, c in enumerate(self.task.constraints))
+                constraints = tuple(with_limit(c, larger.get(i)) for i, c in enumerate(self.task.constraints))
                 checked = self._check(self.task.replace(gain=base.printed(gain), constraints=constraints))
                 if checked.shortfall <= 1 and checked.verdict.status.is_passed:
                     return self._limit_advice(checked, limits, larger)
@@ -367,24 +361,8 @@ class _Seeker:
             f"allow {' and '.join(texts)}, with {number.equals(float(checked.task.gain or 0.0))}{runs}: no simulated "
             f"change of gain, controller, sensor and drive keeps {' and '.join(kept)}"
         )
-        softer = _softer_padding(checked.task, limits, larger)
+        softer = softer_padding(checked.task, limits, larger)
         return self._advice("limit", f"{text}. {_outcome(checked)}{softer}{self._missed()}", checked)
-
-    def _unmitigated(self) -> list[float]:
-        """Return the smallest value of each limit that says nothing about the mitigation; infinite for most quantities.
-
-        For quantities at contact, it is their mean without mitigation, or less if the limit would then be met.
-        """
-        problem = self.found.search.problem
-        limits, values = limits_of(self.task.constraints), []
-        if problem.unmitigated is None:
-            return [math.inf] * len(limits)
-        for limit, ratio in zip(
-            limits, problem.appraised(problem.unmitigated, self.task.loop, 0.0).ratios, strict=True
-        ):
-            least = min(float(ratio.mean()), float(limit.share(ratio)))
-            values.append(least * limit.constraint.limit if limit.constraint.quantity in AT_CONTACT else math.inf)
-        return values
 
     def _none(self) -> Advice:
         """Say that no simulated change holds."""
@@ -407,58 +385,6 @@ class _Seeker:
         return f". With {self.task.law.number.equals(gain)}, {text}" if text else ""
 
 
-def _nearest_limits(search: GainSearch, places: list[int]) -> tuple[float, dict[int, float]] | None:
-    """Return the gain that needs the smallest increase of some limits, and the factor on each of them.
-
-    All other requirements must be met. None if they cannot be met, or if no increase is needed.
-    """
-    rows = [_FIRST_LIMIT + i for i in places]
-
-    def landscape(coordinate: FloatArray) -> Landscape:
-        shortfalls = np.minimum([search.shortfalls(one) for one in search.results(coordinate)], _MOST).T
-        others = np.delete(shortfalls, rows, axis=0)
-        return Landscape(objective=shortfalls[rows].max(axis=0), ratios=others)
-
-    _, minima = search_axis(landscape, *search.axis.span, _THOROUGH)
-    if not minima or not 1 < minima[0].value < _MOST:
-        return None
-    best = minima[0].coordinate
-    one = search.results(np.array([best]))[0]
-    shortfalls = search.shortfalls(one)
-    return one.gain, {i: float(shortfalls[_FIRST_LIMIT + i]) for i in places if shortfalls[_FIRST_LIMIT + i] > 1}
-
-
-def _softer_padding(task: Task, limits: tuple[Required, ...], larger: dict[int, float]) -> str:
-    """Return a sentence on the padding that keeps a limit of the impact force with the advised gain.
-
-    The peak force of an elastic impact is proportional to k^(1 / (n + 1)) at every speed. So a stiffness that is
-    smaller by the factor (limit / raised limit)^(n + 1) results in the same ratios of force and limit in every run.
-    Empty if the contact is simulated, or another limit must be raised, too.
-    """
-    impact: Any = task.impact
-    keys: dict[type, str] = {HertzImpact: "effective_modulus", SpringImpact: "stiffness"}
-    if len(larger) != 1 or task.loop.contact is not None or type(impact) not in keys:
-        return ""
-    ((place, raised),) = larger.items()
-    constraint = limits[place].constraint
-    if constraint.quantity != "impact_force":
-        return ""
-    key = keys[type(impact)]
-    present, (factor, unit) = getattr(impact, key), (1e6, "MPa") if key == "effective_modulus" else (1.0, "N/m")
-    needed = present * (constraint.limit / raised) ** (impact.exponent + 1)
-    return (
-        f". Instead, a padding with {key} = {_rounded_down(needed / factor):g} {unit} instead of {present / factor:g} "
-        f"{unit} keeps {format_quantity(constraint.limit, 'N')} with this gain (computed with the impact model at the "
-        "simulated speeds of contact)"
-    )
-
-
-def _rounded_down(value: float) -> float:
-    """Round a positive number down to three significant digits."""
-    step = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return float(f"{math.floor(value / step) * step:.3g}")
-
-
 def _stricter(shortfalls: FloatArray, number: int = 0) -> FloatArray:
     """Return the factors on the reserves of a further try, for those requirements that fell short.
 
@@ -466,44 +392,6 @@ def _stricter(shortfalls: FloatArray, number: int = 0) -> FloatArray:
     """
     factors = np.minimum(np.maximum(shortfalls, _STRICTER) ** (1 + number), _STRICTEST)
     return np.where(shortfalls > 1, factors, 1.0)
-
-
-def _with_limit(constraint: Any, limit: float | None) -> Any:
-    """Return a constraint with another limit."""
-    if limit is None:
-        return constraint
-    if isinstance(constraint, Required):
-        return replace(constraint, constraint=replace(constraint.constraint, limit=limit))
-    return replace(constraint, limit=limit)
-
-
-def _fresh_runs(task: Task) -> int:
-    """Return how many fresh runs confirm an advice."""
-    if not task.constraints:
-        return _FRESH_ALWAYS
-    uncertain = any(name.startswith("sensor.") for name in task.uncertainty)
-    needed = runs_of_search(task, 0) * _FACTOR
-    return max(_FRESH_SENSORS if uncertain else _FRESH_RUNS, needed)
-
-
-def _runs_that_show(outcomes: LoopOutcomes, confidence: float) -> int:
-    """Return how many runs are likely to demonstrate every required probability; 0 if too many are needed."""
-    counts = [
-        likely_runs(int(r.held.sum()), len(r.held), r.probability, confidence)
-        for r in outcomes.requirements
-        if r.probability < 1
-    ]
-    return max((count or 0 for count in counts), default=0)
-
-
-def _fresh_outcomes(task: Task, count: int) -> LoopOutcomes:
-    """Return the outcomes of a gain in encounters and noise that no search has used."""
-    loop = replace(task.loop, seed=task.loop.seed + _FRESH)
-    fresh = task.replace(loop=loop, verify=replace(task.verify, runs=count))
-    draws = draw_encounters(fresh)
-    gain = float(task.gain or 0.0)
-    problem = LoopProblem(draws=draws, predicted=np.isfinite(draws.predicted(gain)[0]), unmitigated=None)
-    return problem.appraise(problem.compared(loop), gain)
 
 
 def _is_noise_a_guess(task: Task) -> bool:

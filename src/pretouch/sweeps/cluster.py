@@ -13,10 +13,8 @@ from typing import Any, Final
 from pretouch._core.errors import InvalidInputError, require
 
 from .executors import BlockRecord, run_block
-from .grid import Grid
 from .stores import ZarrStore
 
-_QUEUED: Final = 3  # submitted blocks per thread of the cluster
 _RETRIES: Final = 3  # for a block whose worker was lost; finished blocks are not computed again
 _TIMEOUT: Final = "10 s"
 
@@ -63,33 +61,15 @@ def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[B
     The workers must have access to the store at the same path.
     """
     distributed = require("distributed", extra="dask")
-    # the store is a task and not scattered data, so that Dask opens it again after the loss of a worker
-    opened = client.submit(_open, str(store.path.resolve()), store.plan, pure=False)
-    pending = iter(blocks)
-
-    def submit() -> Any:
-        block = next(pending, None)
-        return None if block is None else client.submit(_run, opened, block, pure=False, retries=_RETRIES)
-
-    first = [future for _ in range(_QUEUED * worker_count(client)) if (future := submit()) is not None]
-    completed = distributed.as_completed(first)
-    for future in completed:
+    shared = ZarrStore(store.path.resolve(), store.plan)  # workers have other current folders
+    for future in distributed.as_completed(client.map(_run, blocks, store=shared, pure=False, retries=_RETRIES)):
         report(future.result())
-        following = submit()
-        if following is not None:
-            completed.add(following)
 
 
-def _open(path: str, plan: Grid) -> ZarrStore:
-    """Open the stored sweep on a Dask worker. A separate task sends the plan once and not with every block."""
-    _check_folder(Path(path))
-    return ZarrStore(path, plan)
-
-
-def _run(store: ZarrStore, block: int) -> BlockRecord:
+def _run(block: int, store: ZarrStore) -> BlockRecord:
     """Compute a block of encounters on a Dask worker. A block that another worker has finished is skipped."""
     _check_folder(store.path)  # without shared storage, zarr would create a new folder here
-    if store.finished()[block]:
+    if store.is_finished(block):
         return BlockRecord(encounters=store.size(block), repeated=True)
     return run_block(store.plan, store, block)
 

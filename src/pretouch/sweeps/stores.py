@@ -89,6 +89,10 @@ class Store:
         """Return for each block of encounters whether it is finished."""
         return np.asarray(self._arrays[LEDGER][:] == 1)
 
+    def is_finished(self, block: int) -> bool:
+        """Return True if one block of encounters is finished. The other entries of the ledger are not read."""
+        return bool(self._arrays[LEDGER][block] == 1)
+
     def intact(self) -> BoolArray:
         """Return for each block whether it is finished and undamaged."""
         return self.finished()

@@ -1,21 +1,27 @@
-"""Compare whole commands, arrays of designs and sweeps with an earlier build of pretouch.
+"""An earlier build of pretouch as a peer, and whole commands of both builds.
 
-The earlier build is checked out by its commit and compiled in a temporary folder. Both builds run in turn, each time in
-a fresh process. Times are processor times of all threads, with those of child processes.
+The earlier build is checked out by its commit and compiled in a temporary folder. Its jobs run in a child process.
 """
 
 from __future__ import annotations
 
 import os
+import pickle
 import resource
-import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from .measuring import fresh, timed
+from .ours import Pretouch
+from .protocol import Way
+from .work import Column
 
 ROOT = Path(__file__).parents[2]
 _VERBS = {
@@ -25,22 +31,6 @@ _VERBS = {
     "pareto": "tradeoff.toml",
     "verify": "loop.toml",
 }
-_ARRAY = """
-import resource, sys
-from dataclasses import replace
-import numpy as np
-import pretouch as pt
-try:
-    from pretouch.designs import Constraint, design_gain
-except ImportError:  # the name of the folder in earlier builds
-    from pretouch.design import Constraint, design_gain
-count, limited = int(sys.argv[1]), sys.argv[2] == "limit"
-task = pt.load_scenario(sys.argv[3])
-obstacle = replace(task.scenario.obstacle, velocity=np.linspace(-1.0, -0.05, count))
-limits = [Constraint(name="excursion", limit=0.2)] if limited else []
-task = task.replace(scenario=replace(task.scenario, obstacle=obstacle), constraints=limits)
-design_gain(task)
-"""
 _ROBUST = """
 import sys
 import pretouch as pt
@@ -54,45 +44,84 @@ for _ in range(int(sys.argv[1])):
 """
 
 
-class Build(NamedTuple):
-    """A source tree of pretouch with its compiled core."""
+class Remote:
+    """A job of another build, in a child process that solves it on request and times it itself."""
 
-    name: str
-    tree: Path
-
-    def seconds(self, arguments: tuple[str, ...], folder: str) -> float:
-        """Return the processor time of one fresh process [s]."""
-        environment = {**os.environ, "PYTHONPATH": str(self.tree / "src")}
-        before = _used()
-        done = subprocess.run(
-            [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, check=False
+    def __init__(self, tree: Path, sensor: str, cases: str, name: str, *columns: Column) -> None:
+        environment = {**os.environ, "PYTHONPATH": str(tree / "src")}
+        command = [sys.executable, "-c", "from benchmarks.peers.builds import serve; serve()"]
+        self._child = subprocess.Popen(
+            command, cwd=ROOT, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
-        if done.returncode not in {0, 1}:  # 1: a negative answer, such as the verdict on the example
-            raise SystemExit(f"{self.name}: {' '.join(arguments)}: {done.stderr.decode()[-500:]}")
-        return _used() - before
+        self._ask((sensor, cases, name, columns))
+
+    def __call__(self) -> Column:
+        """Return contact times or gains."""
+        result: Column = self._ask(0)
+        return result
+
+    def timed(self, repeats: int) -> float:
+        """Return the mean time of some calls, without the way to the child process [s]."""
+        return float(self._ask(repeats))
+
+    def __del__(self) -> None:
+        """End the child process, whose input closes."""
+        self._child.communicate()
+
+    def _ask(self, request: Any) -> Any:
+        assert self._child.stdin  # noqa: S101 - a pipe
+        assert self._child.stdout  # noqa: S101
+        pickle.dump(request, self._child.stdin)
+        self._child.stdin.flush()
+        return pickle.load(self._child.stdout)  # noqa: S301 - from the child process
 
 
-class Job(NamedTuple):
-    """A command or program that both builds run."""
+def serve() -> None:
+    """Answer the requests of `Remote` from standard input, with the build that is on the path."""
+    requests, answers = sys.stdin.buffer, sys.stdout.buffer
+    sensor, cases, name, columns = pickle.load(requests)  # noqa: S301 - from the parent process
+    ways = (way for way in Pretouch().cases() if (way.sensor, way.cases, way.name) == (sensor, cases, name))
+    job, repeats = next(ways).make(*columns), None
+    while True:
+        answer = None if repeats is None else timed(job, repeats) if repeats else job()
+        pickle.dump(answer, answers)
+        answers.flush()
+        try:
+            repeats = pickle.load(requests)  # noqa: S301 - from the parent process
+        except EOFError:
+            return
 
-    name: str
-    arguments: tuple[str, ...]
-    start: tuple[str, ...] | None = None  # its time is subtracted, such as that of a command without its report
 
+class EarlierBuild:
+    """An earlier build of pretouch, by its commit and its source tree."""
 
-def _used() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+    def __init__(self, commit: str, tree: Path) -> None:
+        self.name, self.tree = f"pretouch {commit[:8]}", tree
+
+    def available(self) -> str:
+        """Return an empty reason."""
+        return ""
+
+    def cases(self) -> Sequence[Way]:
+        """Return the ways of pretouch, each of which runs in a child process."""
+        return [
+            replace(way, make=partial(Remote, self.tree, way.sensor, way.cases, way.name), grows=False)
+            for way in Pretouch().cases()
+        ]
+
+    def fresh(self, sensor: str) -> Callable[[], Column]:
+        """Return the job of case D."""
+        return fresh("pretouch", sensor, self.tree)
 
 
 @contextmanager
-def earlier_build(commit: str) -> Iterator[Build]:
+def earlier_build(commit: str) -> Iterator[EarlierBuild]:
     """Check out a commit and compile its core, in a temporary folder that is removed afterwards.
 
     The folder of a source tree whose core is compiled is used as it is.
     """
     if Path(commit).is_dir():
-        yield Build(Path(commit).name, Path(commit).resolve())
+        yield EarlierBuild(Path(commit).name, Path(commit).resolve())
         return
     git = ["git", "-C", str(ROOT)]
     with tempfile.TemporaryDirectory() as folder:
@@ -102,52 +131,54 @@ def earlier_build(commit: str) -> Iterator[Build]:
             environment = {**os.environ, "PYTHONPATH": str(tree / "src")}
             command = [sys.executable, "native/build.py"]
             subprocess.run(command, cwd=tree, env=environment, check=True, stdout=subprocess.DEVNULL)
-            yield Build(commit, tree)
+            yield EarlierBuild(commit, tree)
         finally:
             subprocess.run([*git, "worktree", "remove", "--force", str(tree)], check=True)
 
 
-def jobs(designs: int, points: int) -> list[Job]:
-    """Return the work: commands, arrays with so many designs, and sweeps over about so many points."""
+class Command(NamedTuple):
+    """A command of case G.
+
+    Args:
+        name: what it does.
+        arguments: arguments of the interpreter.
+        start: a command whose time is subtracted, such as the same one without its report.
+    """
+
+    name: str
+    arguments: tuple[str, ...]
+    start: tuple[str, ...] = ()
+
+    def seconds(self, tree: Path, folder: str) -> float:
+        """Return the processor time of fresh processes with the build of a source tree [s]."""
+        whole = _seconds(self.arguments, tree, folder)
+        return max(whole - _seconds(self.start, tree, folder), 1e-3) if self.start else whole
+
+
+def _seconds(arguments: tuple[str, ...], tree: Path, folder: str) -> float:
+    environment = {**os.environ, "PYTHONPATH": str(tree / "src")}
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, check=False)
+    if done.returncode not in {0, 1}:  # 1: a negative answer, such as the verdict on the example
+        raise SystemExit(f"{tree}: {' '.join(arguments)}: {done.stderr.decode()[-500:]}")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+
+
+def commands(points: int) -> list[Command]:
+    """Return the commands of case G; the sweep is over about so many points."""
     examples, pretouch = ROOT / "examples", ("-m", "pretouch")
-    listed = [Job("--help", (*pretouch, "--help"))]
+    listed = [Command("--help", (*pretouch, "--help"))]
     for verb, file in _VERBS.items():
         command = (*pretouch, verb, str(examples / file))
         text = (*command, "--no-report")
         listed += [
-            Job(f"{verb}, text", text),
-            Job(f"{verb}, report on top", (*command, "--output", "r.html", "--force"), text),
+            Command(f"{verb}, text", text),
+            Command(f"{verb}, report on top", (*command, "--output", "r.html", "--force"), text),
         ]
     robust = {count: ("-c", _ROBUST, count, str(examples / _VERBS["robust"])) for count in "14"}
-    listed.append(Job("three further robust designs", robust["4"], robust["1"]))
-    scenario = str(examples / "approach.toml")
-    array = {kind: ("-c", _ARRAY, str(designs), kind, scenario) for kind in ("free", "limit")}
-    load = {kind: ("-c", _ARRAY, "1", kind, scenario) for kind in array}
-    listed += [Job(f"{designs:,} designs, {kind}", array[kind], load[kind]) for kind in array]
+    listed.append(Command("three further robust designs", robust["4"], robust["1"]))
     side = max(round(points**0.5), 2)
     axes = (f"obstacle.velocity=-1 m/s:-0.05 m/s:{side}", f"obstacle.position=30 mm:60 mm:{side}")
-    sweep = (*pretouch, "sweep", scenario, *(part for axis in axes for part in ("--axis", axis)))
-    return [*listed, Job(f"sweep of {side * side:,} designs, limit", sweep)]
-
-
-def compare(commit: str, rounds: int, designs: int, points: int) -> list[dict[str, object]]:
-    """Measure both builds in turn, print a row for each job, and return the rows."""
-    rows: list[dict[str, object]] = []
-    with earlier_build(commit) as old, tempfile.TemporaryDirectory() as folder:
-        new = Build("this build", ROOT)
-        print(f"\nprocessor time of fresh processes, {rounds} pairs in turn; ratio: median over the pairs")
-        print(f"{'':36s} {old.name[:8]:>10s} {'this build':>12s}   ratio")
-        for job in jobs(designs, points):
-            for build in (old, new):  # warm the caches of the file system
-                build.seconds(job.arguments, folder)
-            pairs = [tuple(_net(build, job, folder) for build in (old, new)) for _ in range(rounds)]
-            first, second = (statistics.median(column) for column in zip(*pairs, strict=True))
-            ratio = statistics.median(b / a for a, b in pairs)
-            print(f"{job.name:36s} {first:8.3f} s {second:10.3f} s   {ratio:5.2f}", flush=True)
-            rows.append({"work": job.name, "old": first, "new": second, "ratio": ratio})
-    return rows
-
-
-def _net(build: Build, job: Job, folder: str) -> float:
-    whole = build.seconds(job.arguments, folder)
-    return whole if job.start is None else max(whole - build.seconds(job.start, folder), 1e-3)
+    sweep = (*pretouch, "sweep", str(examples / "approach.toml"), *(part for axis in axes for part in ("--axis", axis)))
+    return [*listed, Command(f"sweep of {side * side:,} designs, limit", sweep)]

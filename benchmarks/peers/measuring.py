@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import statistics
 import subprocess
 import sys
@@ -27,6 +28,7 @@ __all__ = [
     "job_for",
     "problem_for",
     "relative_error",
+    "timed",
 ]
 
 _SAMPLE = 2e-3  # [s]: shorter calls are repeated until they last this long
@@ -81,7 +83,7 @@ def in_turn(first: Callable[[], Any], second: Callable[[], Any], budget: float, 
     """Run two jobs in turn for about `budget` seconds, `least` rounds at least; both must have run before."""
     end = time.perf_counter() + budget
     times: list[tuple[float, float]] = []
-    repeats = [_repeats(_timed(job, 1)) for job in (first, second)]
+    repeats = [_repeats(timed(job, 1)) for job in (first, second)]
     while len(times) < least or (time.perf_counter() < end and len(times) < 1000):
         times.append((_best(first, repeats[0]), _best(second, repeats[1])))
     return Pair(
@@ -95,10 +97,10 @@ def in_turn(first: Callable[[], Any], second: Callable[[], Any], budget: float, 
 def cost(job: Callable[[], Any], budget: float) -> float:
     """Return the shortest time of a job [s] that has run before."""
     end = time.perf_counter() + budget
-    best = _timed(job, 1)
+    best = timed(job, 1)
     repeats = _repeats(best)
     while time.perf_counter() < end:
-        best = min(best, _timed(job, repeats))
+        best = min(best, timed(job, repeats))
     return best
 
 
@@ -109,25 +111,29 @@ def _repeats(seconds: float) -> int:
 def _best(job: Callable[[], Any], repeats: int) -> float:
     """Return the shortest of the samples of one round."""
     end = time.perf_counter() + _ROUND
-    best = _timed(job, repeats)
+    best = timed(job, repeats)
     while time.perf_counter() < end:
-        best = min(best, _timed(job, repeats))
+        best = min(best, timed(job, repeats))
     return best
 
 
-def _timed(job: Callable[[], Any], repeats: int) -> float:
+def timed(job: Callable[[], Any], repeats: int) -> float:
+    """Return the mean time of some calls of a job [s]; a job of another process measures it there."""
+    if hasattr(job, "timed"):
+        return float(job.timed(repeats))
     start = time.perf_counter()
     for _ in range(repeats):
         job()
     return (time.perf_counter() - start) / repeats
 
 
-def fresh(peer: str, sensor: str) -> Callable[[], Column]:
-    """Make the job of a fresh interpreter that designs one gain by a peer."""
+def fresh(peer: str, sensor: str, tree: Path = _ROOT) -> Callable[[], Column]:
+    """Make the job of a fresh interpreter that designs one gain by a peer, with the pretouch of a source tree."""
     command = [sys.executable, "-m", "benchmarks.peers.fresh", peer, sensor]
+    environment = {**os.environ, "PYTHONPATH": str(tree / "src")}
 
     def job() -> Column:
-        run = subprocess.run(command, cwd=_ROOT, capture_output=True, text=True, check=True)
+        run = subprocess.run(command, cwd=_ROOT, env=environment, capture_output=True, text=True, check=True)
         return np.array([float(run.stdout)])
 
     return job

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 from .protocol import Job, Way
@@ -23,8 +23,6 @@ from .work import (
 
 __all__ = ["Pretouch", "scenario", "sensor_named"]
 
-_LOOPED = 10  # designs where `design_gain` takes one encounter at a time
-
 
 class Pretouch:
     """The package itself."""
@@ -43,7 +41,7 @@ class Pretouch:
             ways += [
                 on(name="find_contact", cases="B", make=partial(_contacts, sensor), tolerance=1e-9, grows=True),
                 on(name="design_gain", cases="AD", make=partial(_one_by_one, sensor), tolerance=1e-7),
-                on(name="design_gain", cases="C", make=partial(_designs, sensor), tolerance=1e-7, size=_most_designs),
+                on(name="design_gain", cases="C", make=partial(_designs, sensor), tolerance=1e-7),
                 on(name="design_gain", cases="E", make=partial(_limited, sensor), tolerance=1e-7),
                 on(name="find_contact", cases="F", make=partial(_drag_contacts, sensor), tolerance=1e-9),
                 on(name="design_gain, each alone", cases="C", make=partial(_scattered, sensor), tolerance=1e-7),
@@ -74,23 +72,8 @@ def _design(encounter: Any, sensor: Any, constraints: Any = ()) -> Any:
     import pretouch as pt  # noqa: PLC0415
 
     objective = pt.excursion_objective(position_scale=POSITION_SCALE, velocity_scale=VELOCITY_SCALE)
-    return pt.design(pt.Task(encounter, sensor, objective, bounds=BOUNDS, constraints=constraints)).gain
-
-
-@lru_cache(maxsize=1)
-def _broadcasts() -> bool:
-    """Tell whether this version of `design_gain` takes many encounters."""
-    import pretouch as pt  # noqa: PLC0415
-
-    try:
-        _design(scenario([-0.3, -0.2]), sensor_named("exponential-1"))
-    except pt.errors.InvalidInputError:
-        return False
-    return True
-
-
-def _most_designs() -> int:
-    return 10**9 if _broadcasts() else _LOOPED
+    design = pt.design if callable(pt.design) else pt.design_gain  # in earlier builds, `design` is a folder
+    return design(pt.Task(encounter, sensor, objective, bounds=BOUNDS, constraints=constraints)).gain
 
 
 def _contacts(name: str, v: Column, gain: Column) -> Job:
@@ -132,8 +115,6 @@ def _scattered(name: str, v: Column) -> Job:
 def _designs(name: str, v: Column) -> Job:
     import numpy as np  # noqa: PLC0415
 
-    if not _broadcasts():
-        return _one_by_one(name, v)
     sensor, encounters = sensor_named(name), scenario(v)
     return lambda: np.asarray(_design(encounters, sensor), dtype=np.float64)
 

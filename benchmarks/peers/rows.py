@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import statistics
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from .builds import ROOT, EarlierBuild, commands
 from .measuring import Pair, Problem, fresh, in_turn, job_for, problem_for, relative_error
 from .protocol import Peer, Way
 from .registry import OURS
-from .work import ACCURACY, CASES, SENSORS
+from .work import ACCURACY, SENSORS
 
-__all__ = ["HEADER", "Row", "measure", "title"]
+__all__ = ["HEADER", "Row", "measure", "measure_commands"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,15 +23,15 @@ class Row:
 
     Args:
         case: a letter of `work.CASES`.
-        sensor: a name of `work.SENSORS`.
-        peer: the library.
+        sensor: a name of `work.SENSORS`; empty in case G.
+        peer: the library, or an earlier build.
         way: what it does.
         solves: how many encounters or designs one call solved.
         seconds: time per solve [s], the shortest of all rounds.
         ours: that of pretouch in the same rounds [s].
         ratio: time of the peer over that of pretouch per solve, the median over the rounds.
         rounds: number of rounds.
-        error: the largest relative error of its contact times or gains.
+        error: the largest relative error of its contact times or gains; None in case G.
         exact: whether the error is within the required accuracy.
     """
 
@@ -41,21 +44,19 @@ class Row:
     ours: float
     ratio: float
     rounds: int
-    error: float
+    error: float | None
     exact: bool
 
     def __str__(self) -> str:
-        mark = " " if self.exact else "!"
+        """Return a row of the table in Markdown."""
+        error = "" if self.error is None else f"{self.error:.0e}{'' if self.exact else ' !'}"
         return (
-            f"{self.case}  {self.sensor:13s}  {self.peer:15s}  {self.way:36s} {self.solves:7d} "
-            f"{time_text(self.seconds):>10s} {self.error:8.0e}{mark} {_ratio_text(self.ratio):>9s}"
+            f"| {self.case} | {self.sensor} | {self.peer} | {self.way} | {time_text(self.seconds)} | {error} "
+            f"| {_ratio_text(self.ratio)} |"
         )
 
 
-HEADER = (
-    f"case sensor       {'peer':15s}  {'way':36s}  solves  per solve    error   ratio to ours   "
-    "(! less exact than the work asks for)"
-)
+HEADER = "| case | sensor | peer | way | per solve | error | ratio to ours |\n|---|---|---|---|---|---|---|"
 
 
 def time_text(seconds: float) -> str:
@@ -92,15 +93,24 @@ def measure(case: str, size: int, peers: dict[str, Peer], budget: float, least: 
                     continue
                 try:
                     yield _row(case, problem, (name, peer, way), mine, (budget, least))
-                except (ArithmeticError, RuntimeError, ValueError, IndexError, subprocess.CalledProcessError) as error:
-                    yield f"{case}  {sensor:13s}  {peer.name:15s}  {way.name}: failed ({str(error).splitlines()[0]})"
+                except (
+                    ArithmeticError,
+                    RuntimeError,
+                    ValueError,
+                    LookupError,
+                    EOFError,
+                    subprocess.SubprocessError,
+                ) as error:
+                    reason = str(error).partition("\n")[0]
+                    yield f"| {case} | {sensor} | {peer.name} | {way.name} | failed: {reason} | | |"
 
 
 def _row(case: str, problem: Problem, entry: tuple[str, Peer, Way], mine: Way, effort: tuple[float, int]) -> Row:
     name, peer, way = entry
     if case == "D":
         (ours, our_count), answers = (fresh(OURS, way.sensor), 1), problem.answers
-        theirs, count = fresh(name, way.sensor), 1
+        theirs = peer.fresh(way.sensor) if isinstance(peer, EarlierBuild) else fresh(name, way.sensor)
+        count = 1
     else:
         ours, our_count, _ = job_for(mine, problem)
         theirs, count, answers = job_for(way, problem)
@@ -123,6 +133,34 @@ def _row(case: str, problem: Problem, entry: tuple[str, Peer, Way], mine: Way, e
     )
 
 
-def title(case: str, size: int) -> str:
-    """Name a case and its size."""
-    return f"{case}: {CASES[case]}" if size == 1 else f"{case}: {size:,} {CASES[case]}"
+def measure_commands(points: int, old: EarlierBuild | None, least: int) -> Iterator[Row]:
+    """Measure whole commands of this build and of an earlier one, in turn.
+
+    Args:
+        points: about how many points the sweep has.
+        old: the earlier build; None for this build alone.
+        least: number of rounds.
+
+    Yields:
+        A row for each command and build.
+    """
+    builds = [("pretouch", ROOT)] if old is None else [("pretouch", ROOT), (old.name, old.tree)]
+    with tempfile.TemporaryDirectory() as folder:
+        for command in commands(points):
+            for _, tree in builds:  # warm the caches of the file system
+                command.seconds(tree, folder)
+            rounds = [[command.seconds(tree, folder) for _, tree in builds] for _ in range(least)]
+            for k, (name, _) in enumerate(builds):
+                yield Row(
+                    case="G",
+                    sensor="",
+                    peer=name,
+                    way=command.name,
+                    solves=1,
+                    seconds=statistics.median(times[k] for times in rounds),
+                    ours=statistics.median(times[0] for times in rounds),
+                    ratio=statistics.median(times[k] / times[0] for times in rounds),
+                    rounds=least,
+                    error=None,
+                    exact=True,
+                )

@@ -35,9 +35,10 @@ CASES: Final = {
     "D": "a fresh process that designs one gain",
     "E": "designs with two limits: 80 mm from the reference and contact within 1.2 s",
     "F": "contacts of a virtual drag, v in [-1, -0.05] m/s, phi in [0.001, 0.02] N s^2",
+    "G": "whole commands: processor time of fresh processes",
 }
-SIZES: Final = {"A": 1, "B": 100_000, "C": 10_000, "D": 1, "E": 10_000, "F": 100_000}
-QUICK: Final = {"A": 1, "B": 2_000, "C": 200, "D": 1, "E": 200, "F": 2_000}
+SIZES: Final = {"A": 1, "B": 100_000, "C": 10_000, "D": 1, "E": 10_000, "F": 100_000, "G": 1_000_000}
+QUICK: Final = {"A": 1, "B": 2_000, "C": 200, "D": 1, "E": 200, "F": 2_000, "G": 400}
 ACCURACY: Final = {
     "A": 1e-7,
     "B": 1e-9,

@@ -19,7 +19,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from benchmarks.peers import builds, growing, registry, work
+from benchmarks.peers import builds, growing, registry, rows, work
 from benchmarks.peers.measuring import in_turn, inputs_for, problem_for, relative_error
 from benchmarks.peers.protocol import missing
 
@@ -379,17 +379,25 @@ def test_live_topics_without_ros_are_skipped(
     assert all("skipped" in line for line in lines)
 
 
-def test_two_builds_run_the_same_work_in_turn(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    listed = builds.jobs(designs=2, points=4)
-    assert {"--help", "verify, text", "verify, report on top", "2 designs, limit"} <= {job.name for job in listed}
-    chosen = [job for job in listed if job.name in {"--help", "2 designs, limit"}]
-    monkeypatch.setattr(builds, "jobs", lambda designs, points: chosen)  # noqa: ARG005
-    rows = builds.compare(str(ROOT), rounds=1, designs=2, points=4)
-    assert [row["work"] for row in rows] == ["--help", "2 designs, limit"]
-    assert all(float(row["ratio"]) > 0 for row in rows)
-    assert "2 designs, limit" in capsys.readouterr().out
+def test_an_earlier_build_solves_and_times_the_same_work_in_its_own_process() -> None:
+    (way,) = (w for w in builds.EarlierBuild("0b8b367b", ROOT).cases() if (w.sensor, w.cases) == ("inverse-power", "B"))
+    inputs = inputs_for("B", 5)
+    job = way.make(*inputs)
+    np.testing.assert_array_equal(job(), ours("B", "inverse-power", inputs))
+    assert 0 < job.timed(3) < job.timed(1) * 100
+    assert in_turn(job, job, 0.0).ratio > 0
+
+
+def test_commands_of_two_builds_are_rows_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    listed = builds.commands(points=4)
+    assert {"--help", "verify, text", "verify, report on top", "sweep of 4 designs, limit"} <= {c.name for c in listed}
+    monkeypatch.setattr(rows, "commands", lambda _: listed[:1])
+    own, old = rows.measure_commands(4, builds.EarlierBuild("0b8b367bff", ROOT), least=1)
+    assert (own.peer, own.way, own.ratio) == ("pretouch", "--help", 1.0)
+    assert (old.peer, old.way) == ("pretouch 0b8b367b", "--help")
+    assert old.ratio == pytest.approx(old.seconds / own.seconds)
+    assert str(old).startswith("| G |  | pretouch 0b8b367b | --help | ")
+    assert str(old).count("|") == rows.HEADER.splitlines()[1].count("|")
 
 
 def test_growing_work_is_measured_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,9 @@ import resource
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -145,6 +147,66 @@ def tasks(folder: Path, count: int = 1000) -> str:
     return f"task on a cluster of two processes     {each * 1e3:8.2f} ms, two at a time"
 
 
+def _sweep_on(processor: int, output: Path, count: int, parts: int) -> float:
+    """Sweep one of equal parts of the grid in this process, on one processor; return its processor time [s]."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {processor})
+    axes = grid(count)
+    axes["obstacle.velocity"] = axes["obstacle.velocity"][processor::parts]
+    pt.sweep(pt.Task(SCENARIO, SENSORS["inverse-power"]), axes, results=QUICK, output=output)
+    return _used()[0]
+
+
+def _used() -> tuple[float, float]:
+    """Return processor time [s] and largest memory [MB] of this process."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime, used.ru_maxrss / 1e3  # Linux counts kilobytes
+
+
+def efficiency(folder: Path, count: int) -> list[str]:
+    """Sweep by one process, by two processes and by two Dask workers; return a row for each.
+
+    The processes and workers are new, so that times include the import of pretouch. The efficiency is the time of one
+    process on one processor, divided by twice the time on two processors; also with processor times of all processes.
+    """
+    from distributed import LocalCluster  # noqa: PLC0415 - only for these rows
+
+    from pretouch.sweeps import cluster  # noqa: PLC0415
+
+    rows: list[str] = []
+    times: list[tuple[float, float]] = []
+
+    def add(name: str, wall: float, used: float, more: str = "") -> None:
+        times.append((wall, used))
+        first, spent = times[0]
+        share = f"   efficiency {first / 2 / wall:.2f}, of processor time {spent / used:.2f}" if rows else ""
+        rows.append(f"{name:30s} {count:12,d} encounters {wall:7.1f} s, {used:7.1f} s of processor{share}{more}")
+
+    for parts, name in ((1, "one process, one processor"), (2, "two processes, half each")):
+        with (
+            tempfile.TemporaryDirectory(dir=folder) as place,
+            ProcessPoolExecutor(parts, mp_context=get_context("spawn")) as pool,
+        ):
+            start = time.perf_counter()
+            running = [pool.submit(_sweep_on, k, Path(place, f"{k}.zarr"), count, parts) for k in range(parts)]
+            used = sum(one.result() for one in running)
+            add(name, time.perf_counter() - start, used)
+    with (
+        tempfile.TemporaryDirectory(dir=folder) as place,
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as workers,
+        cluster.connected(workers.scheduler_address) as client,
+    ):
+        client.wait_for_workers(2)
+        task, output = pt.Task(SCENARIO, SENSORS["inverse-power"]), Path(place, "out.zarr")
+        before, own, start = client.run(_used), _used()[0], time.perf_counter()
+        pt.sweep(task, grid(count), results=QUICK, output=output, dask=client)
+        wall, own, after = time.perf_counter() - start, _used()[0] - own, client.run(_used)
+        used = sum(after[worker][0] - before[worker][0] for worker in after)
+        peak = max(memory for _, memory in after.values())
+        add("Dask, two workers", wall, used + own, f"; scheduler and client {own:.1f} s; worker {peak:.0f} MB")
+    return rows
+
+
 def designs(count: int) -> list[str]:
     """Sweep designs in memory; return a row for each curve, and for a grid with and without a limit."""
     rows = []
@@ -226,7 +288,11 @@ def main() -> None:
     parser.add_argument("--encounters", type=float, default=1e7, help="of each sweep (default 1e7)")
     parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()), help="on the disk to be measured")
     parser.add_argument("--no-dask", action="store_true", help="without a local cluster")
+    parser.add_argument("--efficiency", action="store_true", help="only one and two processes, and two Dask workers")
     asked = parser.parse_args()
+    if asked.efficiency:
+        print("\n".join(efficiency(asked.folder, int(asked.encounters))))
+        return
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     print(f"{cores} cores; plain: time of writing as many bytes to files of 8 MB")
     for sensor in SENSORS:  # the kernels are compiled once
@@ -243,6 +309,7 @@ def main() -> None:
     print("\n" + "\n".join(overheads(asked.folder)))
     if not asked.no_dask:
         print(tasks(asked.folder))
+        print("\n" + "\n".join(efficiency(asked.folder, int(asked.encounters))))
 
 
 if __name__ == "__main__":

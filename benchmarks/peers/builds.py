@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import resource
 import subprocess
 import sys
 import tempfile
@@ -18,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .measuring import fresh, timed
+from .measuring import fresh, timed, used
 from .ours import Pretouch
 from .protocol import Way
 from .work import Column
@@ -157,12 +156,11 @@ class Command(NamedTuple):
 
 def _seconds(arguments: tuple[str, ...], tree: Path, folder: str) -> float:
     environment = {**os.environ, "PYTHONPATH": str(tree / "src")}
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    before = used()
     done = subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, check=False)
     if done.returncode not in {0, 1}:  # 1: a negative answer, such as the verdict on the example
         raise SystemExit(f"{tree}: {' '.join(arguments)}: {done.stderr.decode()[-500:]}")
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    return used() - before
 
 
 def commands(points: int) -> list[Command]:

@@ -1,8 +1,9 @@
-"""Time pretouch and a peer in turn, so that a drift of the machine affects both."""
+"""Measure the processor time of pretouch and of a peer in turn, so that a drift of the machine affects both."""
 
 from __future__ import annotations
 
 import os
+import resource
 import statistics
 import subprocess
 import sys
@@ -29,6 +30,7 @@ __all__ = [
     "problem_for",
     "relative_error",
     "timed",
+    "used",
 ]
 
 _SAMPLE = 2e-3  # [s]: shorter calls are repeated until they last this long
@@ -118,13 +120,19 @@ def _best(job: Callable[[], Any], repeats: int) -> float:
 
 
 def timed(job: Callable[[], Any], repeats: int) -> float:
-    """Return the mean time of some calls of a job [s]; a job of another process measures it there."""
+    """Return the mean processor time of some calls of a job [s]; a job of another process measures it there."""
     if hasattr(job, "timed"):
         return float(job.timed(repeats))
-    start = time.perf_counter()
+    start = used()
     for _ in range(repeats):
         job()
-    return (time.perf_counter() - start) / repeats
+    return (used() - start) / repeats
+
+
+def used() -> float:
+    """Return the processor time of this process, of all its threads and of its finished child processes [s]."""
+    kinds = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(kind.ru_utime + kind.ru_stime for kind in kinds)
 
 
 def fresh(peer: str, sensor: str, tree: Path = _ROOT) -> Callable[[], Column]:

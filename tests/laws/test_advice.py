@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -15,6 +16,10 @@ from scipy.stats import beta
 
 import pretouch as pt
 from pretouch._core.units import written_unit
+from pretouch._core.warning_codes import split_code
+from pretouch.designs.page import gain_page
+from pretouch.exports import export
+from pretouch.exports.page import export_page
 from pretouch.verification import advice as advice_search
 from pretouch.verification.appraisal import count_to_show, draw_encounters, make_problem
 from pretouch.verification.changed_loop import candidates_of
@@ -397,3 +402,45 @@ def test_with_an_uncertain_start_the_floor_is_advised_that_detects_there(tmp_pat
     assert "position" not in advice.sentence
     after = pt.verify(load(follow(document, dict(advice.settings)), tmp_path), changes=False)
     assert after.approach is None
+
+
+def test_no_advice_names_a_rate_that_the_sensor_part_cannot_reach(tmp_path: Path) -> None:
+    """Without the part, the same loop gets a rate of more than 250 Hz."""
+    margin = FILE.replace("[verify]", "[loop]\nstability_margin = 8.0\n[verify]")
+    named = margin.replace('rate = "250 Hz"\nexposure', 'part = "VCNL4010"\nexposure')
+    free, held = (pt.verify(load(document(text), tmp_path), changes=False) for text in (margin, named))
+    assert free.needed_rate == pytest.approx(held.needed_rate)
+    assert free.needed_rate > 250
+    assert re.search(r"read the sensor at \d+ Hz", free.advice.sentence)
+    assert "at most 250 Hz" in held.advice.sentence
+    assert "at most 250 Hz" in held.reasons[0]
+    assert "VCNL4010" in gain_page(held.design).next_step
+
+    task = load(document(FILE.replace('rate = "250 Hz"\nexposure', 'part = "VCNL4010"\nexposure')), tmp_path)
+    assert task.largest_sensor_rate == 250
+    most = {"most": task.largest_sensor_rate}
+    assert "sensor-rate" not in {one.name for one in candidates_of(task.loop, 24.0, 0.01, **most)}
+    slow = replace(task.loop, chain=replace(task.loop.chain, rate=200.0))
+    faster = next(one for one in candidates_of(slow, 24.0, 0.01, **most) if one.name == "sensor-rate")
+    assert faster.loop.chain.rate == 250
+
+
+@pytest.mark.parametrize(("rate", "count"), [("250 Hz", 0), ("251 Hz", 1)])
+def test_a_rate_above_that_of_the_part_is_a_warning_of_verdict_and_export(
+    rate: str, count: int, tmp_path: Path
+) -> None:
+    text = FILE.replace('rate = "250 Hz"\nexposure', f'part = "VCNL4010"\nrate = "{rate}"\nexposure')
+    task = load(document(text), tmp_path).replace(verify=pt.designs.VerifyOptions(runs=10))
+    found = pt.verify(task, changes=False)
+    exported = export(task.replace(gain=found.gain), tmp_path / "law", "json", verify=False)
+    infeasible = pt.verify(task.replace(constraints=[velocity_limit(1e-3)]), changes=False)
+    assert infeasible.gain is None
+    for warnings in (found.warnings, found.design.warnings, infeasible.warnings, export_page(exported).warnings):
+        assert sum(split_code(one)[0] == "PT418" for one in warnings) == count
+
+
+def test_only_a_rate_that_the_source_of_a_part_states_is_a_limit() -> None:
+    parts = pt.simulation.PARTS.values()
+    unknown = {part.name for part in parts if np.isinf(part.largest_rate)}
+    assert unknown == {"RPR-220", "APDS-9960"}
+    assert all(part.largest_rate == part.chain.rate for part in parts if part.name not in unknown)

@@ -283,7 +283,8 @@ class FirstScenario(Value):
         lines = f'part = "{self.part.name}"  # data sheet; pretouch replay measures rate, delay and noise\n'
         sheet = self.part.chain
         if rate != sheet.rate:
-            faster = f"the data sheet gives at most {_as_text(sheet.rate, 'Hz')}" if rate > sheet.rate else ""
+            most = self.part.largest_rate
+            faster = f"the data sheet gives at most {_as_text(most, 'Hz')}" if rate > most else ""
             lines += f'rate = "{_as_text(rate, "Hz")}"  # {cause or faster or "readings per second"}\n'
         if sheet.exposure > 1 / rate:
             lines += f'exposure = "{_as_text(1 / rate, "s")}"  # a reading averages over its whole period\n'

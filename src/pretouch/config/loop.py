@@ -5,11 +5,14 @@ The loop consists of sensor chain, controller, robot and contact.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from pretouch._core.units import format_quantity
+from pretouch._core.warning_codes import caution
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import (
@@ -75,7 +78,19 @@ def loop_fields(
     options = {name: settings.pop(name) for name in ("seed", "horizon", "follow_time")}
     options["start_distance"] = settings.pop("start_distance", None)
     loop = ClosedLoop(law=controller, chain=chain, plant=plant, contact=contact, **options)
-    return {"loop": loop, "gain": values.get("gain"), "sensor_part": part, **settings}
+    warnings = tuple(_rate_in_words(chain, part))
+    return {"loop": loop, "gain": values.get("gain"), "sensor_part": part, "warnings": warnings, **settings}
+
+
+def _rate_in_words(chain: SensorChain, part: SensorPart | None) -> Iterator[str]:
+    """Yield a warning if the sensor part cannot reach the rate of the chain."""
+    if part is not None and chain.rate > part.largest_rate:
+        rate, most = (format_quantity(value, "Hz") for value in (chain.rate, part.largest_rate))
+        yield caution(
+            "PT418",
+            f'The {part.name} reaches at most {most}, but the scenario has {rate}: set rate = "{most}" in [chain], or '
+            "use a faster sensor. Verdict, gain margin and stability limit hold only at the rate of the scenario.",
+        )
 
 
 def _refuse_missing_sections(file: Reading) -> None:

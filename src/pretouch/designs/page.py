@@ -151,9 +151,12 @@ def _findings(design: GainDesign) -> Iterator[str]:
 
 def _next_step(design: GainDesign) -> str:
     if design.without_margin is not None:
-        gain = design.without_margin.gain
+        gain, task = design.without_margin.gain, design.problem.task
+        faster = "read the sensor faster"
+        if task.loop.chain.rate >= task.largest_sensor_rate:
+            faster = f"use a faster sensor than the {task.sensor_part.name}"
         return (
-            f"read the sensor faster, so that the optimal {design.number.name} {design.number.equals(gain)} has the "
+            f"{faster}, so that the optimal {design.number.name} {design.number.equals(gain)} has the "
             "required gain margin; `pretouch verify` reports the necessary sensor rate"
         )
     if design.result is None:

@@ -233,6 +233,11 @@ class Task(ExplainsNames, Described, Value):
         return stable
 
     @property
+    def largest_sensor_rate(self) -> float:
+        """The largest rate of the named sensor part [Hz]; infinite if it is unknown."""
+        return math.inf if self.sensor_part is None else float(self.sensor_part.largest_rate)
+
+    @property
     def farthest_start(self) -> float:
         """The largest distance at which the controller of the loop detects the object [m]; infinite if unknown."""
         detect = getattr(self.loop, "farthest_start", None)  # a custom loop may have no such method

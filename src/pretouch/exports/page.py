@@ -29,8 +29,7 @@ def _warnings(export: Export) -> Iterator[str]:
             "The law limits neither force nor motion, so a faulty sensor can move the robot as far as its drive "
             "allows: set largest_force and largest_excursion in [controller].",
         )
-    if export.verdict is not None:
-        yield from verdict_page(export.verdict).warnings
+    yield from export.warnings if export.verdict is None else verdict_page(export.verdict).warnings
 
 
 def export_page(export: Export) -> Page:

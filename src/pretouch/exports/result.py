@@ -28,6 +28,7 @@ class Export(Described, Value):
         is_limited: whether the law limits force, speed, acceleration or excursion.
         is_idle: whether the gain or drag is 0, so that the law has no effect.
         attraction: sentences on a law that pulls the robot toward the object; empty for a mitigating law.
+        warnings: warnings about the scenario.
     """
 
     kind: str
@@ -38,6 +39,7 @@ class Export(Described, Value):
     is_limited: bool = True
     is_idle: bool = False
     attraction: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def is_written(self) -> bool:

@@ -108,4 +108,5 @@ def export(
         is_limited=design.controller.limits != Limits(),
         is_idle=design.controller.law.value == 0,
         attraction=design.attraction,
+        warnings=task.warnings,
     )

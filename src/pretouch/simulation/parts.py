@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -23,7 +24,7 @@ class SensorPart:
 
     Args:
         name: name of the part.
-        chain: its chain at its highest rate, with outputs in `unit`.
+        chain: its chain at its usual rate, with outputs in `unit`.
         unit: unit of its output xi: V, counts, or empty if it reports a distance.
         range: distances at which it is used [m].
         signal: a distance [m] and the output that an object causes there [unit], which set the scale of a sensor curve;
@@ -33,6 +34,7 @@ class SensorPart:
         assumptions: values that the source does not state, assumed here.
         no_object: distances [m] that the part or its usual driver reports without an object.
         failed: distances [m] that the usual driver reports if a measurement fails.
+        is_fastest: whether the source limits the rate to that of the chain.
     """
 
     name: str
@@ -45,6 +47,15 @@ class SensorPart:
     assumptions: tuple[str, ...]
     no_object: tuple[float, ...] = ()
     failed: tuple[float, ...] = ()
+    is_fastest: bool = True
+
+    @property
+    def largest_rate(self) -> float:
+        """The largest rate of readings by the source of the part [Hz].
+
+        It is infinite if the source does not limit the rate.
+        """
+        return self.chain.rate if self.is_fastest else math.inf
 
 
 @check_arguments
@@ -119,6 +130,7 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                     "an analog input of 16 bits over +-10 V",
                     "10 us of response, typical of such phototransistors with a small load",
                 ),
+                is_fastest=False,
             ),
             SensorPart(
                 name="VCNL4010",
@@ -166,6 +178,7 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                     "noise of 1 count with and without an object; noise that grows with xi is neglected",
                     "3 counts at 100 mm, three standard deviations of the noise",
                 ),
+                is_fastest=False,
             ),
             *(
                 SensorPart(

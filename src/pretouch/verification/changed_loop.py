@@ -120,17 +120,25 @@ def as_printed(value: float, digits: int = 4) -> float:
 
 
 def candidates_of(
-    loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None, start: float = math.inf
+    loop: ClosedLoop,
+    quickest: float,
+    noise: float,
+    wanted: float | None = None,
+    start: float = math.inf,
+    *,
+    most: float = math.inf,
 ) -> list[ChangedLoop]:
     """Return several loops, each with one change.
 
     Every changed value is the one that its sentence prints. |d ln xi / dt| is at most `quickest` [1/s]; `noise` is that
     of ln xi. `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is
-    enough. `start` is the sensor output at the start of the encounter.
+    enough. `start` is the sensor output at the start of the encounter. `most` is the largest rate of the sensor [Hz].
     """
     candidates: list[ChangedLoop] = []
     rate = as_printed(_FASTER * loop.chain.rate, 6) if wanted is None else rounded_up(wanted)
-    changes: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]
+    rate = max(min(rate, most), loop.chain.rate)
+    faster: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate))] if rate > loop.chain.rate else []
+    changes: list[_Made] = [*faster, *_of_chain(loop), *_of_robot(loop)]
     for name, sentence, make in (*changes, *_of_controller(loop, quickest, noise, start)):
         try:
             changed = make()

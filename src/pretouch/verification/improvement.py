@@ -167,7 +167,8 @@ def _candidates(problem: LoopProblem, verified: Verified) -> list[ChangedLoop]:
     if check is not None and check.margin < USUAL_MARGIN and math.isfinite(check.lowest_rate_for_margin_2):
         rate = max(check.lowest_rate_for_margin_2, check.rate)
     start = float(np.exp(draws.task.sensor.log_output(float(draws.distance.mean()))))
-    return candidates_of(draws.task.loop, *problem.changes_of_level(verified.passed[0]), rate, start)
+    most = draws.task.largest_sensor_rate
+    return candidates_of(draws.task.loop, *problem.changes_of_level(verified.passed[0]), rate, start, most=most)
 
 
 def _loss(task: Task, verified: Verified, search: GainSearch, optimum: float | None, best: FloatArray | None) -> Loss:

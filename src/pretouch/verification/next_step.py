@@ -88,7 +88,11 @@ def _without_search(v: Verdict, gain: float) -> Iterator[Advice]:
     if v.at_rest is not None and v.at_rest.reaches_object:
         yield Advice(kind="floor", sentence=v.at_rest.remedy(v.loop.law))
     if v.sensor_speed is not None and not v.sensor_speed.is_fast_enough:
-        yield Advice(kind="sensor", sentence=f"read the sensor much faster than at {v.loop.chain.rate:g} Hz")
+        task, rate = v.design.problem.task, v.loop.chain.rate
+        text = f"read the sensor much faster than at {rate:g} Hz"
+        if rate >= task.largest_sensor_rate:
+            text = f"use a much faster sensor than the {task.sensor_part.name}"
+        yield Advice(kind="sensor", sentence=text)
     if v.reasons and report is not None and report.reasons and report.verdict != "usable":
         first = split_code(report.reasons[0])[1].removesuffix(".")
         yield Advice(kind="calibration", sentence=f"improve the calibration: {first}")
@@ -107,6 +111,13 @@ def _step_without_gain(v: Verdict) -> str:
         return f"{step}{_IDEAL if design.relaxations else ''}"
     if math.isinf(v.needed_rate):
         return "shorten latency and filters, or relax a limit: no sensor rate results in the required gain margin"
+    task = v.design.problem.task
+    if v.needed_rate > task.largest_sensor_rate:
+        return (
+            f"use a faster sensor than the {task.sensor_part.name}, which reaches at most "
+            f"{task.largest_sensor_rate:g} Hz, shorten latency and filters, or relax one of the limits: with a gain "
+            f"margin of {task.stability_margin:g}, the best gain needs {rounded_up(v.needed_rate):g} Hz"
+        )
     return (
         f"read the sensor at {rounded_up(v.needed_rate):g} Hz instead of {v.loop.chain.rate:g} Hz, or relax one of "
         "the limits"

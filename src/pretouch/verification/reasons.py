@@ -48,6 +48,8 @@ def no_gain_with_margin(design: GainDesign, rate: float) -> str:
         needed = "No sensor rate gives it this margin, because latency, filters or robot are too slow"
     else:
         needed = f"This gain has the required margin at a sensor rate of {rounded_up(rate):g} Hz or more"
+        if rate > task.largest_sensor_rate:
+            needed += f", but the {task.sensor_part.name} reaches at most {task.largest_sensor_rate:g} Hz"
     return (
         f"at a sensor rate of {task.loop.chain.rate:g} Hz, no gain with a gain margin of "
         f"{task.stability_margin:g} meets every limit. Without the required margin, the optimum would be {optimum}. "

@@ -106,7 +106,7 @@ def verify(task: Task, *, changes: bool = True) -> Verdict:
         reason, rate = f"the ideal design is {design.status.value}", _rate_needed(design)
         if rate is not None:
             reason = no_gain_with_margin(design, rate)
-        fields = {**_inputs(task, design, None), "needed_rate": rate, "compared_runs": 0}
+        fields = {**_inputs(task, design, None), "needed_rate": rate, "compared_runs": 0, "warnings": task.warnings}
         verdict = Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,))
         search = partial(_advice_without_design, task, design) if changes else None
         return replace(verdict, advice=next_step(task, verdict, search))

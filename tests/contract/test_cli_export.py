@@ -58,7 +58,9 @@ def test_a_law_that_does_not_hold_is_not_written(tmp_path: Path) -> None:
     answer = run("export", "c", str(LOOP), "-o", "law", folder=tmp_path)
     assert answer.returncode == 1
     assert answer.stdout.startswith("Nothing was exported")
-    assert 'Next: run pretouch verify --gain "-0.746' in answer.stdout  # the verdict of the same gain
+    assert (
+        'Next: run pretouch verify with the same file and --gain "-0.746' in answer.stdout
+    )  # the verdict of the same gain
     assert not list(tmp_path.iterdir())
 
 

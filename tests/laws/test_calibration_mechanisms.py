@@ -251,10 +251,32 @@ def test_two_single_flattened_readings_are_not_used_since_one_wrong_distance_exp
     report = fit(single)
     assert (report.window.l_min, report.verdict) == (0.035, "usable with reservations")
     assert any("PT117" in reason and "5 mm and 15 mm" in reason for reason in report.reasons)
+    assert "one of the readings at 5 mm and 15 mm is wrong" in said(report)
     nearest_repeated = replace(
         single, distances=np.append(distance, [5e-3] * 4), outputs=np.append(single.outputs, [2512, 2511, 2513, 2512])
     )
     assert fit(nearest_repeated).window.l_min >= 0.035  # the distance of 15 mm may still be wrong
+
+
+def test_flattened_single_readings_are_named_to_be_repeated_and_are_used_then():
+    """Readings at 2, 4 and 7 mm flatten; only repeats at all of them say that it is the sensor."""
+    distance = 1e-3 * np.array([2.0, 4.0, 7.0, 11.0, 16.0, 24.0, 35.0, 50.0])
+    outputs = np.array([5696.0, 5566.0, 5406.0, 4120.0, 3095.0, 2147.0, 1498.0, 1073.0])
+    empty = [612.0, 585.0, 603.0, 597.0]
+    once = fit(Calibration(distances=distance, outputs=outputs, unit="counts", no_object=empty))
+    assert once.window.l_min == 0.011
+    assert "to use the readings at 2 mm, 4 mm and 7 mm, set each distance again" in said(once)
+    noise = np.resize([-12.0, 8.0, 5.0, -4.0], 12)
+    repeated = fit(
+        Calibration(
+            distances=np.append(distance, np.repeat(distance[:3], 4)),
+            outputs=np.append(outputs, np.repeat(outputs[:3], 4) + noise),
+            unit="counts",
+            no_object=empty,
+        )
+    )
+    assert repeated.window.l_min < 0.011
+    assert "PT117" not in said(repeated)
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from pretouch.control import VirtualAdmittance
 from pretouch.report import report_html
 from pretouch.report.pages import page_of
 from pretouch.simulation.stability import passed_distances
+from pretouch.verification import VerdictStatus
 from pretouch.verification.changed_loop import candidates_of
 from pretouch.verification.stability import check_stability, limit_of
 from verification_samples import BOUNDS, OBJECTIVE, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
@@ -39,6 +40,20 @@ def test_the_best_gain_is_sought_among_those_with_a_margin_of_2() -> None:
     assert line(str(found), "best gain with a gain margin of 2 on the simulated loop, mean of the runs").startswith(
         "-0."
     )
+
+
+def test_a_gain_without_the_required_margin_holds_only_narrowly_and_the_required_margin_is_named() -> None:
+    loop = loop_of(rate=250.0)
+    limit = limit_of(loop, SENSOR, DISTANCE)
+    assert limit is not None
+    gain = limit.strongest / 2.5
+    task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, bounds=BOUNDS, gain=gain, stability_margin=4.0)
+    required = pt.verify(task, changes=False)
+    usual = pt.verify(task.replace(stability_margin=2.0), changes=False)
+    reason = "the gain margin is only 2.5, and a margin of 4 is required (stability_margin)"
+    assert reason in required.reasons
+    assert required.status in {VerdictStatus.HOLDS_NARROWLY, VerdictStatus.DOES_NOT_HOLD}
+    assert not any("is required" in text for text in usual.reasons)
 
 
 def test_where_no_gain_within_the_bounds_has_a_margin_of_2_the_stable_ones_are_searched_and_it_is_said() -> None:
@@ -70,7 +85,7 @@ def test_a_gain_that_is_better_for_lack_of_margin_is_said_to_lack_it() -> None:
     assert weaker.improvement is not None
     assert weaker.improvement < 0
     assert weaker.helps  # for it holds, and not narrowly alone
-    assert weaker.status is pt.verification.VerdictStatus.HOLDS
+    assert weaker.status is VerdictStatus.HOLDS
 
 
 def test_the_rate_that_is_tried_gives_the_gain_its_margin() -> None:

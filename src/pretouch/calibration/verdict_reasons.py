@@ -85,8 +85,10 @@ def ignored_readings(prepared: Prepared) -> tuple[str, ...]:
     return tuple(groups)
 
 
-def _list(shown: list[str]) -> str:
-    return ", ".join(shown[:_MOST_NAMED]) + (", ..." if len(shown) > _MOST_NAMED else "")
+def _list(shown: list[str], joint: str = ", ") -> str:
+    if len(shown) > _MOST_NAMED:
+        return ", ".join([*shown[:_MOST_NAMED], "..."])
+    return joint.join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
 
 
 def _level(calibration: Calibration, output: float) -> str:
@@ -208,22 +210,24 @@ def contact_reservations(prepared: Prepared, check: WitnessCheck | None) -> list
 
 
 def _few_flattened(prepared: Prepared) -> list[str]:
-    """Return a warning if only one or two distances show that the output flattens or falls near the sensor."""
+    """Return a warning if readings that were not repeated show that the output flattens or falls near the sensor."""
     first = prepared.window.distances[0] if prepared.window.distances else 0.0
     places, counts = np.unique(prepared.calibration.distances, return_counts=True)
-    cut = places < first
-    if not is_explained_by_one_error(counts[cut]) or prepared.window.saturation is not None:
+    cut, single = places < first, (places < first) & (counts == 1)
+    explained = is_explained_by_one_error(counts[cut])
+    if prepared.window.saturation is not None or not (explained or (single.any() and prepared.flattens)):
         return []
-    at = " and ".join(format_quantity(float(place), "m") for place in places[cut])
-    possible = (
-        f"or one of the readings at {at} is wrong: repeat both"
-        if cut.sum() > 1
-        else f"or the reading at the smallest distance {at} is too low: repeat it"
-    )
+    at = _list([format_quantity(float(place), "m") for place in places[single]], joint=" and ")
+    if not explained:
+        text = f": to use the readings at {at}, set each distance again and repeat its reading five times or more"
+    elif single.sum() == 1:
+        text = f", or the reading at {at} is wrong: set the distance again and repeat it five times or more"
+    else:
+        text = f", or one of the readings at {at} is wrong: set the distances again and repeat both five times or more"
     return [
         caution(
             "PT117",
-            f"The output flattens or falls near the sensor, {possible} five times or more. Readings at distances below "
+            f"The output flattens or falls near the sensor{text}. Readings at distances below "
             f"{format_quantity(float(first), 'm')} are not used.",
         )
     ]

@@ -21,6 +21,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError, PretouchError
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import QUANTITIES
+from pretouch._core.warning_codes import codes_in
 from pretouch.designs.constraints import Constraint
 from pretouch.designs.custom_objectives import AnyObjective
 from pretouch.designs.objectives import OBSTACLE_SPEED, Objective, Term
@@ -348,6 +349,8 @@ class _Builder(Reading):
             cause, other = "", 'extend the curve with minimum_distance = "0 mm" (not for a table)'
             if window is not None and window.l_min >= recess + low * (1 - _ROUNDING):
                 cause, other = f" ({window.start_reason.partition(' (')[0]})", "calibrate with lower amplification"
+                if calibration is not None and "PT117" in codes_in((*calibration.reasons, *calibration.notes)):
+                    other = f"repeat the nearest readings (PT117), or {other}"
             start = f"{1e3 * low:.4g} mm{cause}"
             self.refuse(
                 ("sensor",),

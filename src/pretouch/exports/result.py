@@ -65,7 +65,7 @@ class Export(Described, Value):
             return "change the sign of the gain"
         if not self.is_written:
             gain = _as_option(self.verdict)
-            return f"run pretouch verify{gain}: it says why, and searches for a remedy"
+            return f"run pretouch verify with the same file{gain}: it says why, and searches for a remedy"
         if self.verdict is None:
             return "run pretouch verify with the same file and gain, and export the law again without --unverified"
         return f"read {self.folder / 'README.md'}, and run its test on the target"
@@ -93,4 +93,4 @@ def _as_option(verdict: Verdict | None) -> str:
     """Return the verified gain as an option of a command."""
     if verdict is None or verdict.gain is None:
         return ""
-    return f' --gain "{setting(verdict.gain, verdict.law.number.unit)}"'
+    return f' and --gain "{setting(verdict.gain, verdict.law.number.unit)}"'

@@ -23,6 +23,7 @@ from .result import LimitCheck, Verdict
 _USED_UP: Final = 0.97  # share of the allowed excursion that counts as all of it
 _MOST_SHARE: Final = 0.5  # share of the runs
 _ROUNDING: Final = 1e-9  # relative rounding error of a speed
+_SHOWN: Final = 5e-3  # relative; a smaller difference does not show in three digits
 _CAUTIONS: Final = (0.7, 0.5)  # confidence levels of the share of runs from which a number of runs is computed
 _MOST_RUNS: Final = 20_000  # more runs are not advised; another gain or loop is then better
 
@@ -162,10 +163,15 @@ def _limit_missed(check: LimitCheck, runs: int) -> str:
 
 def _narrow_reasons(v: Verdict) -> Iterator[str]:
     """Yield the reasons why a gain passes only narrowly."""
-    stability, reached = v.stability, v.reached
+    stability, reached, required = v.stability, v.reached, v.design.problem.task.stability_margin
     yield from _harder_than_promised(v)
     if stability is None:
         yield "the stability of the loop is not known"
+    elif required is not None and 1 <= stability.margin < required * (1 - _SHOWN):
+        yield (
+            f"the gain margin is only {stability.margin:.3g}, and a margin of {required:g} is required "
+            "(stability_margin)"
+        )
     elif 1 <= stability.margin < USUAL_MARGIN:
         yield f"the gain margin is only {stability.margin:.3g}, and 2 or more is usual"
     for check in (check for check in v.limits if check.is_met):

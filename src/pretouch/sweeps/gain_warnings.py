@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 CHANGE_THE_LIMIT: Final = ("admittance.", "sensor.", "obstacle.position", "plant.position")
 """Inputs, or the beginnings of their names, that change the stability limit of a loop."""
 
+_USUAL_MARGIN: Final = 2.0  # gain margin without a required one, as in `verification`: 6 dB
+_ROUNDING: Final = 1e-6  # relative; a design at the required margin is not below it
 _MOST_READ: Final = 10**7  # largest number of designed gains that are read
 
 
@@ -64,12 +66,23 @@ def _warnings(task: Task, gains: Any, inputs: list[str], encounters: int) -> Ite
         )
         return
     strongest = _strongest(task)
+    symbol, is_linear = number.symbol, math.isfinite(strongest) and task.law.degree == 1
+    margin = task.stability_margin or _USUAL_MARGIN
+    allowed = f"{symbol} = {number.text(strongest / margin)}"  # stronger gains have a smaller margin
     unstable = repeats * int(np.sum(mitigating > abs(strongest)))
     if unstable:
-        limit = f"{number.symbol} = {number.text(strongest)}"
+        remedy = (
+            f"the strongest with a gain margin of {margin:g} is {allowed}" if is_linear else f"weaken the {number.name}"
+        )
         yield (
             f"in {unstable:,} of {encounters:,} encounters, the {number.name} is beyond the stability limit of the "
-            f"sampled loop, {limit}: on a robot, the loop would oscillate. Use a weaker {number.name}."
+            f"sampled loop, {symbol} = {number.text(strongest)}: on a robot, the loop would oscillate; {remedy}."
+        )
+    near = repeats * int(np.sum(mitigating > (1 + _ROUNDING) * abs(strongest) / margin)) - unstable
+    if is_linear and near:
+        yield (
+            f"in {near:,} of {encounters:,} encounters, the gain margin of the sampled loop is below {margin:g}; the "
+            f"strongest {number.name} with this margin is {allowed}."
         )
 
 

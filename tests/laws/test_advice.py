@@ -22,7 +22,7 @@ from pretouch.exports import export
 from pretouch.exports.page import export_page
 from pretouch.verification import advice as advice_search
 from pretouch.verification.appraisal import count_to_show, draw_encounters, make_problem
-from pretouch.verification.changed_loop import candidates_of
+from pretouch.verification.changed_loop import candidates_of, rounded_up
 from pretouch.verification.missed_runs import missed_in_words
 from pretouch.verification.result import Advice
 from pretouch.verification.settings import settings_between
@@ -444,3 +444,31 @@ def test_only_a_rate_that_the_source_of_a_part_states_is_a_limit() -> None:
     unknown = {part.name for part in parts if np.isinf(part.largest_rate)}
     assert unknown == {"RPR-220", "APDS-9960"}
     assert all(part.largest_rate == part.chain.rate for part in parts if part.name not in unknown)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("uncertain", [True, False])
+def test_the_rate_of_a_required_margin_is_advised_with_the_settings_that_hold_at_it(
+    uncertain: bool, tmp_path: Path
+) -> None:
+    """A certain encounter needs only the rate; uncertain ones need another gain and a changed loop, too."""
+    file = document((Path(__file__).parents[2] / "examples/loop.toml").read_text(encoding="utf-8"))
+    file["chain"]["rate"] = "15 Hz"
+    if not uncertain:
+        del file["uncertainty"], file["robust"]
+    task = load(file, tmp_path)
+    found = pt.verify(task)
+    assert found.gain is None
+    assert found.needed_rate is not None
+    settings = found.advice.settings
+    assert settings["chain.rate"] == f"{rounded_up(found.needed_rate)!r} Hz"
+    assert (set(settings) == {"chain.rate"}) is not uncertain
+    again = pt.verify(load(follow(file, settings), tmp_path), changes=False)
+    assert again.status is found.advice.status
+    assert again.status.is_passed
+    assert again.stability.margin >= 2
+    plain = pt.verify(task, changes=False)
+    assert plain.advice.sentence.endswith("the limits in simulated runs may need more")
+    if uncertain:  # the gain is searched within the bounds of the file, and has the margin only on the changed loop
+        faster = load(follow(file, {"chain.rate": settings["chain.rate"]}), tmp_path)
+        assert again.gain < faster.stable_bounds()[0]

@@ -24,7 +24,7 @@ from pretouch.designs.search import RUNS, Effort, GainAxis
 from pretouch.simulation import ClosedLoop, chain_of_fit
 
 from .appraisal import USUAL_MARGIN, LoopProblem, draw_encounters
-from .changed_loop import ChangedLoop, candidates_of, rounded_up, with_settings
+from .changed_loop import ChangedLoop, candidates_of, loop_at, rate_in_words, rounded_up, with_settings
 from .effect import VerdictStatus
 from .fresh_runs import fresh_outcomes, fresh_runs, runs_that_show
 from .gain_search import GainSearch, stable_axis
@@ -94,6 +94,40 @@ def search_advice(task: Task, verdict: Verdict, found: Improvements, passed: Pas
     advice = seeker.advice()
     against_noise = advice is None or advice.kind == "none" or bool(_AGAINST_NOISE & set(advice.settings))
     return _repeat_readings() if is_guess and verdict.reasons and against_noise else advice
+
+
+def search_at_rate(task: Task, rate: float, judge: Judge) -> Advice | None:
+    """Search for settings that hold at the sensor rate with which the optimal gain has the required margin.
+
+    The rate ensures only the margin: because of noise and random encounters, another gain or limit may be needed, too.
+
+    Args:
+        task: the verified task with its required gain margin, but without a gain.
+        rate: the sensor rate [Hz].
+        judge: returns the verdict on a changed task, with its advice.
+
+    Returns:
+        The advice; None if the sensor does not reach the rate, or if nothing holds at this rate.
+    """
+    if not task.loop.chain.rate < rate <= task.largest_sensor_rate or math.isinf(rate):
+        return None
+    try:
+        faster = task.replace(loop=loop_at(task.loop, min(rounded_up(rate), task.largest_sensor_rate)))
+        verdict = judge(faster)
+    except InvalidInputError:  # the rate does not fit another part of the loop
+        return None
+    step, settings = _as_step(rate_in_words(task.loop, faster.loop)), settings_between(task, faster)
+    if verdict.status.is_passed and verdict.gain is not None:
+        count = fresh_runs(faster)
+        shortfalls = fresh_outcomes(faster.replace(gain=verdict.gain), count).shortfalls(count, task.verify.confidence)
+        checked = _Checked(faster, verdict, shortfalls, count)
+        text = f"{step}, with {task.law.number.equals(verdict.gain)}. {_outcome(checked)}"
+        more = Advice(kind="change", sentence=text, status=verdict.status, fresh_runs=count)
+        return replace(more, settings=settings) if checked.shortfall <= 1 else None
+    more = verdict.advice or _repeat_readings()
+    if more.kind not in {"change", "limit"} or "chain.rate" in more.settings:
+        return None
+    return replace(more, sentence=f"{step}, and {more.sentence}", settings={**settings, **more.settings})
 
 
 def _repeat_readings() -> Advice:
@@ -215,7 +249,9 @@ class _Seeker:
         limit = None
         if base.margin is not None:
             limit = limit_of(loop, self.task.sensor, self.passed)
-        axis, margin = stable_axis(self.task, limit, least_margin)
+        asked = self.verdict.design.problem.task  # the bounds of self.task have the required margin on its own loop
+        task = self.task if limit is None else self.task.replace(bounds=asked.bounds)
+        axis, margin = stable_axis(task, limit, least_margin, asked.stability_margin)
         center = base.best or base.nearest() or self.verdict.gain or 0.0
         low, high = sorted((center / _AROUND, center * _AROUND))
         axis = GainAxis(low=max(axis.low, min(low, axis.high)), high=min(axis.high, max(high, axis.low)))

@@ -144,7 +144,7 @@ def candidates_of(
             changed = make()
         except InvalidInputError:  # a change that does not fit the other parts of the loop is not proposed
             continue
-        candidates.append(ChangedLoop(name, sentence or _rate_in_words(loop, changed), changed))
+        candidates.append(ChangedLoop(name, sentence or rate_in_words(loop, changed), changed))
     return candidates
 
 
@@ -158,7 +158,8 @@ def with_settings(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
     return replace(loop, **parts_changed)
 
 
-def _rate_in_words(loop: ClosedLoop, after: ClosedLoop) -> str:
+def rate_in_words(loop: ClosedLoop, after: ClosedLoop) -> str:
+    """Return a sentence that recommends the sensor rate of another loop."""
     text = f"Read the sensor at {after.chain.rate:.6g} Hz instead of {loop.chain.rate:.6g} Hz"
     if after.chain.exposure < loop.chain.exposure:
         text += f", with an exposure of {format_quantity(after.chain.exposure, 's')}"

@@ -208,11 +208,17 @@ def runs_of_search(task: Task, compared: int) -> int:
     return max(compared, min(enough, _MOST_SEARCHED))
 
 
-def stable_axis(task: Task, limit: GainLimit | None, least: float = USUAL_MARGIN) -> tuple[GainAxis, float | None]:
-    """Return the gains with at least a gain margin, or else the stable ones, and their gain margin."""
+def stable_axis(
+    task: Task, limit: GainLimit | None, least: float = USUAL_MARGIN, required: float | None = None
+) -> tuple[GainAxis, float | None]:
+    """Return the gains with at least a gain margin, or else the stable ones, and their gain margin.
+
+    If a margin is required, only gains with this margin are returned, and the axis is empty if there are none.
+    """
     (low, high), margin, sign = task.stable_bounds(), None, task.law.number.sign
     if limit is not None:
         margin = least if limit.allowed(least) >= min(sign * low, sign * high) else 1.0
+        margin = max(margin, required or 1.0)
         # The ends of the axis are exact, so that every proposed gain has the required margin.
         strongest = limit.strongest / margin
         low, high = (max(low, strongest), high) if sign < 0 else (low, min(high, strongest))

@@ -23,6 +23,7 @@ from .run_warnings import detection_step
 from .settings import settings_between
 
 _IDEAL: Final = ". This is enough for the ideal design; the sampled loop may need more"
+_ENOUGH: Final = ". This rate gives the optimal gain its gain margin; the limits in simulated runs may need more"
 _LATER: Final = 1.3  # factor on the latest predicted contact
 
 
@@ -45,7 +46,7 @@ def _steps(task: Task, v: Verdict, search: Callable[[], Advice | None] | None) -
     if not (v.reached is not None and v.reached.simulated):
         yield Advice(kind="approach", sentence=approach_step(v.scenario))
     if v.gain is None:
-        if search is not None and v.needed_rate is None:
+        if search is not None:
             yield search()
         yield Advice(kind="design", sentence=_step_without_gain(v))
         return
@@ -120,7 +121,7 @@ def _step_without_gain(v: Verdict) -> str:
         )
     return (
         f"read the sensor at {rounded_up(v.needed_rate):g} Hz instead of {v.loop.chain.rate:g} Hz, or relax one of "
-        "the limits"
+        f"the limits{_ENOUGH}"
     )
 
 

@@ -27,7 +27,7 @@ from pretouch.simulation.law import TunableLaw
 from pretouch.simulation.result import refuse_too_many_runs
 from pretouch.simulation.stability import passage
 
-from .advice import search_advice
+from .advice import search_advice, search_at_rate
 from .appraisal import LoopProblem, draw_encounters, foreseen_impact, predicted_contact
 from .at_rest import motion_at_rest
 from .breakage import check_breakage
@@ -108,8 +108,10 @@ def verify(task: Task, *, changes: bool = True) -> Verdict:
             reason = no_gain_with_margin(design, rate)
         fields = {**_inputs(task, design, None), "needed_rate": rate, "compared_runs": 0, "warnings": task.warnings}
         verdict = Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,))
-        search = partial(_advice_without_design, task, design) if changes else None
-        return replace(verdict, advice=next_step(task, verdict, search))
+        search = partial(_advice_without_design, task, design)
+        if rate is not None:
+            search = partial(search_at_rate, requested, rate, verify)
+        return replace(verdict, advice=next_step(task, verdict, search if changes else None))
     return _verify(task, design, chosen, changes=changes)
 
 

@@ -472,3 +472,31 @@ def test_the_rate_of_a_required_margin_is_advised_with_the_settings_that_hold_at
     if uncertain:  # the gain is searched within the bounds of the file, and has the margin only on the changed loop
         faster = load(follow(file, {"chain.rate": settings["chain.rate"]}), tmp_path)
         assert again.gain < faster.stable_bounds()[0]
+
+
+@pytest.mark.slow
+def test_a_force_limit_that_acts_in_every_run_is_named_and_a_larger_one_is_advised(tmp_path: Path) -> None:
+    file = document((Path(__file__).parents[2] / "examples/loop.toml").read_text(encoding="utf-8"))
+    file["controller"]["largest_force"] = "3 N"
+    task = load(file, tmp_path)
+    found = pt.verify(task)
+    assert found.status is pt.verification.VerdictStatus.DOES_NOT_HOLD
+    assert found.mitigated.largest_virtual_force.min() == pytest.approx(3.0)
+    assert any(reason.startswith("the virtual force reaches its limit of 3 N") for reason in found.reasons)
+    settings = found.advice.settings
+    assert set(settings) >= {"controller.gain", "controller.largest_force"}
+    again = pt.verify(load(follow(file, settings), tmp_path), changes=False)
+    assert again.status is found.advice.status
+    assert again.mitigated.largest_virtual_force.max() < float(str(settings["controller.largest_force"]).split()[0])
+    assert not any("largest_force" in text for text in (*again.reasons, *again.warnings))
+
+
+def test_a_larger_force_limit_is_a_change_only_if_the_gain_needs_it(tmp_path: Path) -> None:
+    """By L(2), a gain of -0.5 N s with |d ln xi / dt| = 24 1/s needs 12 N."""
+    loop = load(document(FILE.replace("[robot]", 'largest_force = "11.9 N"\n[robot]')), tmp_path).loop
+    change = {one.name: one for one in candidates_of(loop, 24.0, 0.01, gain=-0.5)}["largest-force"]
+    assert change.loop.law == replace(loop.law, limits=replace(loop.law.limits, force=24.0))
+    assert not change.is_free
+    enough = replace(loop, law=replace(loop.law, limits=replace(loop.law.limits, force=12.1)))
+    for one, gain in ((enough, -0.5), (loop, None), (loop, -0.4)):
+        assert "largest-force" not in {each.name for each in candidates_of(one, 24.0, 0.01, gain=gain)}

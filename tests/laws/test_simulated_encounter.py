@@ -223,7 +223,7 @@ def test_flags_say_what_was_reported_since_when_and_for_how_long() -> None:
     assert flags["in-contact"].approach_duration == 0
     assert any(
         warning.startswith("PT409: The controller reported before contact, from ")
-        and warning.endswith(": the virtual force was limited.")
+        and warning.partition(": raise largest_force")[0].endswith(": the virtual force was limited")
         for warning in encounter.warnings
     )
     assert not any("in-contact" in warning for warning in encounter.warnings)

@@ -221,7 +221,8 @@ class _Seeker:
 
     def _candidates(self, loop: ClosedLoop) -> list[ChangedLoop]:
         problem = self.found.search.problem
-        return candidates_of(loop, *problem.changes_of_level(self.passed[0]), most=self.task.largest_sensor_rate)
+        changes, most = problem.changes_of_level(self.passed[0]), self.task.largest_sensor_rate
+        return candidates_of(loop, *changes, most=most, gain=self.verdict.gain)
 
     def _promising(self, starts: list[_Start]) -> Iterator[tuple[_Start, GainSearch]]:
         """Yield thorough searches on those loops whose quick search nearly meets every requirement."""

@@ -20,7 +20,7 @@ from pretouch.simulation import (
 
 _BELOW_HALF: Final = 0.45  # share of the rate: highest cutoff of a low-pass; a slower sensor needs a lower cutoff
 _FASTER: Final = 2.0
-_ROOM: Final = 2.0  # largest_rate as a multiple of the fastest change of ln xi in an approach
+_ROOM: Final = 2.0  # largest_rate, or largest_force, as a multiple of the largest value in an approach
 _DEVIATIONS: Final = 6.0 * 2**0.5  # six standard deviations of the difference of two readings, in those of one reading
 _SHORT_MEDIAN: Final = 3  # window of a median filter that removes single spikes, in readings
 _LOW: Final = 0.2  # share of the rate: a cutoff that averages some readings
@@ -97,6 +97,7 @@ class ChangedLoop(NamedTuple):
         return self.name in _FREE
 
 
+_PARTS_OF_LAW: Final = ("conditioning", "limits")
 _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
@@ -127,19 +128,22 @@ def candidates_of(
     start: float = math.inf,
     *,
     most: float = math.inf,
+    gain: float | None = None,
 ) -> list[ChangedLoop]:
     """Return several loops, each with one change.
 
     Every changed value is the one that its sentence prints. |d ln xi / dt| is at most `quickest` [1/s]; `noise` is that
     of ln xi. `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is
-    enough. `start` is the sensor output at the start of the encounter. `most` is the largest rate of the sensor [Hz].
+    enough. `start` is the sensor output at the start of the encounter. `most` is the largest rate of the sensor
+    [Hz]. `gain` is the verified gain; None if there is none.
     """
     candidates: list[ChangedLoop] = []
     rate = as_printed(_FASTER * loop.chain.rate, 6) if wanted is None else rounded_up(wanted)
     rate = max(min(rate, most), loop.chain.rate)
     faster: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate))] if rate > loop.chain.rate else []
     changes: list[_Made] = [*faster, *_of_chain(loop), *_of_robot(loop)]
-    for name, sentence, make in (*changes, *_of_controller(loop, quickest, noise, start)):
+    changes += [*_of_controller(loop, quickest, noise, start), *_of_force_limit(loop, quickest, gain)]
+    for name, sentence, make in changes:
         try:
             changed = make()
         except InvalidInputError:  # a change that does not fit the other parts of the loop is not proposed
@@ -149,12 +153,12 @@ def candidates_of(
 
 
 def with_settings(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
-    """Return a copy of the loop with changed settings of `chain`, `plant` or `conditioning`."""
+    """Return a copy of the loop with changed settings of `chain`, `plant`, `conditioning` or `limits`."""
     parts: dict[str, Any] = {"chain": loop.chain, "plant": loop.plant}
     parts_changed = {name: replace(part, **changes[name]) for name, part in parts.items() if name in changes}
-    if "conditioning" in changes:
-        law: Any = loop.law
-        parts_changed["law"] = replace(law, conditioning=replace(law.conditioning, **changes["conditioning"]))
+    law: Any = loop.law
+    if own := {name: replace(getattr(law, name), **changes[name]) for name in _PARTS_OF_LAW if name in changes}:
+        parts_changed["law"] = replace(law, **own)
     return replace(loop, **parts_changed)
 
 
@@ -208,6 +212,19 @@ def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
             f"to {format_quantity(damping, 'N*s/m')}."
         )
         yield "robot-stiffness", text, partial(with_settings, loop, plant={"stiffness": stiffness, "damping": damping})
+
+
+def _of_force_limit(loop: ClosedLoop, quickest: float, gain: float | None) -> Iterator[_Made]:
+    """Yield a larger limit of the virtual force, if the gain needs more in the fastest approach."""
+    law, own = loop.law, loop.continuous
+    if not isinstance(law, Controller) or own is None or law.limits.force is None or not gain:
+        return
+    force = abs(float(own.damping(gain, quickest, -1.0)))  # by L(2) with g |l'| = quickest; NaN if it is unknown
+    if force > law.limits.force:
+        raised = rounded_up(_ROOM * force)
+        new, present = (format_quantity(each, "N") for each in (raised, law.limits.force))
+        text = f"Raise largest_force of the controller from {present} to {new}, if the robot allows it."
+        yield "largest-force", text, partial(with_settings, loop, limits={"force": raised})
 
 
 def _of_controller(loop: ClosedLoop, quickest: float, noise: float, start: float) -> Iterator[_Made]:

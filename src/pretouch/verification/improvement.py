@@ -168,7 +168,9 @@ def _candidates(problem: LoopProblem, verified: Verified) -> list[ChangedLoop]:
         rate = max(check.lowest_rate_for_margin_2, check.rate)
     start = float(np.exp(draws.task.sensor.log_output(float(draws.distance.mean()))))
     most = draws.task.largest_sensor_rate
-    return candidates_of(draws.task.loop, *problem.changes_of_level(verified.passed[0]), rate, start, most=most)
+    return candidates_of(
+        draws.task.loop, *problem.changes_of_level(verified.passed[0]), rate, start, most=most, gain=verified.gain
+    )
 
 
 def _loss(task: Task, verified: Verified, search: GainSearch, optimum: float | None, best: FloatArray | None) -> Loss:

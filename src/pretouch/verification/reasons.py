@@ -22,7 +22,7 @@ from .result import LimitCheck, Verdict
 
 _USED_UP: Final = 0.97  # share of the allowed excursion that counts as all of it
 _MOST_SHARE: Final = 0.5  # share of the runs
-_ROUNDING: Final = 1e-9  # relative rounding error of a speed
+_ROUNDING: Final = 1e-9  # relative rounding error of a speed or force
 _SHOWN: Final = 5e-3  # relative; a smaller difference does not show in three digits
 _CAUTIONS: Final = (0.7, 0.5)  # confidence levels of the share of runs from which a number of runs is computed
 _MOST_RUNS: Final = 20_000  # more runs are not advised; another gain or loop is then better
@@ -75,8 +75,8 @@ def _failures(v: Verdict) -> Iterator[str]:
     if reached is not None and reached.missing:
         when = f", but only near or after the horizon of {v.loop.horizon:g} s" if reached.late else ""
         yield f"{reached.missing} of {v.runs} runs end without contact, although contact was predicted{when}"
-    used_up = _used_up(v)
-    yield from (f"{used_up}{reason}" for reason in _harm_reasons(v))
+    cause = _used_up(v) + _force_limited(v)
+    yield from (f"{cause}{reason}" for reason in _harm_reasons(v))
     if v.at_rest is not None and v.at_rest.reaches_object:
         place = format_quantity(v.at_rest.distance, "m", 3)
         yield f"{v.at_rest.text[0].lower()}{v.at_rest.text[1:]}, as far as an object at {place}"
@@ -131,6 +131,21 @@ def _used_up(v: Verdict) -> str:
         return ""
     return (
         f"the allowed excursion of {format_quantity(limit, 'm')} is used up before contact in "
+        f"{share_in_words(share)} of {v.runs} runs; "
+    )
+
+
+def _force_limited(v: Verdict) -> str:
+    """Return a clause that the virtual force reaches its limit before contact in most runs; otherwise empty."""
+    law = v.loop.law
+    limit = law.limits.force if isinstance(law, Controller) else None
+    if limit is None or v.mitigated is None:
+        return ""
+    share = float((np.asarray(v.mitigated.largest_virtual_force) >= limit * (1 - _ROUNDING)).mean())
+    if share <= _MOST_SHARE:
+        return ""
+    return (
+        f"the virtual force reaches its limit of {format_quantity(limit, 'N')} (largest_force) in "
         f"{share_in_words(share)} of {v.runs} runs; "
     )
 
@@ -258,8 +273,8 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
     effect, sensor, allowed = v.effect, v.sensor_speed, 100 * v.speed_tolerance
     if effect is not None and effect.excess is not None and v.speed_tolerance < effect.excess and effect.lost <= LOST:
         yield (
-            f"the contact speed is {higher_in_words(effect.excess, 'predicted')}, more than the tolerance of "
-            f"{allowed:.3g} %: {_speeds(effect)}"
+            f"{_force_limited(v)}the contact speed is {higher_in_words(effect.excess, 'predicted')}, more than "
+            f"the tolerance of {allowed:.3g} %: {_speeds(effect)}"
         )
     if sensor is not None and not sensor.is_fast_enough:
         yield f"the sensor is too slow: {sensor.excess_in_words}"

@@ -43,7 +43,10 @@ _TROUBLE: Final = (
     *(Status.SATURATED, Status.INVALID, Status.IMPLAUSIBLE, Status.LOST),
     *(Status.FORCE_LIMITED, Status.MOTION_LIMITED, Status.INPUT_FAULT),
 )
-_REMEDIES: Final = {Status.MOTION_LIMITED: ": widen the limits in [controller], or use a weaker gain"}
+_REMEDIES: Final = {
+    Status.FORCE_LIMITED: ": raise largest_force in [controller] if the robot allows it, or use a weaker gain",
+    Status.MOTION_LIMITED: ": widen the limits in [controller], or use a weaker gain",
+}
 _BROKEN_CABLE: Final = (
     "With a broken cable, the reading falls to 0. For the controller, the object suddenly recedes, and the robot "
     "follows. With this largest_rate, the controller rejects a change of ln xi that exceeds largest_rate times one "

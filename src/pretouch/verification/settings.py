@@ -87,6 +87,8 @@ def _loop(before: Any, after: Any) -> Iterator[tuple[str, Setting]]:
     old, new = before.law.conditioning, after.law.conditioning
     # the file does not have the sensor period, because it is that of the chain
     yield from ((key, value) for key, value in _changed("controller", old, new) if key != "controller.sensor_period")
+    for key, value in _changed("controller", before.law.limits, after.law.limits):
+        yield key.replace(".", ".largest_"), value
     if _NOISES & set(chain) and new.floor == old.floor:
         yield "controller.floor", setting(new.floor, OUTPUT)
 

@@ -500,3 +500,22 @@ def test_a_larger_force_limit_is_a_change_only_if_the_gain_needs_it(tmp_path: Pa
     enough = replace(loop, law=replace(loop.law, limits=replace(loop.law.limits, force=12.1)))
     for one, gain in ((enough, -0.5), (loop, None), (loop, -0.4)):
         assert "largest-force" not in {each.name for each in candidates_of(one, 24.0, 0.01, gain=gain)}
+
+
+@pytest.mark.slow
+def test_advice_keeps_the_required_margin_if_the_part_does_not_reach_the_rate_for_it(tmp_path: Path) -> None:
+    """Without the changes of the loop, the advised gain would hold as narrowly, but with about half of the margin."""
+    file = document((Path(__file__).parents[2] / "examples/loop.toml").read_text(encoding="utf-8"))
+    file["loop"]["stability_margin"] = 4.0
+    found = pt.verify(load(file, tmp_path))
+    assert found.gain is None
+    assert found.needed_rate is not None
+    assert found.needed_rate > 250
+    settings = found.advice.settings
+    assert "chain.rate" not in settings
+    again = pt.verify(load(follow(file, settings), tmp_path), changes=False)
+    assert again.status is found.advice.status
+    assert again.status.is_passed
+    assert again.stability.margin >= 4 * (1 - 5e-3)
+    only_gain = load(follow(file, {"controller.gain": settings["controller.gain"]}), tmp_path)
+    assert pt.verify(only_gain, changes=False).stability.margin < 3

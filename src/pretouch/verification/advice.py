@@ -31,7 +31,7 @@ from .gain_search import GainSearch, stable_axis
 from .improvement import Improvements, redesign
 from .larger_limits import FIRST_LIMIT, nearest_limits, softer_padding, uninformative_limits, with_limit
 from .missed_runs import missed_in_words
-from .reasons import lacks_only_runs
+from .reasons import lacks_only_runs, misses_required_margin
 from .result import Advice, Verdict
 from .settings import settings_between
 from .stability import Passed, limit_of
@@ -287,14 +287,16 @@ class _Seeker:
     def _without_needless(self, checked: _Checked, start: _Start) -> tuple[_Checked, tuple[str, ...]]:
         """Return a checked advice without the changes of the loop that its gain does not need, and the other changes.
 
-        The gain is checked with fewer changes, first with none. It must get the same status, also in fresh runs.
+        The gain is checked with fewer changes, first with none. It must get the same status, also in fresh runs, and
+        have the required gain margin.
         """
         for fewer in self._with_fewer_changes(start):
             if not fewer.words and checked.task.gain == self.verdict.gain:
                 continue  # this is the verified gain on its loop
             note_work(f"checking the advised gain with fewer changes: {', '.join(fewer.words) or 'only the gain'}")
             again = self._check(checked.task.replace(loop=fewer.loop))
-            if again.shortfall <= 1 and again.verdict.status.place <= checked.verdict.status.place:
+            same = again.verdict.status.place <= checked.verdict.status.place
+            if again.shortfall <= 1 and same and not misses_required_margin(again.verdict):
                 return again, fewer.words
         return checked, start.words
 

@@ -182,7 +182,7 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
     yield from _harder_than_promised(v)
     if stability is None:
         yield "the stability of the loop is not known"
-    elif required is not None and 1 <= stability.margin < required * (1 - _SHOWN):
+    elif stability.margin >= 1 and misses_required_margin(v):
         yield (
             f"the gain margin is only {stability.margin:.3g}, and a margin of {required:g} is required "
             "(stability_margin)"
@@ -249,6 +249,12 @@ def likely_runs(held: int, count: int, probability: float, confidence: float) ->
         if needed is not None and needed <= _MOST_RUNS:
             return int(rounded_up(needed))
     return None
+
+
+def misses_required_margin(v: Verdict) -> bool:
+    """Return True if the gain margin is visibly smaller than the required one."""
+    required = v.design.problem.task.stability_margin
+    return required is not None and v.stability is not None and v.stability.margin < required * (1 - _SHOWN)
 
 
 def lacks_only_runs(v: Verdict) -> bool:

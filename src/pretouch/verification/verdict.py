@@ -6,7 +6,6 @@ The gain is verified in many simulated runs. Single encounters can be simulated,
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -108,9 +107,13 @@ def verify(task: Task, *, changes: bool = True) -> Verdict:
             reason = no_gain_with_margin(design, rate)
         fields = {**_inputs(task, design, None), "needed_rate": rate, "compared_runs": 0, "warnings": task.warnings}
         verdict = Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,))
-        search = partial(_advice_without_design, task, design)
-        if rate is not None:
-            search = partial(search_at_rate, requested, rate, verify)
+
+        def search() -> Advice | None:
+            at_rate = None if rate is None else search_at_rate(requested, rate, verify)
+            advice = at_rate or _advice_without_design(task, design)
+            # the step without a search names the rate that is needed
+            return None if rate is not None and advice is not None and advice.kind == "none" else advice
+
         return replace(verdict, advice=next_step(task, verdict, search if changes else None))
     return _verify(task, design, chosen, changes=changes)
 

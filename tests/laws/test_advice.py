@@ -415,6 +415,11 @@ def test_no_advice_names_a_rate_that_the_sensor_part_cannot_reach(tmp_path: Path
     assert "at most 250 Hz" in held.advice.sentence
     assert "at most 250 Hz" in held.reasons[0]
     assert "VCNL4010" in gain_page(held.design).next_step
+    for text, count in ((margin, 0), (named, 1)):
+        strong = load(document(text), tmp_path).replace(gain=-3.0, verify=pt.designs.VerifyOptions(runs=10))
+        words = " ".join(str(pt.verify(strong)).split())
+        assert "a gain margin of 2 needs a sensor rate of" in words
+        assert words.count("the VCNL4010 reaches at most 250 Hz") == count
 
     task = load(document(FILE.replace('rate = "250 Hz"\nexposure', 'part = "VCNL4010"\nexposure')), tmp_path)
     assert task.largest_sensor_rate == 250

@@ -89,10 +89,11 @@ def _rate_in_words(v: Verdict) -> str:
         return ""
     gain = v.law.number.equals(v.gain or 0.0)
     if math.isfinite(check.lowest_rate_for_margin_2):
-        return (
-            f"For a control law with {gain}, a gain margin of 2 needs a sensor rate of "
-            f"{check.lowest_rate_for_margin_2:.3g} Hz."
-        )
+        rate, task = check.lowest_rate_for_margin_2, v.design.problem.task
+        text = f"For a control law with {gain}, a gain margin of 2 needs a sensor rate of {rate:.3g} Hz"
+        if rate > task.largest_sensor_rate:
+            text += f", but the {task.sensor_part.name} reaches at most {task.largest_sensor_rate:g} Hz"
+        return f"{text}."
     text = f"With {gain}, no sensor rate results in a gain margin of 2: latency, filters or robot are too slow"
     if math.isfinite(check.lowest_rate):
         text += f". Stability needs {check.lowest_rate:.3g} Hz"

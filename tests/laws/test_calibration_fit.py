@@ -440,3 +440,20 @@ def test_the_influence_of_a_reading_is_the_change_of_the_slope_without_it() -> N
     # these weights are of the measured signal, which differs from that of the curve by 1 %
     assert found.influences == pytest.approx(changes, abs=1e-2 * max(map(abs, changes)))
     assert int(np.argmax(np.abs(found.influences))) == 0
+
+
+def test_the_largest_uncertainty_of_the_slope_covers_the_interval_of_the_fitted_offset():
+    """Seven readings, and none of the empty scene: the interval at mid-range was wider than the largest uncertainty."""
+    distance = 1e-3 * np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0])
+    report = fit(Calibration(distances=distance, outputs=[4.532, 4.120, 3.435, 2.460, 1.387, 0.566, 0.163], unit="V"))
+    middle, slope = report.best.middle_slope, report.slope
+    assert report.offset.kind == "fitted"
+    reach = math.log(1 + slope.largest_anywhere)
+    assert max(math.log(middle.low / middle.value), math.log(middle.value / middle.high)) < reach
+    assert "the 95 % interval of the fitted offset" in str(report)
+    # at each end of this interval, a new fit, which also estimates the noise anew, lies within the uncertainty
+    for end in (report.offset.low, report.offset.high):
+        other = fit(report.calibration, ("inverse-power",), offset=float(end)).best.sensor
+        inside = slope.distances[slope.distances <= other.valid_range[1]]
+        change = np.log(np.asarray(other.log_slope(inside)) / slope.slope[: len(inside)])
+        assert (np.abs(change) <= 1.05 * np.log1p(slope.uncertainty[: len(inside)]) + 0.02).all()

@@ -244,17 +244,14 @@ def _largest_influence(fit: SensorFit | None) -> Row | None:
 
 
 def _offset_clause(report: CalibrationReport) -> str:
-    """Return a clause that names the assumed sensor offset.
-
-    The uncertainty of the sensor slope was computed for this offset.
-    """
+    """Return a clause that names the offsets that the uncertainty of the sensor slope covers."""
     offset, unit = report.offset, report.calibration.unit
     if offset is None:
         return "over all curves that fit the readings"
+    if offset.kind == "fitted":
+        return "over all curves that fit, and the 95 % interval of the fitted offset"
     error = f" \u00b1 {offset.error_in_words}" if offset.standard_error else ""
     value = f"{offset.value:.{offset.digits()}g}{error} {unit}".rstrip()
-    if offset.is_wide:
-        return f"if the offset is {value}; the uncertainty is larger for other offsets in the 95 % interval"
     return f"if the offset is {value}, over all curves that fit"
 
 

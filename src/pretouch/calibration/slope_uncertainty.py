@@ -19,6 +19,8 @@ from pretouch._core.units import format_percent, format_quantity
 from pretouch._core.warning_codes import caution
 
 from .averaging import slope_weights
+from .family_fits import Problem
+from .possible_curves import PossibleCurves
 from .preparation import Prepared
 from .result import Estimate, SensorFit, SlopeUncertainty, uncertainty_in_words
 
@@ -47,18 +49,41 @@ def estimate_slope(prepared: Prepared) -> SlopeUncertainty | None:
     if end > last:
         places = np.concatenate([places, np.linspace(last, end, _BEYOND + 1)[1:]])
     log_slope, error = curves.slope(places)
+    reach = np.maximum(_quantile(curves) * error, _change_by_offset(prepared, curves, places))
     if math.isfinite(prepared.steep_from):
         is_flat = places < prepared.steep_from
-        log_slope, error = (
-            np.where(is_flat, of_flat, v)
-            for of_flat, v in zip(_secants(prepared, places), (log_slope, error), strict=True)
-        )
+        log_secant, error = _secants(prepared, places)
+        log_slope, reach = np.where(is_flat, log_secant, log_slope), np.where(is_flat, _NORMAL * error, reach)
     return SlopeUncertainty(
         distances=places,
         slope=-np.exp(log_slope),
-        uncertainty=np.expm1(_NORMAL * np.minimum(error, 10.0)),
+        uncertainty=np.expm1(np.minimum(reach, 10.0)),
         decisive=last,
     )
+
+
+def _quantile(curves: PossibleCurves) -> float:
+    """Return the end of a 95 % interval in standard errors: Student's t, since few readings hardly show the noise."""
+    return math.sqrt(curves.rise / curves.inflation)
+
+
+def _change_by_offset(prepared: Prepared, curves: PossibleCurves, places: FloatArray) -> FloatArray:
+    """Return the largest change of ln |g| at each place if the fitted offset is at an end of its interval.
+
+    The interval of a fitted offset also covers the curves that flatten, which `curves` do not contain.
+    """
+    offset, used = prepared.offset, prepared.used
+    if offset is None or prepared.noise is None or offset.kind != "fitted":
+        return np.zeros_like(places)
+    if math.isfinite(prepared.steep_from):
+        used = used.part(used.distance >= prepared.steep_from)
+    best = curves.best
+    at = int(best.costs.argmin())
+    ends = np.array([best.offsets[at], offset.low, offset.high])
+    problem = Problem(curve=used, family=best.family, noise=prepared.noise, offsets=ends)
+    x = problem.minimize(np.repeat(best.x[[at]], len(ends), axis=0)).x
+    log_slopes = np.log(np.maximum(-best.family.slope(x, places), 1e-9))
+    return np.asarray(np.abs(log_slopes[1:] - log_slopes[0]).max(axis=0))
 
 
 def _secants(prepared: Prepared, places: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -87,8 +112,7 @@ def with_choice_of_family(middle: Estimate, prepared: Prepared) -> Estimate:
     place = np.array([(prepared.used.distance[0] + prepared.used.distance[-1]) / 2])
     log_slope, error = (float(v[0]) for v in curves.slope(place))
     error = math.hypot(error, log_slope - math.log(-middle.value))
-    quantile = math.sqrt(curves.rise / curves.inflation)  # of Student's t, since few readings hardly show the noise
-    factor = math.exp(min(quantile * error, 10.0))
+    factor = math.exp(min(_quantile(curves) * error, 10.0))
     return replace(
         middle,
         standard_error=max(middle.standard_error, -middle.value * error),

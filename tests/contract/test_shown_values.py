@@ -96,7 +96,7 @@ def test_a_failure_of_a_sweep_without_a_file_is_no_damaged_file(monkeypatch: pyt
         raise RuntimeError("no memory")
 
     monkeypatch.setattr(results, "counts", fail)
-    monkeypatch.setattr(results, "sweep_as_text", lambda _: "")
+    monkeypatch.setattr(results, "sweep_as_text", lambda *_: "")
     monkeypatch.setattr(results, "sweep_as_dict", lambda _: {})
     for output, error in ((None, RuntimeError), (Path("gains.nc"), pt.errors.InvalidInputError)):
         shown = Presentation(json=False, verbose=False, output=output, report=False, force=False)

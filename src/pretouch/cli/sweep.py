@@ -18,7 +18,6 @@ import typer
 from pretouch._core.errors import InvalidInputError, OutputExistsError
 from pretouch._core.files import refuse_input
 
-from .summary import wrapped
 from .terminal import (
     Presentation,
     ScenarioFile,
@@ -234,6 +233,8 @@ def _present(
         sweep_as_markdown,
         sweep_as_text,
     )
+
+    from .summary import wrapped  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     if table is not None:
         from pretouch._core.files import write_text  # noqa: PLC0415

@@ -108,10 +108,10 @@ def _joined(names: Sequence[str], run: str) -> str:
 
 
 def _tight(text: str) -> str:
-    """Remove indentation and comments from a script; what could be part of a text in quotes stays."""
+    """Remove indentation, comments and needless line ends from a script; what may be part of a quoted text stays."""
     bare = re.sub(r"^\s*/\*\*.*?\*/\n", "", text, flags=re.MULTILINE | re.DOTALL)
     lines = [_TRAILING.sub("", line.strip()) for line in bare.split("\n")]
-    return "\n".join(line for line in lines if line and not line.startswith("//"))
+    return re.sub(r"(?<=[{(\[,;])\n", "", "\n".join(line for line in lines if line and not line.startswith("//")))
 
 
 def _library() -> str:
